@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -13,6 +14,7 @@ from camssf.options import Options
 from camssf.photo.capture import Capture, MeasuredShot, Photo
 from camssf.photo.find.pose import Pose
 from camssf.photo.patches import FrameMeans, PatchMeans
+from camssf.photo.read.colour_matrix import ColourMatrix
 from camssf.photo.read.dng import Mosaic, read_dng
 from camssf.recovery.basis import Basis, gaussian_basis, read_basis, widened
 from camssf.recovery.linear_model import LinearModel, linear_model
@@ -104,10 +106,14 @@ def build_capture(given: dict[str, Any], engine: str) -> tuple[Capture, Options]
         make=given.get("make", "golden"), model=given.get("model", "golden"), sha256="",
     )  # fmt: skip
     unnamed = given.get("unnamed", ())
+    matrices = given.get("colour_matrices") or [[] for _ in given["shots"]]
     shots = tuple(
         MeasuredShot(
             lamp=Unnamed() if j in unnamed else build_lamp(values, tolerance, modes),
-            photo=photo,
+            photo=replace(
+                photo,
+                colour_matrices=tuple(ColourMatrix(each["light"], tuple(each["values"])) for each in matrices[j - 1]),
+            ),
             white=photo if shot["white"] else None,
             dark=photo if shot["dark"] else None,
             pose=pose,

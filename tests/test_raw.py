@@ -103,8 +103,9 @@ def test_a_known_camera_has_its_levels_and_its_white(tmp_path: Path) -> None:
     samples = np.random.default_rng(1).integers(100, 15_000, (200, 300)).astype(np.uint16)
     found = read_raw(write_raw(tmp_path / "a.arw", samples, maker=("SONY", "ILCE-7M3")))
     assert found.white == 16383
-    ((light, white),) = found.neutrals
-    assert light == 21
+    (matrix,) = found.colour_matrices
+    white = matrix.white
+    assert matrix.light == "D65"
     assert white[1] == 1.0
     assert 0.3 < white[0] < 1.0  # red and blue of a camera under daylight are less than green
     assert 0.3 < white[2] < 1.0

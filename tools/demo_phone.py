@@ -2,8 +2,8 @@
 
 `python -m tools.demo_phone` writes the file, `--check` tests that the shipped basis still gives the same.
 
-A code x ~ N(0, I) of each channel, as the basis' prior has it, gives the curves μ + Ψ x. A sensitivity is nowhere
-negative, so the first seed is taken whose curves are not; they are as smooth as the basis.
+A code x ~ N(0, 0.7² I) of each channel gives the curves μ + Ψ x: the basis' prior is wider than phones are. A
+sensitivity is nowhere negative, so the first seed is taken whose curves are not; they are as smooth as the basis.
 """
 
 from __future__ import annotations
@@ -23,6 +23,8 @@ COMMAND = "python -m tools.demo_phone"
 PLACE = Path(__file__).parents[1] / "reference" / "camssf" / "data" / "demo-phone.json"
 BASIS = "phones"
 DECIMALS = 6
+WIDTH = 0.7
+"""Standard deviation of the code, about that of measured phones."""
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -35,7 +37,7 @@ def draw(seed: int) -> Floats:
     basis = read_basis(BASIS)
     # NumPy keeps the stream of RandomState the same in all versions.
     code = np.random.RandomState(seed).standard_normal((3, basis.dictionary.shape[2]))
-    return np.asarray(basis.mean + np.einsum("cmr,cr->cm", basis.dictionary, code)).T[::10]
+    return np.asarray(basis.mean + WIDTH * np.einsum("cmr,cr->cm", basis.dictionary, code)).T[::10]
 
 
 def tabulate() -> Json:

@@ -23,8 +23,9 @@ from camssf.photo.find.layouts import LAYOUTS
 from camssf.spectra import colour_science
 from camssf.spectra.bundled import FORMAT
 from camssf.spectra.charts import MEASURED_CHART, PUBLIC_CHART
-from camssf.spectra.families import DIMMEST, FAMILIES, LampKind, principal_modes
+from camssf.spectra.families import DIMMEST, FAMILIES, DrawnKind, Temperature, principal_modes
 from camssf.spectra.lamps import MEASURED_LAMP, NAMED_LAMP, NOISE_BELOW_ZERO
+from tools.lamp_kinds import drawn_kind
 
 Json: TypeAlias = dict[str, Any]
 COMMAND = "python -m tools.tabulate"
@@ -104,8 +105,11 @@ def drift(stored: Json, made: Json) -> list[str]:
         return [*faults, "families differ"]
     for name, family in made["families"].items():
         ours, theirs = (dict(each) for each in (family, families[name]))
-        weights, known = np.array(ours.pop("weights", [])), np.array(theirs.pop("weights", []))
-        if ours != theirs or weights.shape != known.shape or np.abs(weights - known).max(initial=0.0) > 1e-9:
+        for key, bound in (("weights", 1e-9), ("modes", 2e-7), ("mean", 2e-7)):
+            values, known = np.array(ours.pop(key, [])), np.array(theirs.pop(key, []))
+            if values.shape != known.shape or np.abs(values - known).max(initial=0.0) > bound:
+                faults.append(f"the family {name} differs in {key}")
+        if ours != theirs:
             faults.append(f"the family {name} differs")
     return faults
 
@@ -206,9 +210,10 @@ def _family(name: str, science: Any) -> Json:
     divided by the larger of the mean lamp and `dimmest` times its peak.
     """
     family = FAMILIES[name]
-    if not isinstance(family, LampKind):
-        formula = "daylight" if name == "daylight" else "planck"
-        return {"formula": formula, "centre": family.centre, "spread": family.spread, "tolerance": NAMED_LAMP}
+    if isinstance(family, Temperature):
+        return {"formula": "planck", "centre": family.centre, "spread": family.spread, "tolerance": NAMED_LAMP}
+    if isinstance(family, DrawnKind):
+        return {"source": family.words} | drawn_kind(name)
     lamps: list[Floats] = []
     for member in family.members:
         table = science.SDS_ILLUMINANTS[member]

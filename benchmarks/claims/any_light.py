@@ -1,12 +1,17 @@
 """What do curves cost where nobody names the light? `python -m benchmarks.claims.any_light --phones phones.csv`
 
-Each capture is solved and judged as `camssf calibrate` does it, once with the lamp named (`known`) and once with
-`--lamp auto`: one shot with white and dark frame, Ohta's chart told as BabelColor's, noise hypot(0.1 %, 0.0002). The
-18 lamps: daylight of 4,800 to 10,000 K, bulbs of 2,500 to 3,000 K, LED-B1 to B5, BH1 and V1, FL2, FL7, FL11; a CIE
-lamp is taken out of the table of its kind first. Then two shots, none of them named.
+Each capture is solved and judged as `camssf calibrate` does it: with the lamp named (`named`), with `--lamp auto`
+(`auto`), and with `--lamp auto` where the file has two colour matrices, as a maker might have made them (`matrices`:
+fitted by least squares to Munsell colours under A and D65, then each multiplied by I + 3 % noise, so that their
+whites are off). One shot with white and dark frame, Ohta's chart given as BabelColor's, noise hypot(0.1 %, 0.0002);
+then two shots and three, none of them named.
+
+The ordinary lights: daylight of 4,800 to 10,000 K, bulbs of 2,500 to 3,000 K, LED-B1 to B5, BH1 and V1, FL2, FL7 and
+FL11 (a CIE lamp is taken out of the table of its kind first), and lights that no kind was made from: sky of 12,000
+and 20,000 K, daylight under a tree, and lamps that others measured (colour-science's SDS_LIGHT_SOURCES).
 
 Phones are solved with a basis of the other phones, and with one of the other makers' phones; cameras with their maker
-left out, every sixth of the 52; another laboratory's cameras with both bases as shipped. Each with the file's maker
+left out, every sixth of the 52; another laboratory's cameras with both bases as shipped, each with the file's maker
 named, and without. `--phones` (CAMSSF_PHONES) and `--foreign` (CAMSSF_FOREIGN) name the tables that may not be passed
 on, as in benchmarks.claims.phones; without them cameras alone are judged. RMSE of peak-normalised curves and coverage
 of the 95 % bands, 400 to 700 nm, of all captures, refused ones too. Exit status 1 where a bar is missed.
@@ -17,6 +22,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -41,18 +47,21 @@ from camssf.calibration import solve
 from camssf.errors import CalibrationError
 from camssf.fit.capture_fit import prepare_fit
 from camssf.fit.solutions import recover_fit
-from camssf.grid import Floats
+from camssf.grid import WAVELENGTHS, Floats
 from camssf.learning.training import maker_of
 from camssf.options import Options
 from camssf.photo.capture import Capture, MeasuredShot, Photo
 from camssf.photo.find.layouts import LAYOUTS
 from camssf.photo.find.pose import Pose
 from camssf.photo.patches import FrameMeans, PatchMeans
+from camssf.photo.read.colour_matrix import ColourMatrix
 from camssf.recovery.basis import Basis, read_basis
 from camssf.recovery.sensitivity import Ssf
 from camssf.recovery.unnamed_light import temperature
 from camssf.spectra import Lamp, Light, Unnamed, read_chart, read_lamp
 from camssf.spectra.families import FAMILIES, LampKind, principal_modes
+from camssf.spectra.sampled import colour_science
+from camssf.spectra.surfaces import observer
 
 LAMPS = {
     "daylight": ("D:4800", "D:5500", "D:6500", "D:7500", "D:10000"),
@@ -60,15 +69,32 @@ LAMPS = {
     "white-led": ("LED-B1", "LED-B2", "LED-B3", "LED-B4", "LED-B5", "LED-BH1", "LED-V1"),
     "fluorescent": ("FL2", "FL7", "FL11"),
 }
-KIND_OF = {lamp: kind for kind, lamps in LAMPS.items() for lamp in lamps}
-PAIRS = (("D:5500", "2700K"), ("D:6500", "LED-B3"), ("2700K", "LED-B4"), ("D:5500", "FL2"))
-KNOWN, AUTO = "known", "auto"
+OWN = {
+    "daylight": ("D:12000", "D:20000", "under a tree"),
+    "bulb": ("60 A/W (Soft White)",),
+    "white-led": ("Phosphor LED YAG", "PHOS-4", "Luxeon WW 2880"),
+    "fluorescent": ("F32T8/TL841 (Triphosphor)", "F34/CW/RS/EW (Cool White FL)"),
+}
+"""Lights that no kind was made from."""
+KIND_OF = {lamp: kind for group in (LAMPS, OWN) for kind, lamps in group.items() for lamp in lamps}
+PAIRS = (
+    ("D:5500", "2700K"), ("D:6500", "LED-B3"), ("2700K", "LED-B4"), ("D:5500", "FL2"),
+    ("D:12000", "Phosphor LED YAG"), ("under a tree", "60 A/W (Soft White)"),
+)  # fmt: skip
+TRIPLES = (("D:5500", "2700K", "LED-B3"), ("D:12000", "PHOS-4", "FL2"))
+NAMED, AUTO, MATRICES = "named", "auto", "matrices"
+MATRIX_ERROR = 0.03
+"""Relative error of a maker's colour matrices."""
+SOURCES = colour_science().SDS_LIGHT_SOURCES
+MUNSELL = Path(__file__).parents[2] / "data" / "surfaces" / "vhrel_munsell.csv"
 BLACK, SPAN = 512.0, 15000.0
 HARM = 0.06
 """RMSE above which an accepted answer of no phone is a failure."""
 FAR = 0.04
 """RMSE of a phone's curves that are hardly better than no photo."""
 SURE = 0.9
+BINS = (0.05, 0.3, 0.7, 0.95)
+"""Of the probability of a kind."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +110,7 @@ class Taken:
         length, lamp_residual: of its `family_test`; None if the lamp was not named.
         kinds: of the first shot's light, by probability; empty where it was named.
         lamp_covered: share of the lamp's band that holds the true one. kelvin: (true, found, one standard deviation).
+        band_ratio: of the answer.
     """
 
     device: str
@@ -99,6 +126,33 @@ class Taken:
     kinds: dict[str, float]
     lamp_covered: float | None
     kelvin: tuple[float, float, float] | None
+    band_ratio: float | None
+
+
+def power(lamp: str) -> Floats:
+    """(681,) of mean 1."""
+    if lamp == "under a tree":  # leaves let green and the near infrared through
+        found = read_lamp("D:6000").values * (
+            1.0 + 0.35 * np.exp(-0.5 * ((WAVELENGTHS - 550.0) / 35.0) ** 2) + 0.3 * (WAVELENGTHS > 690.0)
+        )
+    elif lamp in SOURCES:
+        found = np.interp(WAVELENGTHS, SOURCES[lamp].wavelengths, SOURCES[lamp].values)
+    else:
+        found = read_lamp(lamp).values
+    return np.asarray(found / found.mean())
+
+
+def makers_matrices(curves: Floats, seed: int) -> tuple[ColourMatrix, ...]:
+    """Colour matrices for A and D65 as a maker may fit them to a camera (681, 3)."""
+    table = np.loadtxt(MUNSELL, delimiter=",", skiprows=1)
+    surfaces = np.stack([np.interp(WAVELENGTHS, table[:, 0], column) for column in table.T[1:]])
+    error = np.eye(3) + MATRIX_ERROR * np.random.default_rng([11, seed]).normal(size=(3, 3))
+    found = []
+    for light in ("A", "D65"):
+        lit = surfaces * read_lamp(light).values
+        to_raw = np.linalg.lstsq(lit @ observer("1931"), lit @ curves, rcond=None)[0].T
+        found.append(ColourMatrix(light, tuple((error @ to_raw).ravel().tolist())))
+    return tuple(found)
 
 
 def unnamed(lamp: str) -> Unnamed:
@@ -131,35 +185,39 @@ def pose() -> Pose:
 def capture(
     device: Device,
     lamps: Sequence[str],
-    told: Sequence[Light],
+    given: Sequence[Light],
     maker: str,
     seed: int,
     chart: Floats | None = None,
     table: str = TABLE,
+    matrices: tuple[ColourMatrix, ...] = (),
 ) -> Capture:
     """A chart under these lamps, by default of Ohta's reflectances (24, 681), with the named table."""
     chart, shots = read_chart("classic24:ohta").values if chart is None else chart, []
     model = device.name[len(maker) :].strip() if maker else ""
-    for number, (name, light) in enumerate(zip(lamps, told, strict=True)):
-        power = read_lamp(name).values
-        y = ((power * chart) @ device.curves) / (power @ device.curves)
+    for number, (name, light) in enumerate(zip(lamps, given, strict=True)):
+        lit = power(name)
+        level = lit @ device.curves
+        y = ((lit * chart) @ device.curves) / level
+        level = level / level.max()
         error = np.hypot(LOW[0] * y, LOW[1])
         noise = error * np.random.default_rng([seed, number]).normal(size=y.shape)
-        photo = Photo(f"{number}.dng", 600, 400, 1, None, None, False, maker, model, f"{number:064d}")
-        white, dark = frame(np.ones_like(y), 1e-5 * np.ones_like(y)), frame(np.zeros_like(y), np.zeros_like(y))
-        means = PatchMeans(frame(y + noise, error), white, dark, np.full(3, BLACK), 16383.0)
+        photo = Photo(f"{number}.dng", 600, 400, 1, None, None, False, maker, model, f"{number:064d}", matrices)
+        even = level * np.ones_like(y)
+        white, dark = frame(even, 1e-5 * even), frame(np.zeros_like(y), np.zeros_like(y))
+        means = PatchMeans(frame(level * (y + noise), level * error), white, dark, np.full(3, BLACK), 16383.0)
         shots.append(MeasuredShot(light, photo, photo, photo, pose(), means, None))
     return Capture(tuple(shots), read_chart(table), None)
 
 
-def judged(asked: Capture, device: Device, lamps: tuple[str, ...]) -> Taken:
+def judged(given: Capture, device: Device, lamps: tuple[str, ...]) -> Taken:
     """The product's verdict; the curves of a refused one are judged all the same."""
     options = Options(engine="reference")
     try:
-        done = solve(asked, options=options)
+        done = solve(given, options=options)
         status, codes, ssf = done.verdict.status, tuple(each.code for each in done.verdict.reasons), done.ssf
     except CalibrationError as error:
-        fit = prepare_fit(asked, options)
+        fit = prepare_fit(given, options)
         status, codes = "refused", tuple(each.code for each in error.reasons) or (error.code,)
         ssf = recover_fit(fit, fit.signals.used, None)
     curves, std = ssf.peak()
@@ -171,6 +229,7 @@ def judged(asked: Capture, device: Device, lamps: tuple[str, ...]) -> Taken:
         float((np.abs(off) <= 1.96 * std[SEEN]).mean()), no_photo(device),
         sum(weight.probability for weight in ssf.choice if weight.basis == "phones"),
         ssf.family_test.length, ssf.family_test.lamp_residual, *light(ssf, lamps[0]),
+        ssf.band_ratio,
     )  # fmt: skip
 
 
@@ -186,7 +245,7 @@ def light(ssf: Ssf, lamp: str) -> tuple[dict[str, float], float | None, tuple[fl
     found = ssf.light.lights[0] if ssf.light.lights else None
     if found is None:
         return {}, None, None
-    true = read_lamp(lamp).values / read_lamp(lamp).values.mean()
+    true = power(lamp)
     held = np.abs(found.power - true)[SEEN] <= 1.96 * found.std[SEEN]
     return found.kinds, float(held.mean()), (float(temperature(true)), found.kelvin, found.kelvin_std)
 
@@ -194,22 +253,24 @@ def light(ssf: Ssf, lamp: str) -> tuple[dict[str, float], float | None, tuple[fl
 def of_population(
     devices: Sequence[Device], key: str, pairs: bool, tell: Callable[[], None]
 ) -> dict[str, list[Taken]]:
-    """By what was told, of all devices and lamps."""
+    """By what was given, of all devices and lamps."""
     rows: dict[str, list[Taken]] = {}
-    told: list[tuple[str, ...]] = [(lamp,) for lamp in KIND_OF]
+    every: list[tuple[str, ...]] = [(lamp,) for lamp in KIND_OF] + [*(PAIRS + TRIPLES if pairs else ())]
     for number, device in enumerate(devices):
         basis: Basis = stands_in(device, key)
         with standing_in(basis):
-            for lamps in [*told, *(PAIRS if pairs else ())]:
+            matrices = makers_matrices(device.curves, number)
+            for lamps in every:
                 maker, seed = maker_of(device.name), 100 * number + len(lamps)
-                known: list[Lamp] = [read_lamp(lamp) for lamp in lamps]
+                known: list[Lamp] = [replace(read_lamp("E"), name=lamp, values=power(lamp)) for lamp in lamps]
                 nobody = [unnamed(lamp) for lamp in lamps]
-                both = " pairs" if len(lamps) > 1 else ""
-                for word, lights, who in (
-                    (KNOWN, known, maker), (AUTO, nobody, maker), (f"{AUTO}, no maker", nobody, ""),
-                ):  # fmt: skip
-                    asked = capture(device, lamps, lights, who, seed)
-                    rows.setdefault(word + both, []).append(judged(asked, device, lamps))
+                ways = {NAMED: (known, maker, ()), AUTO: (nobody, maker, ()), MATRICES: (nobody, maker, matrices)}
+                if not pairs:
+                    ways |= {f"{AUTO}, no maker": (nobody, "", ())}
+                for word, (lights, who, stated) in ways.items():
+                    title = word + {1: "", 2: ", two", 3: ", three"}[len(lamps)]
+                    given = capture(device, lamps, lights, who, seed, matrices=stated)
+                    rows.setdefault(title, []).append(judged(given, device, lamps))
                 tell()
     return rows
 
@@ -239,6 +300,10 @@ def row(taken: Sequence[Taken]) -> dict[str, Any]:
         "right": float(np.mean([_right(one) for one in taken if one.kinds] or [0.0])),
         "sure": len(sure),
         "sure_right": float(np.mean([_right(one) for one in sure])) if sure else None,
+        "reliability": _reliability(taken),
+        "band_ratio": [
+            [float(one.band_ratio), float(one.rmse), one.status] for one in taken if one.band_ratio is not None
+        ],
         "lamp_coverage": _mean([one.lamp_covered for one in taken]),
         "kelvin_off": _mean(list(np.abs(kelvin[:, 1] - kelvin[:, 0]))),
         "kelvin_covered": _mean(list(np.abs(kelvin[:, 1] - kelvin[:, 0]) <= 1.96 * kelvin[:, 2])),
@@ -253,6 +318,16 @@ def row(taken: Sequence[Taken]) -> dict[str, Any]:
             for lamps in dict.fromkeys(one.lamps for one in taken)
         },
     }
+
+
+def _reliability(taken: Sequence[Taken]) -> list[tuple[float, float, int]]:
+    """Probability of a kind, its share that is right, and their number, in bins of the probability."""
+    pairs = np.array([
+        (share, kind == KIND_OF[one.lamps[0]]) for one in taken for kind, share in one.kinds.items()
+    ]).reshape(-1, 2)  # fmt: skip
+    bins = np.digitize(pairs[:, 0], BINS)
+    own = [pairs[bins == i] for i in range(len(BINS) + 1)]
+    return [(float(each[:, 0].mean()), float(each[:, 1].mean()), len(each)) for each in own if len(each)]
 
 
 def _right(one: Taken) -> bool:
@@ -270,7 +345,7 @@ def bars(document: dict[str, dict[str, dict[str, Any]]]) -> list[tuple[str, floa
     for title, most, worst in (("phones, basis of the others", 0.030, 0.055), (OTHER, 0.038, 0.065)):
         if title not in document:
             continue
-        auto, known = document[title][AUTO], document[title][KNOWN]
+        auto, known = document[title][AUTO], document[title][NAMED]
         found.append((f"{title}: RMSE", auto["rmse"], 0.0, most))
         found.append((f"{title}: worst capture", auto["worst"], 0.0, worst))
         found.append((f"{title}: accepted above {FAR:g}", auto["accepted_far"] or 0.0, 0.0, 0.06))
@@ -292,7 +367,7 @@ OTHER = "phones, basis of the other maker"
 def show(document: dict[str, dict[str, dict[str, Any]]]) -> None:
     """The table."""
     head = [
-        "population", "told", "RMSE", "no photo", "better", "above 0.04", "the same, accepted", "worst", "coverage",
+        "population", "given", "RMSE", "no photo", "better", "above 0.04", "the same, accepted", "worst", "coverage",
         "worst", "accepted, doubtful, refused",
         "wrong and accepted", "kind right", "> 90 %: right", "P(phones) 0 10 50 90 100 %", "lamp, CCT held",
     ]  # fmt: skip
@@ -326,7 +401,7 @@ def main(arguments: list[str] | None = None) -> int:
             if not title.startswith(options.only):
                 continue
             pairs = key in (OTHERS, OTHER_MAKER)
-            task = bar.add_task(title, total=len(devices) * (len(KIND_OF) + pairs * len(PAIRS)))
+            task = bar.add_task(title, total=len(devices) * (len(KIND_OF) + pairs * len(PAIRS + TRIPLES)))
             rows = of_population(devices, key, pairs, lambda task=task: bar.advance(task))  # type: ignore[misc]
             document[title] = {word: row(taken) for word, taken in rows.items()}
     show(document)

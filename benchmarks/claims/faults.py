@@ -328,7 +328,7 @@ def without_matrix(
 
                 def shots(staged: Staged = staged, plan: ShotPlan = setup) -> list[MeasuredShot]:
                     shot = shoot(staged, plan, search=False)
-                    return [replace(shot, photo=replace(shot.photo, neutrals=()))]
+                    return [replace(shot, photo=replace(shot.photo, colour_matrices=()))]
 
                 tally.outcomes.append(tried(shots, bases[staged.maker], staged.setup.camera.values))
                 assert known.rmse is not None

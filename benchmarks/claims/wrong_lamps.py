@@ -79,7 +79,7 @@ def taken(device: Device, light: str, chart: str, number: int) -> MeasuredShot:
         staged.setup, lamp=read_lamp(light), table=replace(read_chart(chart), name=CHARTS[0]), white_level=1.0
     )
     shot = shoot(staged, setup, search=False)
-    return replace(shot, photo=replace(shot.photo, neutrals=()))
+    return replace(shot, photo=replace(shot.photo, colour_matrices=()))
 
 
 def judged(shot: MeasuredShot, lamp: str, maker: str, basis: Basis, device: Device) -> Outcome:

@@ -171,8 +171,8 @@ def fill(template: str, values: Mapping[str, str | float]) -> str:
 def _number(name: str, entry: Any) -> Number:
     _keys(name, entry, {"value", "unit", "what", "why"}, frozenset({"makes", "beyond", "refuses"}))
     value = entry["value"]
-    sound = isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value) and value > 0
-    _need(sound, f"{name} is {value!r} instead of a positive number")
+    sound = isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value) and value != 0
+    _need(sound, f"{name} is {value!r} instead of a number other than 0")
     _need(_texts([entry[key] for key in ("unit", "what", "why")]), f"{name} has an empty text")
     _need(entry.get("makes") in (None, "doubtful", "refused"), f"{name} makes {entry.get('makes')!r}")
     _need(entry.get("beyond") in (None, "above", "below"), f"{name} decides {entry.get('beyond')!r}")

@@ -10,10 +10,11 @@ import numpy as np
 
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.photo.capture import LIGHT_SOURCES, Capture, MeasuredShot, Photo, check_alike, check_target
+from camssf.photo.capture import Capture, MeasuredShot, Photo, check_alike, check_target
 from camssf.photo.find.layouts import LAYOUTS
 from camssf.photo.find.pose import Pose
 from camssf.photo.patches import LENS_SHADING, FrameMeans, PatchMeans
+from camssf.photo.read.colour_matrix import WHITE_POINTS, ColourMatrix
 from camssf.photo.read.unit import Area, Unit
 from camssf.photo.shot import MOST_SHOTS
 from camssf.spectra import ChartTable, Lamp, Light, Unnamed
@@ -182,6 +183,7 @@ def _photo_document(photo: Photo) -> Json:
     The body's serial number is left out, because these documents are shared.
     """
     facts = {key: value for key, value in vars(photo).items() if key not in ("levels", "unique_model") or value}
+    facts["colour_matrices"] = [plain(vars(each)) for each in photo.colour_matrices]
     return facts | {"unit": {key: value for key, value in vars(photo.unit).items() if key in UNIT and value}}
 
 
@@ -218,9 +220,12 @@ def _photo_from(entry: Mapping[str, Any] | None, role: str) -> Photo | None:
         height=entry["height"],
         orientation=entry["orientation"],
         gain_map=bool(entry["gain_map"]),
-        neutrals=tuple(
-            (_light_source(name), tuple(_numbers(white, f"{role}.neutrals", (3,), least=1e-6).tolist()))
-            for name, white in entry.get("neutrals", ())
+        colour_matrices=tuple(
+            ColourMatrix(
+                _light_source(each["light"]),
+                tuple(_numbers(each["values"], f"{role}.colour_matrices", (9,)).tolist()),
+            )
+            for each in entry["colour_matrices"]
         ),
         unit=_unit_from(entry.get("unit", {}), role),
         active_area=_area_from(entry.get("active_area"), role),
@@ -233,7 +238,7 @@ def _photo_from(entry: Mapping[str, Any] | None, role: str) -> Photo | None:
 
 
 def _light_source(name: Any) -> str:
-    _need(name in LIGHT_SOURCES.values(), "neutrals", f"must be of one of {', '.join(LIGHT_SOURCES.values())}")
+    _need(name in WHITE_POINTS, "colour_matrices", f"must be of one of {', '.join(WHITE_POINTS)}")
     return str(name)
 
 

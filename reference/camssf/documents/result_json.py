@@ -122,7 +122,7 @@ def _unfinished_document(shot: Unfinished, photo: Photo) -> Json:
 
 def photo_json(photo: Photo) -> Json:
     """A photo's metadata as the document holds them."""
-    apart = ("make", "model", "neutrals", "unit", "active_area", "levels", "unique_model")
+    apart = ("make", "model", "colour_matrices", "unit", "active_area", "levels", "unique_model")
     facts = {key: value for key, value in vars(photo).items() if key not in apart}
     return facts | {"camera": " ".join(filter(None, (photo.make, photo.model)))}
 

@@ -6,7 +6,7 @@ from typing import Any, TypeAlias
 
 Json: TypeAlias = dict[str, Any]
 
-SHOWN = 0.005
+SHOWN = 0.05
 """Smallest probability of a kind that is shown."""
 OF_LIGHT = ("lamp", "lamp modes", "which lamp")
 """Sources of the budget that a known lamp would remove or reduce."""

@@ -20,6 +20,7 @@ from camssf.recovery.basis import Basis
 from camssf.recovery.hypotheses import AUTO, MAKER
 from camssf.recovery.linear_model import levels
 from camssf.recovery.observation import Observation
+from camssf.recovery.raw_white import given_raw_white
 from camssf.recovery.sensitivity import Ssf
 from camssf.rules import rules
 from camssf.spectra import ChartTable, Lamp, Unnamed
@@ -92,6 +93,24 @@ class CaptureFit:
         for shot, kind in zip(self.capture.shots, kinds, strict=True):
             of_kind = shot.lamp.kinds if isinstance(shot.lamp, Unnamed) else ()
             shots.append(replace(shot, lamp=next((lamp for lamp in of_kind if lamp.name == kind), shot.lamp)))
+        return replace(self, capture=replace(self.capture, shots=tuple(shots)))
+
+    def of_shot(self, j: int) -> CaptureFit:
+        """The fit of shot j alone."""
+        shot = self.capture.shots[j : j + 1]
+        return replace(self, capture=replace(self.capture, shots=shot), signals=self.signals.of_shot(j))
+
+    def with_raw_white(self) -> CaptureFit:
+        """The fit with the kinds of each unnamed light narrowed by the raw white and the file's colour matrices."""
+        rho, _ = self.white_reference()
+        shots = []
+        for j, shot in enumerate(self.capture.shots):
+            used = self.signals.used[j]
+            if isinstance(shot.lamp, Unnamed) and used.any():
+                white = (self.signals.white - self.signals.dark)[j][used].mean(axis=0)
+                matrices = [(each.kelvin, each.to_raw) for each in shot.photo.colour_matrices]
+                shot = replace(shot, lamp=given_raw_white(shot.lamp, white, matrices, rho))
+            shots.append(shot)
         return replace(self, capture=replace(self.capture, shots=tuple(shots)))
 
     @property
@@ -168,6 +187,7 @@ def prepare_fit(capture: Capture, options: Options) -> CaptureFit:
             f"Only {count} patches are left for the fit.", "Name more patches to fit, or leave the list out."
         )
     fit = CaptureFit(capture, signals, allowed, options, options.basis)
+    fit = fit if fit.exact else fit.with_raw_white()
     if differs is not None and fit.exact:
         raise InvalidArgument(
             "The basis has no prior, so light that differs between patches cannot be estimated.",

@@ -14,7 +14,7 @@ from camssf.grid import Floats
 from camssf.recovery.hypotheses import recover
 from camssf.recovery.prediction import predict
 from camssf.recovery.sensitivity import SolverSettings, Ssf, predict_signals
-from camssf.recovery.unnamed_light import LampGuess, recover_in_any_light
+from camssf.recovery.unnamed_light import LampGuess, likely_kinds, recover_in_any_light
 from camssf.rules import rules
 from camssf.spectra import Unnamed
 
@@ -71,8 +71,26 @@ def _guesses(fit: CaptureFit, used: NDArray[np.bool_]) -> list[LampGuess]:
             f"The light of {sum(fit.unnamed)} shots was not named; at most {MOST_UNNAMED} can be estimated at once.",
             "Name the lamp of the others, at least its kind: daylight, bulb, white-led or fluorescent.",
         )
-    kinds = product(*(
-        [lamp.name for lamp in shot.lamp.kinds] if isinstance(shot.lamp, Unnamed) else [""]
-        for shot in fit.capture.shots
-    ))  # fmt: skip
-    return [LampGuess(each, fit.with_kinds(each).given(used)) for each in kinds]
+    kinds = list(product(*(_kinds(fit, used, j) for j in range(len(fit.capture.shots)))))
+    return [_guess(fit, used, each) for each in kinds]
+
+
+def _kinds(fit: CaptureFit, used: NDArray[np.bool_], j: int) -> list[str]:
+    """The kinds of shot j's light that are combined with those of the other shots; "" if it was named."""
+    lamp = fit.capture.shots[j].lamp
+    if not isinstance(lamp, Unnamed):
+        return [""]
+    kinds = [each.name for each in lamp.kinds]
+    if sum(fit.unnamed) == 1:
+        return kinds
+    alone, own = fit.of_shot(j), used[j : j + 1]
+    return likely_kinds([_guess(alone, own, (kind,)) for kind in kinds], fit.basis, fit.prior_odds)
+
+
+def _guess(fit: CaptureFit, used: NDArray[np.bool_], kinds: tuple[str, ...]) -> LampGuess:
+    belief = sum(
+        dict(zip([lamp.name for lamp in shot.lamp.kinds], shot.lamp.log_prior, strict=True))[kind]
+        for kind, shot in zip(kinds, fit.capture.shots, strict=True)
+        if isinstance(shot.lamp, Unnamed)
+    )
+    return LampGuess(kinds, fit.with_kinds(kinds).given(used), belief)

@@ -136,12 +136,12 @@ def learn(
         rows = rows.reshape(-1, NODES.size)
         if statistics:
             away = statistics.mean[c] / area / height - centre
-            own = statistics.spread[c].T / size.spread / area / height
+            own = statistics.spread[c].T / area / height
             rows = np.concatenate([rows, np.sqrt(rest) * np.stack([np.sqrt(size.few_makers) * away, *own])])
         if len(rows) < NODES.size:  # fewer directions than components may need: pad with zeros
             rows = np.concatenate([rows, np.zeros((NODES.size - len(rows), NODES.size))])
         _, spread, directions = np.linalg.svd(rows, full_matrices=False)
-        atoms = directions[:components].T * (size.spread * spread[:components])
+        atoms = directions[:components].T * spread[:components]
         atoms *= np.where(atoms[np.abs(atoms).argmax(axis=0), np.arange(components)] < 0, -1.0, 1.0)
         mean.append(centre)
         dictionary.append(atoms)

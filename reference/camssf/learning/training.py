@@ -41,7 +41,6 @@ class Enlargement:
         smooth: correlation length of the warp, nm.
         own_mean: use the mean of the cameras, not of their copies. Curves are never negative, so cross-talk shifts
             the mean of the copies: R's centre of gravity by 5 nm for a cross-talk of 0.1.
-        spread: factor on the standard deviation of the prior that all of this gives.
     """
 
     shift: float = 4.5
@@ -51,15 +50,13 @@ class Enlargement:
     few_makers: float = FEW_MAKERS
     smooth: float = 120.0
     own_mean: bool = False
-    spread: float = 1.0
 
 
-HANDFUL = Enlargement(3.0, 0.04, 0.15, 0.10, 1.0, 60.0, own_mean=True, spread=0.7)
+HANDFUL = Enlargement(3.0, 0.04, 0.15, 0.10, 1.0, 60.0, own_mean=True)
 """For six phones of two makers; chosen by leaving phones and makers out (docs/accuracy.md).
 Phones differ less than cameras, so shift and width are smaller. Their bands were too narrow at the feet of the curves
 and for details finer than 120 nm, so cross-talk is larger and the warp's correlation length shorter. A larger
-`few_makers` would only widen bands that are wide enough. The spread follows last: the copies alone give a prior twice
-as wide as phones are, and at 0.7 of it the bands of phones left out still hold 95 %, with unnamed light, too."""
+`few_makers` would only widen bands that are wide enough."""
 
 
 YELLOW = (0.3, 0.5, 0.75, 1.0)

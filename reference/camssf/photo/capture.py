@@ -18,14 +18,13 @@ from camssf.grid import Floats
 from camssf.options import DEFAULTS, Options
 from camssf.photo.find.pose import Pose, find_chart
 from camssf.photo.patches import PatchMeans, measure_patches
+from camssf.photo.read.colour_matrix import ColourMatrix
 from camssf.photo.read.dng import Mosaic
 from camssf.photo.read.raw import read_raw
 from camssf.photo.read.unit import Area, Unit, check_unit
 from camssf.photo.shot import Shot, Shots, check_shots, some_white
 from camssf.spectra import ChartLike, ChartTable, Light, LightLike, read_chart
 
-LIGHT_SOURCES = {17: "A", 18: "B", 19: "C", 20: "D55", 21: "D65", 22: "D75", 23: "D50"}
-"""CIE illuminants by Exif LightSource code, which DNG uses for its colour matrices."""
 PREVIEW = 1200
 """Longest side of a thumbnail, px."""
 
@@ -36,7 +35,7 @@ Progress: TypeAlias = Callable[[str, float], None]
 class Photo:
     """Metadata of a frame, without its samples.
 
-    `neutrals`: the camera's white (R, G, B) under the CIE illuminant of each of the file's colour matrices.
+    `colour_matrices`: of the file, XYZ to raw.
     `unit`: the physical camera and its lens; `active_area`: top, left, bottom, right of its sensor's active area.
     `levels`: the source of its pattern and levels; "" if they are a DNG's own tags.
     `unique_model`: the DNG's UniqueCameraModel, by which raw converters identify the camera; "" if missing.
@@ -52,7 +51,7 @@ class Photo:
     make: str
     model: str
     sha256: str
-    neutrals: tuple[tuple[str, tuple[float, ...]], ...] = ()
+    colour_matrices: tuple[ColourMatrix, ...] = ()
     unit: Unit = field(default_factory=Unit)
     active_area: Area | None = None
     levels: str = ""
@@ -221,7 +220,7 @@ def photo_of(mosaic: Mosaic) -> Photo:
         make=mosaic.make,
         model=mosaic.model,
         sha256=mosaic.sha256,
-        neutrals=tuple((LIGHT_SOURCES[code], tuple(white.tolist())) for code, white in mosaic.neutrals),
+        colour_matrices=mosaic.colour_matrices,
         unit=mosaic.unit,
         active_area=mosaic.active_area,
         levels=mosaic.levels,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +55,11 @@ class Signals:
     used: NDArray[np.bool_]
     white_is_patch: NDArray[np.bool_]
     assumptions: tuple[Assumption, ...]
+
+    def of_shot(self, j: int) -> Signals:
+        """Those of shot j."""
+        arrays = ("values", "standard_error", "chart", "white", "dark", "used", "white_is_patch")
+        return replace(self, **{name: getattr(self, name)[j : j + 1] for name in arrays})
 
 
 def normalise(shots: Sequence[PatchMeans], table: ChartTable) -> Signals:

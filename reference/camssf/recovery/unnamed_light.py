@@ -20,6 +20,7 @@ from camssf.recovery.covariance import LAMP_CORRELATION, smooth_errors
 from camssf.recovery.hypotheses import (
     AUTO,
     FAMILIES,
+    MAKERS_OF,
     mixture,
     of_peak_one,
     posterior_weights,
@@ -45,12 +46,16 @@ from camssf.recovery.unfamiliar_camera import WIDER, family_test
 from camssf.rules import rules
 from camssf.spectra.charts import faded
 from camssf.spectra.families import FAMILIES as LAMP_KINDS
-from camssf.spectra.surfaces import observer
+from camssf.spectra.surfaces import correlated_temperature, observer
 
 SOLVED = rules().number("lamp.solved")
 """Smallest weight of a hypothesis that is solved."""
-BELIEFS = {kind: rules().number(f"lamp.{kind}") for kind in LAMP_KINDS}
-"""Prior probability of each kind."""
+NARROW = rules().number("lamp.narrow")
+"""Width of a phones' prior for the curves, relative to the learned one, where no light is named."""
+NO_KIND = rules().number("lamp.no_kind")
+"""Prior probability of a light that is of no kind; any kind may be taken for it."""
+SCREENED = rules().number("lamp.screened")
+"""Smallest probability, by its own shot alone, of a kind that is combined with those of other shots."""
 
 
 @dataclass(frozen=True)
@@ -60,19 +65,16 @@ class LampGuess:
     Attributes:
         kinds: of each shot, "" where its lamp was named.
         observation: with the lamps of these kinds.
+        belief: ln of its prior probability.
     """
 
     kinds: tuple[str, ...]
     observation: Observation
+    belief: float
 
     def faded(self, amount: float) -> LampGuess:
         """The same with a chart that has faded by `amount`."""
         return replace(self, observation=self.observation.faded(amount))
-
-    @property
-    def belief(self) -> float:
-        """ln of its prior probability."""
-        return float(sum(np.log(BELIEFS[kind]) for kind in self.kinds if kind))
 
 
 @dataclass(frozen=True)
@@ -136,13 +138,10 @@ def recover_in_any_light(
         NotConverged: as `recover`.
     """
     if basis != AUTO:
-        return _recover([LampHypothesis(guess, basis, prior_scale, 0.0) for guess in guesses], of, settings)
+        return _recover(_hypotheses(guesses, basis, prior, prior_scale), of, settings)
 
     def hypotheses(fading: float) -> list[LampHypothesis]:
-        beliefs = [(name, prior_belief(name, prior or {})) for name in FAMILIES]
-        return [
-            LampHypothesis(guess.faded(fading), name, 1.0, belief) for name, belief in beliefs for guess in guesses
-        ]
+        return _hypotheses([guess.faded(fading) for guess in guesses], AUTO, prior)
 
     def solved(given: Sequence[LampHypothesis], fading: float) -> Ssf:
         return _recover(given, None if of is None else faded(of, fading), settings)
@@ -150,7 +149,8 @@ def recover_in_any_light(
     def chosen(fading: float) -> tuple[Ssf, FamilyTest]:
         found = solved(hypotheses(fading), fading)
         best = next(guess.faded(fading) for guess in guesses if guess.kinds == found.light.kinds)
-        return found, family_test(best.observation, found, [not kind for kind in best.kinds])
+        learned = answer(best.observation, found.settings.basis, settings=settings)
+        return found, family_test(best.observation, learned, [not kind for kind in best.kinds])
 
     def evidence(fading: float) -> float:
         return float(np.logaddexp.reduce([each.log_evidence + each.log_prior for each in hypotheses(fading)]))
@@ -159,6 +159,53 @@ def recover_in_any_light(
         return solved([replace(each, scale=WIDER) for each in hypotheses(fading) if each.basis == name], fading)
 
     return recover_any_camera(chosen, evidence, wider)
+
+
+def likely_kinds(guesses: Sequence[LampGuess], basis: str | Basis, prior: Mapping[str, float]) -> list[str]:
+    """The kinds of one shot's light that are probable enough to be combined with those of other shots."""
+    hypotheses = _hypotheses(guesses, basis, prior)
+    likely = probabilities(np.array([each.log_evidence + each.log_prior for each in hypotheses]))
+    share = dict.fromkeys((guess.kinds[0] for guess in guesses), 0.0)
+    for each, probability in zip(hypotheses, likely, strict=True):
+        share[each.guess.kinds[0]] += float(probability)
+    return [kind for kind, probability in share.items() if probability >= SCREENED]
+
+
+def _hypotheses(
+    guesses: Sequence[LampGuess], basis: str | Basis, prior: Mapping[str, float] | None, prior_scale: float = 1.0
+) -> list[LampHypothesis]:
+    """The guesses with every basis; a phones' prior is narrower where no light is named."""
+    names = FAMILIES if basis == AUTO else (basis,)
+    unnamed = all(kind for guess in guesses for kind in guess.kinds)
+    found = []
+    for each in names:
+        name = each.name if isinstance(each, Basis) else each
+        scale = NARROW if unnamed and MAKERS_OF.get(name) == "phones" else 1.0
+        belief = prior_belief(name, prior or {}) if basis == AUTO else 0.0
+        found += [LampHypothesis(guess, each, scale * prior_scale, belief) for guess in guesses]
+    return found
+
+
+def _answer(hypothesis: LampHypothesis, settings: SolverSettings) -> Ssf:
+    """The answer of a hypothesis; one of a narrowed prior has the bands of the learned one.
+
+    Under an unnamed light a wide prior draws the curves off the family's mean, since the signals determine only the
+    product of light and curve; but a camera may be as far from that mean as the learned width says. The code is given
+    in units of the learned width: s = μ + w Ψ x = μ + Ψ (w x).
+    """
+    observation = hypothesis.guess.observation
+    found = answer(observation, hypothesis.basis, prior_scale=hypothesis.scale, settings=settings)
+    if hypothesis.scale >= 1.0:
+        return found
+    wide = answer(observation, hypothesis.basis, settings=settings)
+    band = wide.peak()[1]
+    assert wide.posterior is not None  # `_recover` refuses a basis without a prior
+    assert found.posterior is not None
+    assert band is not None
+    posterior = replace(
+        wide.posterior, std=band * found.values.max(axis=0), log_evidence=found.posterior.log_evidence
+    )
+    return replace(found, code=hypothesis.scale * found.code, posterior=posterior, settings=wide.settings)
 
 
 def _recover(hypotheses: Sequence[LampHypothesis], of: Floats | None, settings: SolverSettings) -> Ssf:
@@ -178,10 +225,7 @@ def _recover(hypotheses: Sequence[LampHypothesis], of: Floats | None, settings: 
     weights = posterior_weights([each.name for each in hypotheses], likely)
     kept = [int(i) for i in np.flatnonzero(weights >= min(SOLVED, weights.max()))]
     share = weights[kept] / weights[kept].sum()
-    answers = [
-        answer(each.guess.observation, each.basis, prior_scale=each.scale, settings=settings)
-        for each in (hypotheses[i] for i in kept)
-    ]
+    answers = [_answer(hypotheses[i], settings) for i in kept]
     seen = [light_of(each.guess.observation, each.widened_basis) for each in (hypotheses[i] for i in kept)]
     lights = tuple(
         _found([(hypotheses[i].guess.kinds[j], seen[a][j]) for a, i in enumerate(kept)], share, likely, weighed, j)
@@ -294,10 +338,10 @@ def _found(
     own = np.stack([np.sum(each.modes**2, axis=0) for _, each in posteriors])
     kelvin, off = np.array([each.kelvin for _, each in posteriors]).T
     middle = float(share @ kelvin)
-    kinds = dict.fromkeys(BELIEFS, 0.0)
+    kinds = dict.fromkeys(LAMP_KINDS, 0.0)
     for weight, probability in zip(weights, likely, strict=True):
         kinds[weight.kinds[j]] += float(probability)
-    kinds = {kind: min(probability, 1.0) for kind, probability in kinds.items()}  # a sum may round above 1
+    kinds = {kind: (1.0 - NO_KIND) * min(share, 1.0) + NO_KIND / len(kinds) for kind, share in kinds.items()}
     return EstimatedLamp(
         kinds, mean, np.sqrt(share @ (own + (power - mean) ** 2)),
         middle, float(np.sqrt(share @ (off**2 + (kelvin - middle) ** 2))),
@@ -305,14 +349,8 @@ def _found(
 
 
 def temperature(power: Floats) -> Floats:
-    """Correlated colour temperature of powers (..., 681), K: McCamy (Color Res. Appl. 1992, 17, 142).
-
-    T = -449 n³ + 3525 n² - 6823.3 n + 5520.33, n = (x - 0.3320) / (y - 0.1858), of CIE 1931.
-    """
-    xyz = np.asarray(power) @ observer("1931")
-    x, y = np.moveaxis(xyz[..., :2] / xyz.sum(axis=-1, keepdims=True), -1, 0)
-    n = (x - 0.3320) / (y - 0.1858)
-    return np.asarray(((-449.0 * n + 3525.0) * n - 6823.3) * n + 5520.33)
+    """Correlated colour temperature of powers (..., 681), K."""
+    return correlated_temperature(np.asarray(power) @ observer("1931"))
 
 
 def temperature_slope(power: Floats) -> Floats:

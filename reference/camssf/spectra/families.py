@@ -1,10 +1,11 @@
 """Lamps of which only the kind is known: a mean spectrum and modes, the directions of its relative error.
 
-Daylight and bulbs have a formula with one parameter, the colour temperature, with a mean and a standard deviation.
-Their one mode is the change of ln L over one standard deviation at the family's centre. White LEDs and fluorescent
-lamps have tables: the modes are the principal components of the table's lamps. Power is used, not its logarithm,
-because signals are sums of power; all lamps have the same mean power, because the scale of L carries no information.
-`python -m benchmarks.claims.lamps` prints how much of a left-out lamp its family explains.
+Bulbs have a formula with one parameter, the colour temperature: their one mode is the change of ln L over one
+standard deviation at the family's centre. Fluorescent lamps have a table: the modes are the principal components of
+its lamps. Daylight and white LEDs are drawn at random by formulas (`tools.lamp_kinds`), and mean and principal
+components are in data/spectra.json. Power is used for these, not its logarithm, because signals are sums of power;
+all lamps have the same mean power, because the scale of L carries no information. `python -m benchmarks.claims.lamps`
+prints how much of a left-out lamp its family explains.
 """
 
 from __future__ import annotations
@@ -41,13 +42,20 @@ class LampKind:
     left: float
 
 
-FAMILIES: dict[str, Temperature | LampKind] = {
-    "daylight": Temperature(5800.0, 900.0),
+@dataclass(frozen=True)
+class DrawnKind:
+    """A family of lamps drawn by formulas, tabulated in data/spectra.json; `words` describes them for the report."""
+
+    words: str
+
+
+FAMILIES: dict[str, Temperature | LampKind | DrawnKind] = {
+    "daylight": DrawnKind("CIE daylight, 4,200 to 23,800 K"),
     "bulb": Temperature(2700.0, 250.0),
-    "white-led": LampKind((*(f"LED-B{i}" for i in range(1, 6)), "LED-BH1", "LED-V1", "LED-V2"), 5, 0.17),
+    "white-led": DrawnKind("white LEDs by formula, pump and phosphors, 2,500 to 8,000 K"),
     "fluorescent": LampKind((*(f"FL{i}" for i in range(1, 13)), *(f"FL3.{i}" for i in range(1, 16))), 8, 0.06),
 }
-"""The priors of temperature cover outdoor light and common bulbs. LED-RGB1 is not a common white LED."""
+"""The prior of temperature covers common bulbs."""
 
 
 def logarithm(power: Floats) -> Floats:

@@ -18,8 +18,9 @@ import numpy as np
 
 from camssf.errors import InvalidArgument, LampUnfit
 from camssf.grid import STEP, WAVELENGTHS, Floats
-from camssf.spectra.bundled import bundled, daylight, illuminant, planck
-from camssf.spectra.families import FAMILIES, LampKind, Temperature, principal_modes, temperature_mode
+from camssf.rules import rules
+from camssf.spectra.bundled import bundled, daylight, illuminant, linear, planck
+from camssf.spectra.families import FAMILIES, DrawnKind, Temperature, principal_modes, temperature_mode
 from camssf.spectra.lamp_aliases import lamp_aliases, resolve_lamp_alias
 from camssf.spectra.objects import Name, Pair, Spectrum, sampled
 from camssf.spectra.sampled import check_wavelengths, frozen, held, text_of
@@ -59,11 +60,15 @@ class Unnamed:
     Attributes:
         name: "auto".
         kinds: the possible kinds, each as a lamp.
+        log_prior: ln of the prior probability of each kind.
         source: description for the report.
     """
 
     name: str = AUTO
     kinds: tuple[Lamp, ...] = field(repr=False, default_factory=lambda: tuple(_family(kind) for kind in FAMILIES))
+    log_prior: tuple[float, ...] = field(
+        repr=False, default_factory=lambda: tuple(math.log(rules().number(f"lamp.{kind}")) for kind in FAMILIES)
+    )
     source: str = "not named: daylight, bulb, white LED or fluorescent, as the signals say"
 
 
@@ -242,14 +247,19 @@ def _temperature(name: str) -> tuple[Callable[[float], Floats], float]:
 
 def _family(name: str) -> Lamp:
     family = FAMILIES[name]
-    if isinstance(family, Temperature):
-        formula = _daylight if name == "daylight" else _planck
-        power, modes = formula(family.centre), temperature_mode(formula, family.centre, family.spread)
-        source = f"{'CIE daylight' if name == 'daylight' else 'Planck'}, {family.centre:g} ± {family.spread:g} K"
+    tolerance = NAMED_LAMP
+    if isinstance(family, DrawnKind):
+        table = bundled()["families"][name]
+        power, *rows = (linear(table | {"values": row}) for row in (table["mean"], *table["modes"]))
+        modes = np.stack(rows) / np.maximum(power, table["dimmest"] * power.max())
+        source, tolerance = f"mean and {len(modes)} principal components of {family.words}", table["tolerance"]
+    elif isinstance(family, Temperature):
+        power, modes = _planck(family.centre), temperature_mode(_planck, family.centre, family.spread)
+        source = f"Planck, {family.centre:g} ± {family.spread:g} K"
     else:
         power, modes = principal_modes([illuminant(member) for member in family.members], family.components)
         source = f"mean and {len(modes)} principal components of {len(family.members)} CIE lamps"
-    tolerance = family.left if isinstance(family, LampKind) else NAMED_LAMP
+        tolerance = family.left
     return Lamp(name, frozen(power / power.mean()), tolerance, frozen(modes), source)
 
 

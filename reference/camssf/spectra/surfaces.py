@@ -77,6 +77,16 @@ def observer(name: str) -> Floats:
     return frozen(_rows(table | {"values": table["values"][name]}).T)
 
 
+def correlated_temperature(xyz: Floats) -> Floats:
+    """Correlated colour temperature of XYZ (..., 3), CIE 1931, K: McCamy (Color Res. Appl. 1992, 17, 142).
+
+    T = -449 n³ + 3525 n² - 6823.3 n + 5520.33, n = (x - 0.3320) / (y - 0.1858).
+    """
+    x, y = np.moveaxis(xyz[..., :2] / xyz.sum(axis=-1, keepdims=True), -1, 0)
+    n = (x - 0.3320) / (y - 0.1858)
+    return np.asarray(((-449.0 * n + 3525.0) * n - 6823.3) * n + 5520.33)
+
+
 @cache
 def _table() -> dict[str, Any]:
     found: dict[str, Any] = json.loads((files("camssf") / "data" / "colour.json").read_text("utf-8"))

@@ -111,7 +111,8 @@ class VerdictInputs:
         if int(self.signals.used[j].sum()) < FEWEST:
             return GoodnessOfFit(0.0, 0.0, FEWEST, ())
         alone = replace(
-            self, signals=only(self.signals, j), means=[self.means[j]], poses=[self.poses[j]], lamps=[self.lamps[j]],
+            self, signals=self.signals.of_shot(j), means=[self.means[j]], poses=[self.poses[j]],
+            lamps=[self.lamps[j]],
             gains=None if self.gains is None else (self.gains[0][j : j + 1], self.gains[1]),
         )  # fmt: skip
         return _goodness_of_fit(alone, answer, explain=True)
@@ -207,12 +208,6 @@ def _own_gain(row: int, inverse: Floats, e: Floats) -> float:
     """Gain of independent errors in one patch's three signals: eᵀ (Σ⁻¹)⁻¹ e of its rows."""
     own = np.arange(3) * (len(e) // 3) + row
     return float(e[own] @ np.linalg.solve(inverse[np.ix_(own, own)], e[own]))
-
-
-def only(signals: Signals, j: int) -> Signals:
-    """The signals of shot j."""
-    arrays = ("values", "standard_error", "chart", "white", "dark", "used", "white_is_patch")
-    return replace(signals, **{name: getattr(signals, name)[j : j + 1] for name in arrays})
 
 
 def shot_answer(answer: Ssf, j: int) -> Ssf:

@@ -44,7 +44,7 @@ def weigh(fit: CaptureFit, ssf: Ssf, alone: Sequence[Ssf]) -> Verdict:
         ssf,
         rivals=lambda: weigh_rivals(fit, ssf),
         neutrals=[
-            [Neutral(read_lamp(light).values, np.array(white)) for light, white in shot.photo.neutrals]
+            [Neutral(read_lamp(each.light).values, each.white) for each in shot.photo.colour_matrices]
             for shot in shots
         ],
         alone=alone,

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from camssf.errors import NotSensorRaw, OutOfMemory, UnreadableRaw, UnsupportedRaw
 from camssf.files import local
 from camssf.grid import Floats
+from camssf.photo.read.colour_matrix import ColourMatrix, colour_matrix
 from camssf.photo.read.gain_maps import GainMap, read_gain_maps
 from camssf.photo.read.pieces import DEFLATE, LOSSLESS_JPEG, MAX_SIDE, PLAIN, Picture, decode, picture_of
 from camssf.photo.read.tiff import CONVERT, NO_DNG, Directory, Tiff
@@ -37,15 +38,6 @@ _CODECS = {
     32767: "Sony ARW",
     50002: "JPEG XL",
     52546: "JPEG XL",
-}
-WHITE_POINTS = {  # CIE 1931 x, y of Exif's LightSource codes: A, B, C, D55, D65, D75, D50 (CIE 15)
-    17: (0.44758, 0.40745),
-    18: (0.34842, 0.35161),
-    19: (0.31006, 0.31616),
-    20: (0.33243, 0.34744),
-    21: (0.31272, 0.32903),
-    22: (0.29903, 0.31488),
-    23: (0.34567, 0.35851),
 }
 
 
@@ -68,8 +60,7 @@ class Mosaic:
         color_matrix1, color_matrix2: (3, 3) XYZ to camera, or None.
         as_shot_neutral: (3,) or None.
         sha256: of the file, hex; for a picture, of its bytes followed by its sidecar's.
-        neutrals: the camera's white (3,), scaled to green 1, under the illuminant of each colour matrix, with that
-            illuminant's Exif LightSource code.
+        colour_matrices: with the camera's own calibration and gains, each with its illuminant.
         unit: the physical camera and its lens, as far as the file names them.
         active_area: top, left, bottom, right in the stored picture; None if there was no file.
         levels: source of pattern, black and white level, in words; "" if they are a DNG's own tags.
@@ -91,7 +82,7 @@ class Mosaic:
     color_matrix2: Floats | None
     as_shot_neutral: Floats | None
     sha256: str
-    neutrals: tuple[tuple[int, Floats], ...] = ()
+    colour_matrices: tuple[ColourMatrix, ...] = ()
     unit: Unit = field(default_factory=Unit)
     active_area: Area | None = None
     levels: str = ""
@@ -187,7 +178,7 @@ def _parse(tiff: Tiff) -> Mosaic:
         color_matrix2=_matrix(tiff, first, 50722),
         as_shot_neutral=_neutral(tiff, first),
         sha256="",
-        neutrals=_neutrals(tiff, first),
+        colour_matrices=_colour_matrices(tiff, first),
         unit=unit_of(tiff, exif),
         active_area=picture.area,
         unique_model=tiff.text(first, 50708),
@@ -331,21 +322,14 @@ def _matrix(tiff: Tiff, first: Directory, tag: int) -> Floats | None:
     return values.reshape(3, 3)
 
 
-def _neutrals(tiff: Tiff, first: Directory) -> tuple[tuple[int, Floats], ...]:
-    """Camera white = AnalogBalance · CameraCalibration · ColorMatrix · XYZ of the light (DNG 1.7, chapter 6)."""
-    found = []
-    balance = tiff.numbers(first, 50727)
-    gains = balance if balance is not None and balance.size == 3 and np.isfinite(balance).all() else np.ones(3)
-    for matrix, calibration, light in ((50721, 50723, 50778), (50722, 50724, 50779)):
-        to_camera, own = _matrix(tiff, first, matrix), _matrix(tiff, first, calibration)
-        xy = WHITE_POINTS.get(tiff.one(first, light, 0))
-        if to_camera is None or xy is None:
-            continue
-        x, y = xy
-        white = gains * ((np.eye(3) if own is None else own) @ to_camera @ np.array([x / y, 1.0, (1.0 - x - y) / y]))
-        if np.isfinite(white).all() and white.min() > 1e-3 * white.max():
-            found.append((tiff.one(first, light, 0), white / white[1]))
-    return tuple(found)
+def _colour_matrices(tiff: Tiff, first: Directory) -> tuple[ColourMatrix, ...]:
+    gains = tiff.numbers(first, 50727)
+    balance = gains if gains is not None and gains.size == 3 and np.isfinite(gains).all() else None
+    found = (
+        colour_matrix(tiff.one(first, light, 0), _matrix(tiff, first, matrix), _matrix(tiff, first, own), balance)
+        for matrix, own, light in ((50721, 50723, 50778), (50722, 50724, 50779))
+    )
+    return tuple(each for each in found if each is not None)
 
 
 def _neutral(tiff: Tiff, first: Directory) -> Floats | None:

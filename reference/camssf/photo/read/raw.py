@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from camssf.errors import InvalidArgument, NotSensorRaw, UnreadableRaw, UnsupportedRaw
 from camssf.files import local
 from camssf.grid import Floats
-from camssf.photo.read.dng import CFA_ORDERS, MAX_SAMPLES, RAW_MODE, WHITE_POINTS, Mosaic, opened, read_dng
+from camssf.photo.read.colour_matrix import colour_matrix
+from camssf.photo.read.dng import CFA_ORDERS, MAX_SAMPLES, RAW_MODE, Mosaic, opened, read_dng
 from camssf.photo.read.pieces import MAX_SIDE
 from camssf.photo.read.sidecar import sidecar_of
 from camssf.photo.read.tiff import CONVERT, COPY_AGAIN, NO_DNG
@@ -111,6 +112,8 @@ def _of_libraw(file: Path, raw: Any, rawpy: Any) -> Mosaic:
     white = float(min(stated) if stated else raw.white_level)
     samples = np.array(raw.raw_image_visible, dtype=np.uint16, order="C")
     _check_levels(file, samples, black, white)
+    # LibRaw has one matrix for each camera that it knows, made for D65.
+    known = colour_matrix(21, np.asarray(raw.rgb_xyz_matrix, dtype=np.float64)[:3])
     return Mosaic(
         path=str(file),
         samples=samples,
@@ -127,16 +130,9 @@ def _of_libraw(file: Path, raw: Any, rawpy: Any) -> Mosaic:
         color_matrix2=None,
         as_shot_neutral=None,
         sha256="",
-        neutrals=_neutrals(np.asarray(raw.rgb_xyz_matrix, dtype=np.float64)[:3]),
+        colour_matrices=() if known is None else (known,),
         levels=f"LibRaw {_version(rawpy)}",
     )
-
-
-def _neutrals(matrix: Floats) -> tuple[tuple[int, Floats], ...]:
-    """The camera's white under D65 by LibRaw's colour matrix; empty if LibRaw has none for the camera."""
-    x, y = WHITE_POINTS[21]
-    white = matrix @ np.array([x / y, 1.0, (1.0 - x - y) / y])
-    return ((21, white / white[1]),) if np.isfinite(white).all() and white.min() > 0 else ()
 
 
 def _maker(head: bytes) -> tuple[str, str]:

@@ -13,6 +13,7 @@ import org.camssf.recovery.LampGuess
 import org.camssf.recovery.Observation
 import org.camssf.recovery.OnnxEngine
 import org.camssf.recovery.Penalties
+import org.camssf.recovery.RawWhite
 import org.camssf.recovery.Recover
 import org.camssf.recovery.Ssf
 import org.camssf.recovery.Tensor
@@ -110,6 +111,30 @@ internal class CaptureFit(
     /** 1 - ĥ (k, n): the factor that corrects the signals to even light, by the gains of `ssf`. */
     fun level(ssf: Ssf): DoubleArray = GainModes.level(gains, ssf.sharedGainCode)
 
+    /** This fit with the kinds of each unnamed light narrowed by the raw white and the file's colour matrices. */
+    fun withRawWhite(): CaptureFit {
+        if (paper || lamps.none { it.unnamed }) return this
+        val shots = capture.shots.mapIndexed { j, shot ->
+            val own = (0 until n).filter { signals.sharedUsed[j * n + it] }
+            if (!shot.lamp.unnamed || own.isEmpty()) return@mapIndexed shot
+            val raw = DoubleArray(3) { c ->
+                own.sumOf { i ->
+                    val at = 3 * (j * n + i) + c
+                    signals.sharedWhite[at] - signals.sharedDark[at]
+                } / own.size
+            }
+            shot.under(RawWhite.given(shot.lamp, raw, shot.photo.colourMatrices, white))
+        }
+        val other = MeasuredCapture(shots, capture.chart, capture.whiteReflectance)
+        return CaptureFit(engines, other, signals, settings, priorScale)
+    }
+
+    /** The fit of shot j alone. */
+    private fun only(j: Int): CaptureFit {
+        val own = MeasuredCapture(listOf(capture.shots[j]), capture.chart, capture.whiteReflectance)
+        return CaptureFit(engines, own, signals.only(j), settings, priorScale)
+    }
+
     /** This fit with these kinds of light, one a shot; "" keeps the shot's lamp. */
     fun under(kinds: List<String>): CaptureFit = CaptureFit(engines, ofKinds(kinds), signals, settings, priorScale)
 
@@ -139,9 +164,7 @@ internal class CaptureFit(
         val shown = Frames(frames[0], frames[1], frames[2])
         val penalties = Penalties(settings.l2, gamma, settings.nonnegative)
         if (lamps.any { it.unnamed }) {
-            val families = engines.singleOrNull()?.let { listOf(Choice.Family(it, priorScale, 0.0)) }
-                ?: Choice.families(engines, priorOdds)
-            return AnyLight(families, shown, penalties, tell).recover(guesses(used), table.sharedValues)
+            return AnyLight(families(), shown, penalties, tell).recover(guesses(used, tell), table.sharedValues)
         }
         val given = observation(used, lamps)
         val found = engines.singleOrNull()?.let { Recover.recover(it, given, shown, penalties, priorScale) }
@@ -152,8 +175,12 @@ internal class CaptureFit(
         return found.predicting(predicted)
     }
 
+    private fun families(): List<Choice.Family> =
+        engines.singleOrNull()?.let { listOf(Choice.Family(it, priorScale, 0.0)) }
+            ?: Choice.families(engines, priorOdds)
+
     /** All combinations of kinds for the unnamed lights. */
-    private fun guesses(used: BooleanArray): List<LampGuess> {
+    private fun guesses(used: BooleanArray, tell: () -> Unit): List<LampGuess> {
         val unnamed = lamps.count { it.unnamed }
         if (unnamed > AnyLight.MOST) {
             throw InvalidArgument(
@@ -161,13 +188,28 @@ internal class CaptureFit(
                 "Name the lamp of the others, at least its kind: daylight, bulb, white-led or fluorescent.",
             )
         }
-        val kinds = lamps.fold(listOf(emptyList<String>())) { all, lamp ->
-            val own = if (lamp.unnamed) lamp.kinds.map { it.name } else listOf("")
+        val kinds = lamps.indices.fold(listOf(emptyList<String>())) { all, j ->
+            val own = kinds(used, j, unnamed, tell)
             all.flatMap { before -> own.map { before + it } }
         }
-        return kinds.map { each ->
-            LampGuess(each, observation(used, lamps.mapIndexed { j, lamp -> light(lamp, each[j]) }))
+        return kinds.map { guess(used, it) }
+    }
+
+    /** The kinds of shot j's light that are combined with those of the other shots; "" if it was named. */
+    private fun kinds(used: BooleanArray, j: Int, unnamed: Int, tell: () -> Unit): List<String> {
+        if (!lamps[j].unnamed) return listOf("")
+        val kinds = lamps[j].kinds.map { it.name }
+        if (unnamed == 1) return kinds
+        val alone = only(j)
+        val own = used.copyOfRange(j * n, (j + 1) * n)
+        return AnyLight.likelyKinds(alone.families(), kinds.map { alone.guess(own, listOf(it)) }, tell)
+    }
+
+    private fun guess(used: BooleanArray, kinds: List<String>): LampGuess {
+        val belief = lamps.indices.filter { lamps[it].unnamed }.sumOf { j ->
+            lamps[j].logPrior[lamps[j].kinds.indexOfFirst { it.name == kinds[j] }]
         }
+        return LampGuess(kinds, observation(used, lamps.mapIndexed { j, lamp -> light(lamp, kinds[j]) }), belief)
     }
 
     /**

@@ -164,8 +164,8 @@ internal class Rules private constructor(
 
         private fun number(name: String, value: JsonElement): String {
             val content = (value as? JsonPrimitive)?.takeIf { !it.isString }?.content
-            val sound = content?.toDoubleOrNull()?.let { it.isFinite() && it > 0 } ?: false
-            if (!sound) throw damaged("$name is $value instead of a positive number")
+            val sound = content?.toDoubleOrNull()?.let { it.isFinite() && it != 0.0 } ?: false
+            if (!sound) throw damaged("$name is $value instead of a number other than 0")
             return content
         }
 

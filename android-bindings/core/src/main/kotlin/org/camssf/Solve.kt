@@ -36,7 +36,7 @@ internal class Solve(
         val allowed = allowed()
         val signals =
             Normalise.all(capture.shots.map { it.means }, table.patches, table.white).restrictedTo(allowed)
-        val freeFit = CaptureFit(engines, capture, signals, settings)
+        val freeFit = CaptureFit(engines, capture, signals, settings).withRawWhite()
         if (freeFit.paper && settings.lightPerPatch != null) {
             throw InvalidArgument(
                 "the basis has no prior, so light that differs between patches cannot be estimated.",
@@ -206,7 +206,7 @@ internal class Solve(
 
     /** The camera's white points from each shot's file. */
     private fun neutrals(): List<List<CameraWhite>> = capture.shots.map { shot ->
-        shot.photo.neutrals.map { CameraWhite(Rivals.lamp(it.light).sharedValues, it.white) }
+        shot.photo.colourMatrices.map { CameraWhite(Rivals.lamp(it.light).sharedValues, it.white) }
     }
 
     companion object {

@@ -2,9 +2,9 @@ package org.camssf
 
 import org.camssf.photo.Capture
 import org.camssf.photo.ChartPose
+import org.camssf.photo.ColourMatrix
 import org.camssf.photo.Corners
 import org.camssf.photo.LensShading
-import org.camssf.photo.Neutral
 import org.camssf.photo.PhotoSource
 import org.camssf.photo.Shot
 import org.camssf.photo.dng.DngReader
@@ -131,11 +131,11 @@ class UnchangedTest {
         val corrections = mosaics.map { it.corrections }
         assertTrue(corrections.any { it.gainMaps.isNotEmpty() } && corrections.any { it.badPixels.isNotEmpty() })
         mosaics.forEachIndexed { i, mosaic -> vandalise(mosaic, "mosaic $i") }
-        val given = doubleArrayOf(0.5, 1.0, 0.7)
-        val neutral = Neutral(21, given)
+        val given = DoubleArray(9) { if (it % 4 == 0) 1.0 else 0.0 }
+        val matrix = ColourMatrix.of(21, given)!!
         given.fill(0.0)
-        assertEquals(0.7, neutral.white[2])
-        vandalise(neutral, "neutral")
+        assertEquals(1.0, matrix.values[8])
+        vandalise(matrix, "colour matrix")
         assertTrue(arrays >= 20 && lists >= 20, "$arrays arrays, $lists lists")
         val chart = DngSource.of(photo).use { DngReader.read(it) }
         vandalise(ChartPose.refine(chart, corners, ChartTable.read("classic24")), "pose")

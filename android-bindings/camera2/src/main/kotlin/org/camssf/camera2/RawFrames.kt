@@ -18,9 +18,9 @@ import org.camssf.NotSensorRaw
 import org.camssf.OutOfMemory
 import org.camssf.UnsupportedRaw
 import org.camssf.model.Sha256
+import org.camssf.photo.ColourMatrix
 import org.camssf.photo.GainMap
 import org.camssf.photo.Mosaic
-import org.camssf.photo.Neutral
 import org.camssf.photo.PhotoSource
 import org.camssf.photo.PhysicalCamera
 import org.camssf.photo.Region
@@ -264,7 +264,7 @@ public object RawFrames {
             colorMatrix1 = matrix(camera.get(SENSOR_COLOR_TRANSFORM1)),
             colorMatrix2 = matrix(camera.get(SENSOR_COLOR_TRANSFORM2)),
             asShotNeutral = neutral?.let { white -> DoubleArray(3) { white[it].toDouble() } },
-            neutrals = neutrals(camera),
+            colourMatrices = colourMatrices(camera),
         )
     }
 
@@ -368,14 +368,14 @@ public object RawFrames {
     private fun matrix(transform: ColorSpaceTransform?): DoubleArray? =
         transform?.let { each -> DoubleArray(9) { each.getElement(it % 3, it / 3).toDouble() } }
 
-    private fun neutrals(camera: CameraCharacteristics): List<Neutral> {
-        fun neutral(light: Int?, transform: ColorSpaceTransform?, own: ColorSpaceTransform?): Neutral? =
-            matrix(transform)?.let { Neutral.of(light ?: 0, it, matrix(own)) }
+    private fun colourMatrices(camera: CameraCharacteristics): List<ColourMatrix> {
+        fun of(light: Int?, transform: ColorSpaceTransform?, own: ColorSpaceTransform?): ColourMatrix? =
+            matrix(transform)?.let { ColourMatrix.of(light ?: 0, it, matrix(own)) }
         val first = camera.get(CameraCharacteristics.SENSOR_REFERENCE_ILLUMINANT1)
         val second = camera.get(CameraCharacteristics.SENSOR_REFERENCE_ILLUMINANT2)?.toInt()
         return listOfNotNull(
-            neutral(first, camera.get(SENSOR_COLOR_TRANSFORM1), camera.get(SENSOR_CALIBRATION_TRANSFORM1)),
-            neutral(second, camera.get(SENSOR_COLOR_TRANSFORM2), camera.get(SENSOR_CALIBRATION_TRANSFORM2)),
+            of(first, camera.get(SENSOR_COLOR_TRANSFORM1), camera.get(SENSOR_CALIBRATION_TRANSFORM1)),
+            of(second, camera.get(SENSOR_COLOR_TRANSFORM2), camera.get(SENSOR_CALIBRATION_TRANSFORM2)),
         )
     }
 

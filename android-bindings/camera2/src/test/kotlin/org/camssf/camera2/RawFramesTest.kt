@@ -256,9 +256,9 @@ class RawFramesTest {
         assertArrayEquals(file.colours.colorMatrix1, frame.colours.colorMatrix1, 1e-15)
         assertArrayEquals(file.colours.asShotNeutral, frame.colours.asShotNeutral, 0.0)
         assertArrayEquals(file.sensor.noiseProfile, frame.sensor.noiseProfile, 1e-18)
-        assertEquals(listOf(21), frame.colours.neutrals.map { it.illuminant })
-        assertEquals(listOf(21), file.colours.neutrals.map { it.illuminant })
-        assertArrayEquals(file.colours.neutrals[0].white, frame.colours.neutrals[0].white, 1e-15)
+        assertEquals(listOf("D65"), frame.colours.colourMatrices.map { it.light })
+        assertEquals(listOf("D65"), file.colours.colourMatrices.map { it.light })
+        assertArrayEquals(file.colours.colourMatrices[0].values, frame.colours.colourMatrices[0].values, 1e-15)
         assertEquals(4, file.corrections.gainMaps.size)
         for ((ours, theirs) in frame.corrections.gainMaps zip file.corrections.gainMaps) {
             assertArrayEquals(theirs.gains, ours.gains, 0f)

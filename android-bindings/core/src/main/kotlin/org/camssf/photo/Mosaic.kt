@@ -126,21 +126,21 @@ public class Mosaic(
      * @param colorMatrix2 (3, 3) row-major XYZ to camera, or null.
      * @param asShotNeutral (3) the camera's white, or null.
      * @param asShotWhiteXY (2) the same as chromaticity x, y, or null.
-     * @param neutrals the camera's white under the illuminant of each colour matrix.
+     * @param colourMatrices the matrices with the camera's own calibration and gains, each with its illuminant.
      */
     public class Colours @JvmOverloads constructor(
         colorMatrix1: DoubleArray? = null,
         colorMatrix2: DoubleArray? = null,
         asShotNeutral: DoubleArray? = null,
         asShotWhiteXY: DoubleArray? = null,
-        neutrals: List<Neutral> = emptyList(),
+        colourMatrices: List<ColourMatrix> = emptyList(),
     ) {
         private val ownMatrices = listOf(colorMatrix1?.copyOf(), colorMatrix2?.copyOf())
         private val ownNeutral = asShotNeutral?.copyOf()
         private val ownWhite = asShotWhiteXY?.copyOf()
 
         override fun toString(): String =
-            "Colours(asShotNeutral=${ownNeutral?.joinToString()}, neutrals=${this.neutrals})"
+            "Colours(asShotNeutral=${ownNeutral?.joinToString()}, colourMatrices=${this.colourMatrices})"
 
         /** (3, 3) row-major XYZ to camera, or null; a copy at each call. */
         public val colorMatrix1: DoubleArray? get() = ownMatrices[0]?.copyOf()
@@ -154,8 +154,8 @@ public class Mosaic(
         /** (2) the same as chromaticity x, y, or null; a copy at each call. */
         public val asShotWhiteXY: DoubleArray? get() = ownWhite?.copyOf()
 
-        /** The camera's white under the illuminant of each colour matrix. */
-        public val neutrals: List<Neutral> = neutrals.frozen()
+        /** The matrices with the camera's own calibration and gains, each with its illuminant. */
+        public val colourMatrices: List<ColourMatrix> = colourMatrices.frozen()
     }
 
     /** The metadata, without the samples. */

@@ -32,7 +32,7 @@ public class Photo internal constructor(
     public val make: String,
     public val model: String,
     public val sha256: String,
-    internal val neutrals: List<NamedNeutral> = emptyList(),
+    internal val colourMatrices: List<ColourMatrix> = emptyList(),
     public val camera: PhysicalCamera = PhysicalCamera(),
     public val captured: String = "",
     public val uniqueModel: String = "",
@@ -53,22 +53,15 @@ public class Photo internal constructor(
         @Throws(InterruptedException::class)
         public fun read(source: DngSource): Photo = DngReader.facts(source, null).let { of(it, it.origin.sha256) }
 
-        /** CIE illuminants by Exif's LightSource codes, which DNG uses for its colour matrices. */
-        internal val LIGHT_SOURCES =
-            mapOf(17 to "A", 18 to "B", 19 to "C", 20 to "D55", 21 to "D65", 22 to "D75", 23 to "D50")
-
         internal fun of(reading: Reading): Photo = of(reading.facts, reading.sha256)
 
         private fun of(facts: Facts, sha256: String): Photo = Photo(
             facts.name, facts.width, facts.height, facts.origin.orientation, facts.origin.exposure, facts.origin.iso,
             facts.corrections.gainMaps.isNotEmpty(), facts.origin.make, facts.origin.model, sha256,
-            facts.colours.neutrals.map { NamedNeutral(LIGHT_SOURCES.getValue(it.illuminant), it.white) },
+            facts.colours.colourMatrices,
             facts.origin.camera,
             facts.origin.captured,
             facts.origin.uniqueModel,
         )
     }
 }
-
-/** The camera's white (3) under a CIE illuminant, computed from the file's colour matrix. */
-internal class NamedNeutral(val light: String, val white: DoubleArray)

@@ -135,9 +135,9 @@ internal object SavedShot {
             "make" to JsonPrimitive(photo.make),
             "model" to JsonPrimitive(photo.model),
             "sha256" to JsonPrimitive(photo.sha256),
-            "neutrals" to JsonArray(
-                photo.neutrals.map {
-                    JsonObject(mapOf("light" to JsonPrimitive(it.light), "white" to array(it.white)))
+            "colour_matrices" to JsonArray(
+                photo.colourMatrices.map {
+                    JsonObject(mapOf("light" to JsonPrimitive(it.light), "values" to array(it.sharedValues)))
                 },
             ),
             "camera" to camera(photo.camera),
@@ -157,10 +157,10 @@ internal object SavedShot {
         entry.text("make"),
         entry.text("model"),
         entry.text("sha256"),
-        entry.getValue("neutrals").jsonArray.map { each ->
+        entry.getValue("colour_matrices").jsonArray.map { each ->
             val light = each.jsonObject.text("light")
-            require(light in Photo.LIGHT_SOURCES.values) { "a light called $light" }
-            NamedNeutral(light, each.jsonObject.numbers("white", 3))
+            require(light in ColourMatrix.WHITE_POINTS) { "a light called $light" }
+            ColourMatrix(light, each.jsonObject.numbers("values", 9))
         },
         cameraOf(entry.part("camera")),
         entry.text("captured"),

@@ -3,8 +3,8 @@ package org.camssf.recovery
 import org.camssf.Grid
 import org.camssf.InvalidArgument
 import org.camssf.Rules
+import org.camssf.spectra.Bundled
 import org.camssf.spectra.faded
-import kotlin.math.ln
 import kotlin.math.min
 import kotlin.math.sqrt
 
@@ -13,13 +13,11 @@ import kotlin.math.sqrt
  *
  * @property kinds of each shot, "" where its lamp was named.
  * @property observation with the lamps of these kinds.
+ * @property belief ln of its prior probability.
  */
-internal class LampGuess(val kinds: List<String>, val observation: Observation) {
+internal class LampGuess(val kinds: List<String>, val observation: Observation, val belief: Double) {
     /** The same with a chart that has faded by `amount`. */
-    fun faded(amount: Double): LampGuess = LampGuess(kinds, observation.faded(amount))
-
-    /** ln of its prior probability. */
-    val belief: Double get() = kinds.filter { it.isNotEmpty() }.sumOf { ln(Rules.shipped.number("lamp.$it")) }
+    fun faded(amount: Double): LampGuess = LampGuess(kinds, observation.faded(amount), belief)
 }
 
 /**
@@ -55,20 +53,21 @@ internal class AnyLight(
                 "Name the lamp, or take the basis phones.",
             )
         }
-        if (families.size == 1) return weighed(families, guesses, of)
+        val narrowed = narrowed(families, guesses)
+        if (families.size == 1) return weighed(narrowed, guesses, of)
         fun named(found: Ssf) = found.kinds.map { it.isEmpty() }
         fun engine(found: Ssf) = families.first { it.engine.basis == found.basis }.engine
         fun chosen(fading: Double): Pair<Ssf, FamilyTest> {
             val seen = guesses.map { it.faded(fading) }
-            val found = weighed(families, seen, faded(of, fading))
+            val found = weighed(narrowed, seen, faded(of, fading))
             val best = seen.first { it.kinds == found.kinds }
             tell()
-            val test = UnfamiliarCamera.test(engine(found), best.observation, found, named(found))
-            return found to test
+            val learned = Recover.recover(engine(found), best.observation, frames, penalties)
+            return found to UnfamiliarCamera.test(engine(found), best.observation, learned, named(found))
         }
         var answer = chosen(0.0)
         if (answer.second.passed) return answer.first.tested(answer.second, 0.0)
-        val fading = FadedChart.fading { evidence(guesses.map { guess -> guess.faded(it) }) }
+        val fading = FadedChart.fading { evidence(narrowed, guesses.map { guess -> guess.faded(it) }) }
         if (fading > 0.0) answer = chosen(fading)
         val (found, test) = answer
         if (test.passed) return found.tested(test, fading)
@@ -80,7 +79,7 @@ internal class AnyLight(
     }
 
     /** ln of the marginal likelihood of the signals, over all hypotheses. */
-    private fun evidence(guesses: List<LampGuess>): Double = Choice.logSum(
+    private fun evidence(families: List<Choice.Family>, guesses: List<LampGuess>): Double = Choice.logSum(
         families.flatMap { family ->
             guesses.map {
                 tell()
@@ -106,7 +105,7 @@ internal class AnyLight(
         val weights = Choice.posteriorWeights(compared)
         val least = min(SOLVED, weights.max())
         val kept = weights.indices.filter { weights[it] >= least }
-        val answers = kept.map { attempts[it].checkConverged() }
+        val answers = kept.map { answer(attempts[it].checkConverged(), hypotheses[it]) }
         val mixture = Mixture(answers, kept.map { weights[it] })
         val seen = kept.map { light(hypotheses[it]) }
         val lights = guesses[0].kinds.indices.map { j ->
@@ -122,6 +121,21 @@ internal class AnyLight(
         val own = answers.indices.filter { answers[it].basis == ssf.basis }
         val width = Mixture(own.map { answers[it] }, own.map { mixture.shares[it] }).halfWidth()
         return ssf.chosen(compared, lights, best.kinds, mixture.between(), width)
+    }
+
+    /**
+     * The answer of a hypothesis; one of a narrowed prior has the bands of the learned one.
+     *
+     * Under an unnamed light a wide prior draws the curves off the family's mean, since the signals determine only the
+     * product of light and curve; but a camera may be as far from that mean as the learned width says. The code is given
+     * in units of the learned width: s = μ + w Ψ x = μ + Ψ (w x).
+     */
+    private fun answer(found: Ssf, hypothesis: LampHypothesis): Ssf {
+        val scale = hypothesis.family.scale
+        if (scale >= 1.0) return found
+        tell()
+        val engine = hypothesis.family.engine
+        return found.withBandsOf(Recover.recover(engine, hypothesis.guess.observation, frames, penalties), scale)
     }
 
     /** Posterior of each shot's lamp under a hypothesis; its smooth error is expressed as modes too. */
@@ -152,7 +166,10 @@ internal class AnyLight(
             val off = seen[i].kelvin - kelvin
             shares[i] * (seen[i].kelvinVariance + off * off)
         }
-        val kinds = compared.groupBy { it.kinds[j] }.mapValues { (_, own) -> min(own.sumOf { it.probability }, 1.0) }
+        val shares = compared.groupBy { it.kinds[j] }.mapValues { (_, own) -> min(own.sumOf { it.probability }, 1.0) }
+        val kinds = Bundled.families.associateWith {
+            (1.0 - NO_KIND) * (shares[it] ?: 0.0) + NO_KIND / Bundled.families.size
+        }
         return EstimatedLamp(kinds, mean, std, kelvin, sqrt(spread))
     }
 
@@ -165,6 +182,38 @@ internal class AnyLight(
     }
 
     companion object {
+        /** Width of a phones' prior for the curves, relative to the learned one, where no light is named. */
+        private val NARROW get() = Rules.shipped.number("lamp.narrow")
+
+        /** Smallest probability, by its own shot alone, of a kind that is combined with those of other shots. */
+        private val SCREENED get() = Rules.shipped.number("lamp.screened")
+
+        /** The families, with a narrower prior of phones where no light is named. */
+        private fun narrowed(families: List<Choice.Family>, guesses: List<LampGuess>): List<Choice.Family> {
+            if (guesses.any { guess -> guess.kinds.any { it.isEmpty() } }) return families
+            return families.map {
+                val scale = if (Choice.MAKERS_OF[it.engine.basis] == "phones") NARROW else 1.0
+                Choice.Family(it.engine, scale * it.scale, it.belief)
+            }
+        }
+
+        /** The kinds of one shot's light that are probable enough to be combined with those of other shots. */
+        fun likelyKinds(families: List<Choice.Family>, guesses: List<LampGuess>, tell: () -> Unit): List<String> {
+            val hypotheses = narrowed(families, guesses).flatMap { family -> guesses.map { family to it } }
+            val likely = Choice.probabilities(
+                hypotheses.map { (family, guess) ->
+                    tell()
+                    Recover.logEvidence(family.engine, guess.observation, family.scale) + guess.belief + family.belief
+                },
+            )
+            return guesses.map { it.kinds[0] }.filter { kind ->
+                hypotheses.indices.filter { hypotheses[it].second.kinds[0] == kind }.sumOf { likely[it] } >= SCREENED
+            }
+        }
+
+        /** Prior probability of a light that is of no kind; any kind may be taken for it. */
+        private val NO_KIND get() = Rules.shipped.number("lamp.no_kind")
+
         /** Hypotheses of a smaller weight are left out of the mixture. */
         private val SOLVED get() = Rules.shipped.number("lamp.solved")
 

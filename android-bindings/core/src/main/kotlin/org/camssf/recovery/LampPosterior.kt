@@ -3,6 +3,7 @@ package org.camssf.recovery
 import org.camssf.Grid
 import org.camssf.Rules
 import org.camssf.mean
+import org.camssf.photo.correlatedTemperature
 import org.camssf.spectra.Bundled
 import org.camssf.spectra.Directions
 import kotlin.math.max
@@ -104,8 +105,7 @@ internal class LampPosterior private constructor(
         }
 
         /**
-         * Correlated colour temperature of a power (681), K, and its derivative (681), by McCamy (Color Res. Appl.
-         * 1992, 17, 142): T = -449 n³ + 3525 n² - 6823.3 n + 5520.33, n = (x - 0.3320) / (y - 0.1858), of CIE 1931.
+         * Correlated colour temperature of a power (681), K, and its derivative (681).
          */
         internal fun temperature(power: DoubleArray): Pair<Double, DoubleArray> {
             val functions = Bundled.observer()
@@ -113,13 +113,12 @@ internal class LampPosterior private constructor(
             val whole = xyz.sum()
             val (x, y) = xyz.map { it / whole }
             val n = (x - 0.3320) / (y - 0.1858)
-            val kelvin = ((-449.0 * n + 3525.0) * n - 6823.3) * n + 5520.33
             val rise = ((-1347.0 * n + 7050.0) * n - 6823.3) / ((y - 0.1858) * whole)
             val slope = DoubleArray(Grid.SIZE) { m ->
                 val all = functions.sumOf { it[m] }
                 rise * (functions[0][m] - x * all - n * (functions[1][m] - y * all))
             }
-            return kelvin to slope
+            return correlatedTemperature(xyz.toDoubleArray()) to slope
         }
     }
 }

@@ -250,6 +250,18 @@ public class Ssf internal constructor(
         return copy(curves = seen)
     }
 
+    /** This answer of a prior `scale` times as wide as that of `wide`, with the bands of `wide` and in its units. */
+    internal fun withBandsOf(wide: Ssf, scale: Double): Ssf {
+        val bands = List(3) { wide.deviation(it)!! }
+        val peaks = List(3) { peak(it) }
+        val std = DoubleArray(3 * Grid.SIZE) { bands[it % 3][it / 3] * peaks[it % 3] }
+        val code = DoubleArray(sharedCode.size) { scale * sharedCode[it] }
+        val own = Curves(
+            sharedValues, std, code, wide.sharedCodeCovariance, sharedPredicted, sharedLamp, sharedGainCode,
+        )
+        return Ssf(own, proof, sharedGain, sharedGamma, l2, basis, wide.priorScale, choice)
+    }
+
     /** The answer with the hypotheses that it was chosen among, and the estimated lights. */
     internal fun chosen(
         choice: List<Hypothesis>,

@@ -121,16 +121,27 @@ internal object Bundled {
         val entry = file.part("families").part(name)
         val tolerance = entry.number("tolerance")
         if ("formula" in entry) {
-            val daylight = entry.text("formula") == "daylight"
             val centre = entry.number("centre")
             val spread = entry.number("spread")
-            val formula: (Double) -> DoubleArray = if (daylight) ::daylight else ::planck
             return Family(
-                formula(centre),
-                listOf(temperatureMode(formula, centre, spread)),
-                "${if (daylight) "CIE daylight" else "Planck"}, ${short(centre)} ± ${short(spread)} K",
+                planck(centre),
+                listOf(temperatureMode(::planck, centre, spread)),
+                "Planck, ${short(centre)} ± ${short(spread)} K",
                 tolerance,
             )
+        }
+        if ("mean" in entry) {
+            fun onGrid(row: DoubleArray) = Interpolation.linear(
+                Interpolation.nodes(entry.number("start"), entry.number("step"), row.size),
+                row,
+            )
+            val power = onGrid(entry.numbers("mean"))
+            val least = entry.number("dimmest") * power.max()
+            val modes = entry.list("modes").map { row ->
+                onGrid(numbers(row)).let { mode -> DoubleArray(Grid.SIZE) { mode[it] / max(power[it], least) } }
+            }
+            val source = "mean and ${modes.size} principal components of ${entry.text("source")}"
+            return Family(power, modes, source, tolerance)
         }
         val members = entry.list("members").map { scaled(illuminant(it.jsonPrimitive.content)) }
         val power = DoubleArray(Grid.SIZE) { m -> members.sumOf { it[m] } / members.size }

@@ -3,8 +3,10 @@ package org.camssf.spectra
 import org.camssf.Grid
 import org.camssf.InvalidArgument
 import org.camssf.LampUnfit
+import org.camssf.Rules
 import org.camssf.short
 import kotlin.math.hypot
+import kotlin.math.ln
 
 /**
  * The relative spectral power distribution of a shot's light, or an unnamed light ([auto]). Safe to pass between
@@ -27,6 +29,8 @@ public class Lamp internal constructor(
     public val file: SourceFile? = null,
     public val toleranceKelvin: Double? = null,
     internal val kinds: List<Lamp> = emptyList(),
+    /** ln of the prior probability of each of [kinds]. */
+    internal val logPrior: List<Double> = kinds.map { ln(Rules.shipped.number("lamp.${it.name}")) },
 ) {
     override fun toString(): String = if (unnamed) "Lamp($name)" else "Lamp($name, tolerance=${short(tolerance)})"
 
@@ -44,6 +48,10 @@ public class Lamp internal constructor(
 
     /** Directions (681) of the relative error of L, each one standard deviation long; copies at each call. */
     public val modes: List<DoubleArray> get() = sharedModes.map { it.copyOf() }
+
+    /** An unnamed light with these kinds. */
+    internal fun withKinds(kinds: List<Lamp>, logPrior: List<Double>): Lamp =
+        Lamp(name, given, tolerance, sharedModes, source, file, toleranceKelvin, kinds, logPrior)
 
     /**
      * Returns the lamp with another tolerance: `2%`, `300K`, or both, `300K,1%`.
@@ -114,8 +122,8 @@ public class Lamp internal constructor(
         /**
          * An unnamed light, for photos taken with a phone. The calibration infers its kind (daylight, bulb, white LED
          * or fluorescent) from the signals and returns it in [org.camssf.recovery.Ssf.lights]. A camera that may not
-         * be a phone is refused with advice which lamp to name. At most two shots of a capture may have an unnamed
-         * light; the number of model runs is multiplied by 4 for one of them and by 16 for two.
+         * be a phone is refused with advice which lamp to name. At most three shots of a capture may have an unnamed
+         * light.
          */
         @JvmStatic
         public fun auto(): Lamp = Lamp(

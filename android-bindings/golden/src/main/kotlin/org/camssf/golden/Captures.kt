@@ -5,6 +5,7 @@ import kotlinx.serialization.json.JsonElement
 import kotlinx.serialization.json.JsonNull
 import kotlinx.serialization.json.JsonPrimitive
 import kotlinx.serialization.json.boolean
+import kotlinx.serialization.json.double
 import kotlinx.serialization.json.int
 import kotlinx.serialization.json.jsonArray
 import kotlinx.serialization.json.jsonObject
@@ -16,6 +17,7 @@ import org.camssf.Settings
 import org.camssf.Solve
 import org.camssf.Tell
 import org.camssf.photo.ChartPose
+import org.camssf.photo.ColourMatrix
 import org.camssf.photo.LensShading
 import org.camssf.photo.MeasuredCapture
 import org.camssf.photo.MeasuredShot
@@ -148,6 +150,12 @@ internal class Captures(private val forms: Forms, private val frames: Statistics
         )
         val (make, model) = listOf("make", "model").map { (case.inputs[it] as? JsonPrimitive)?.content ?: "golden" }
         val photo = Photo("golden", 600, 400, 1, null, null, false, make, model, "")
+        fun matrices(j: Int) = (case.inputs["colour_matrices"] as? JsonArray)?.get(j)?.jsonArray.orEmpty().map { each ->
+            val values = each.jsonObject.getValue("values").jsonArray.map { it.jsonPrimitive.double }
+            ColourMatrix(each.jsonObject.getValue("light").jsonPrimitive.content, values.toDoubleArray())
+        }
+        fun with(matrices: List<ColourMatrix>) =
+            Photo("golden", 600, 400, 1, null, null, false, make, model, "", matrices)
         val (lamp, modes, tolerance) = listOf("lamp", "lamp_modes", "lamp_tolerance").map { given(it) }
         val unnamed = (case.inputs["unnamed"] as? JsonArray).orEmpty().map { it.jsonPrimitive.int }
         val shots = case.inputs.getValue("shots").jsonArray.mapIndexed { j, entry ->
@@ -156,7 +164,7 @@ internal class Captures(private val forms: Forms, private val frames: Statistics
             val named = Lamp("golden", row(lamp, j), tolerance.values[j], own, "golden/spectra")
             val light = if (j + 1 in unnamed) Lamp.auto() else named
             val (white, dark) = listOf(means.white, means.dark).map { frame -> photo.takeIf { frame != null } }
-            MeasuredShot(light, photo, white, dark, pose, means, LensShading.AS_STORED)
+            MeasuredShot(light, with(matrices(j)), white, dark, pose, means, LensShading.AS_STORED)
         }
         return MeasuredCapture(shots, table, maybe(case, "white_reflectance"))
     }

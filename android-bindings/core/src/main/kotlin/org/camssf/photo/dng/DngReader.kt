@@ -125,7 +125,7 @@ public object DngReader {
                 colorMatrix2 = finite(tiff, first, Tag.COLOR_MATRIX_2, 9),
                 asShotNeutral = finite(tiff, first, Tag.NEUTRAL, 3)?.takeIf { it.all { value -> value > 0 } },
                 asShotWhiteXY = finite(tiff, first, Tag.WHITE_XY, 2)?.takeIf { it.all { value -> value > 0 } },
-                neutrals = neutrals(tiff, first),
+                colourMatrices = colourMatrices(tiff, first),
             )
             return Facts(
                 origin,

@@ -166,12 +166,12 @@ class TagsTest {
             50778 to Value.short(21),
             50779 to Value.short(17),
         )
-        val (day, bulb) = read(first = first).colours.neutrals
-        assertEquals(listOf(21, 17), listOf(day.illuminant, bulb.illuminant))
+        val (day, bulb) = read(first = first).colours.colourMatrices
+        assertEquals(listOf("D65", "A"), listOf(day.light, bulb.light))
         assertArrayEquals(doubleArrayOf(2 * 0.950430, 1.0, 2 * 1.088806), day.white, 1e-5)
         assertArrayEquals(doubleArrayOf(4 * 1.098490, 1.0, 6 * 0.355798), bulb.white, 1e-5)
         val other = read(first = first + (50778 to Value.short(255)) + (50779 to Value.short(0)))
-        assertTrue(other.colours.neutrals.isEmpty())
+        assertTrue(other.colours.colourMatrices.isEmpty())
     }
 
     @Test

@@ -1,12 +1,9 @@
 package org.camssf.photo.dng
 
-import org.camssf.photo.Neutral
+import org.camssf.photo.ColourMatrix
 
-/**
- * The camera's white under the illuminant of each of the file's colour matrices, AnalogBalance included (DNG 1.7,
- * chapter 6).
- */
-internal fun neutrals(tiff: Tiff, first: Directory): List<Neutral> {
+/** The file's colour matrices, CameraCalibration and AnalogBalance included (DNG 1.7, chapter 6). */
+internal fun colourMatrices(tiff: Tiff, first: Directory): List<ColourMatrix> {
     val gains = finite(tiff, first, Tag.ANALOG_BALANCE, 3) ?: doubleArrayOf(1.0, 1.0, 1.0)
     return listOf(
         Triple(Tag.COLOR_MATRIX_1, Tag.CALIBRATION_1, Tag.ILLUMINANT_1),
@@ -14,6 +11,6 @@ internal fun neutrals(tiff: Tiff, first: Directory): List<Neutral> {
     ).mapNotNull { (matrix, calibration, light) ->
         val toCamera = finite(tiff, first, matrix, 9) ?: return@mapNotNull null
         val own = finite(tiff, first, calibration, 9)
-        Neutral.of(tiff.one(first, light, 0).toInt(), toCamera, own, gains)
+        ColourMatrix.of(tiff.one(first, light, 0).toInt(), toCamera, own, gains)
     }
 }

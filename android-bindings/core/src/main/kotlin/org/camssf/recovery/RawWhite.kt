@@ -1,0 +1,150 @@
+package org.camssf.recovery
+
+import org.camssf.Grid
+import org.camssf.LeastSquares
+import org.camssf.Rules
+import org.camssf.colour.Symmetric
+import org.camssf.photo.ColourMatrix
+import org.camssf.photo.correlatedTemperature
+import org.camssf.spectra.Bundled
+import org.camssf.spectra.Directions
+import org.camssf.spectra.Lamp
+import kotlin.math.PI
+import kotlin.math.ln
+import kotlin.math.max
+
+/**
+ * Narrows the kinds of an unnamed light by the chromaticity of the raw white (docs/maths.md, "The raw white"). A kind
+ * whose chromaticities do not reach the white's keeps its lamp, and has the probability of wrong colour matrices.
+ * Python's camssf.recovery.raw_white.
+ */
+internal object RawWhite {
+    /** Steps of the interpolation between two matrices, as in the DNG specification. */
+    private const val STEPS = 30
+
+    /** Linearisations of the chromaticity of a lamp by its modes. */
+    private const val EXPANSIONS = 3
+
+    /** Limits of the temperature that interpolates the matrices, K. */
+    private val KELVIN = 1500.0..25_000.0
+    private const val DARKEST = 0.02
+
+    /** D = X + 15 Y + 3 Z of u' = 4 X / D and v' = 9 Y / D. */
+    private val DIVISOR = doubleArrayOf(1.0, 15.0, 3.0)
+    private val SCALE = doubleArrayOf(4.0, 9.0)
+
+    /**
+     * The unnamed light with its kinds narrowed by the raw white; as given if the file has no usable matrix.
+     *
+     * @param white (3) raw values of the white, black level subtracted, any scale.
+     * @param matrices of the file, one or two.
+     * @param reflectance (681) of the white.
+     */
+    fun given(light: Lamp, white: DoubleArray, matrices: List<ColourMatrix>, reflectance: DoubleArray): Lamp {
+        val measured = chromaticity(white, matrices) ?: return light
+        val right = ln(Rules.shipped.number("lamp.matrix_right"))
+        val wrong = ln((1.0 - Rules.shipped.number("lamp.matrix_right")) / Rules.shipped.number("lamp.white_area"))
+        val found = light.kinds.mapIndexed { i, kind ->
+            val (narrowed, logDensity) = narrow(kind, measured, reflectance)
+            val prior = light.logPrior[i] + Choice.logSum(listOf(right + logDensity, wrong))
+            (if (right + logDensity > wrong) narrowed else kind) to prior
+        }
+        return light.withKinds(found.map { it.first }, found.map { it.second })
+    }
+
+    /**
+     * u'v' (2), CIE 1976, of a raw white (3); null if the matrices give no chromaticity. Two matrices are interpolated
+     * by the inverse of the white's own temperature (DNG 1.7, chapter 6), which iteration finds.
+     */
+    fun chromaticity(white: DoubleArray, matrices: List<ColourMatrix>): DoubleArray? {
+        val first = matrices.firstOrNull() ?: return null
+        val second = matrices.last()
+        var kelvin = 5000.0
+        var xyz = DoubleArray(3)
+        repeat(STEPS) {
+            val share = if (first.kelvin == second.kelvin) {
+                1.0
+            } else {
+                val part = (1.0 / kelvin - 1.0 / second.kelvin) / (1.0 / first.kelvin - 1.0 / second.kelvin)
+                part.coerceIn(0.0, 1.0)
+            }
+            val mixed = Array(3) { row ->
+                DoubleArray(3) {
+                    share * first.sharedValues[3 * row + it] + (1.0 - share) * second.sharedValues[3 * row + it]
+                }
+            }
+            xyz = LeastSquares.solve(mixed, white) ?: return null
+            if (!xyz.all { it > 0 }) return null
+            kelvin = correlatedTemperature(xyz).coerceIn(KELVIN)
+        }
+        return uv(xyz)
+    }
+
+    /**
+     * The lamp given u'v' (2) of its white, and ln of the probability density of these.
+     *
+     * L = L₀ (1 + Σ u m), u ~ N(0, I), and u'v' = f(L) + e with e ~ N(0, E), E = σ² I plus the part of the lamp's smooth
+     * tolerance. Linearised at its own answer: H = ∂f / ∂u, S = H Hᵀ + E, û = Hᵀ S⁻¹ (u'v' - f + H û), and u has the
+     * covariance I - Hᵀ S⁻¹ H.
+     */
+    fun narrow(lamp: Lamp, measured: DoubleArray, reflectance: DoubleArray): Pair<Lamp, Double> {
+        val modes = lamp.sharedModes
+        val values = lamp.sharedValues
+        val functions = Bundled.observer().map { own -> DoubleArray(Grid.SIZE) { reflectance[it] * own[it] } }
+        val smooth = Directions.of(Rules.shipped.number("covariance.lamp_correlation")).columns
+        val error = Rules.shipped.number("lamp.white_error_${lamp.name}")
+        var code = DoubleArray(modes.size)
+        var factor = DoubleArray(Grid.SIZE) { 1.0 }
+        var gain = emptyList<DoubleArray>()
+        var slope = emptyList<DoubleArray>()
+        var logDensity = 0.0
+        repeat(EXPANSIONS) {
+            val power = DoubleArray(Grid.SIZE) { values[it] * factor[it] }
+            val at = uv(xyz(power, functions))
+            slope = modes.map { mode -> slope(power, functions) { values[it] * mode[it] } }
+            val loose = smooth.map { column -> slope(power, functions) { power[it] * (lamp.tolerance * column[it]) } }
+            val spread = Array(2) { a ->
+                DoubleArray(2) { b ->
+                    (slope + loose).sumOf { it[a] * it[b] } + if (a == b) error * error else 0.0
+                }
+            }
+            val det = spread[0][0] * spread[1][1] - spread[0][1] * spread[1][0]
+            fun solve(v: DoubleArray) = doubleArrayOf(
+                (spread[1][1] * v[0] - spread[0][1] * v[1]) / det,
+                (spread[0][0] * v[1] - spread[1][0] * v[0]) / det,
+            )
+            val off = DoubleArray(2) { a -> measured[a] - at[a] + code.indices.sumOf { code[it] * slope[it][a] } }
+            gain = slope.map { solve(it) }
+            code = DoubleArray(modes.size) { gain[it][0] * off[0] + gain[it][1] * off[1] }
+            factor = DoubleArray(Grid.SIZE) { m -> max(1.0 + modes.indices.sumOf { code[it] * modes[it][m] }, DARKEST) }
+            val solved = solve(off)
+            logDensity = -0.5 * (off[0] * solved[0] + off[1] * solved[1] + ln(4.0 * PI * PI * det))
+        }
+        val left = Array(modes.size) { a ->
+            DoubleArray(modes.size) { b ->
+                (if (a == b) 1.0 else 0.0) - (gain[a][0] * slope[b][0] + gain[a][1] * slope[b][1])
+            }
+        }
+        val root = checkNotNull(Symmetric.root(left)) { "a covariance below zero" }
+        val narrowed = modes.indices.map { b ->
+            DoubleArray(Grid.SIZE) { m -> (b until modes.size).sumOf { root[it][b] * modes[it][m] } / factor[m] }
+        }
+        val power = DoubleArray(Grid.SIZE) { values[it] * factor[it] }
+        return Lamp(lamp.name, Bundled.scaled(power), lamp.tolerance, narrowed, lamp.source) to logDensity
+    }
+
+    private fun xyz(power: DoubleArray, functions: List<DoubleArray>): DoubleArray =
+        DoubleArray(3) { i -> (0 until Grid.SIZE).sumOf { power[it] * functions[i][it] } }
+
+    private fun divisor(xyz: DoubleArray): Double = (0..2).sumOf { xyz[it] * DIVISOR[it] }
+
+    private fun uv(xyz: DoubleArray): DoubleArray = DoubleArray(2) { xyz[it] * SCALE[it] / divisor(xyz) }
+
+    /** Change (2) of u'v' of a power by a change of it. */
+    private inline fun slope(power: DoubleArray, functions: List<DoubleArray>, change: (Int) -> Double): DoubleArray {
+        val whole = xyz(power, functions)
+        val moved = xyz(DoubleArray(Grid.SIZE) { change(it) }, functions)
+        val at = uv(whole)
+        return DoubleArray(2) { (moved[it] * SCALE[it] - at[it] * divisor(moved)) / divisor(whole) }
+    }
+}

@@ -1,0 +1,123 @@
+"""Kinds of lamps by formula, for data/spectra.json: lamps drawn at random, their mean and principal components.
+
+`daylight` is CIE daylight (CIE 15) from a late afternoon to a blue sky: the reciprocal temperature is N(155, 38) per
+megakelvin, so 6,500 K, and 95 in 100 between 4,400 and 12,600 K; the extremes are 4,200 and 23,800 K.
+
+`white-led` is a blue (or rarely violet) pump and phosphors, their amplitudes such that the light is white (within
+0.012 of the Planckian or daylight locus) and has a temperature of 2,500 to 8,000 K. Shapes: the pump by Ohno (Opt.
+Eng. 2005, 44, 111302), S = (g + 2 g⁵) / 3 with g = exp(-((λ - λ₀) / Δλ)²); YAG:Ce and nitride phosphors as a Gaussian
+over the wavenumber, their peaks and widths in the ranges of Ye et al. (Mater. Sci. Eng. R 2010, 71, 1); K₂SiF₆:Mn⁴⁺
+by its five lines. No measured lamp was used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from camssf.grid import WAVELENGTHS, Floats
+from camssf.recovery.basis import NODES
+from camssf.recovery.raw_white import uv
+from camssf.recovery.unnamed_light import temperature
+from camssf.spectra.bundled import daylight, planck
+from camssf.spectra.families import DIMMEST
+from camssf.spectra.surfaces import observer
+
+SEED = 2026
+DRAWS = 500
+COMPONENTS = {"daylight": 2, "white-led": 8}
+TOLERANCES = {"daylight": 0.04, "white-led": 0.10}
+"""Smooth errors of the drawn lamps: daylight has leaves, walls and windows; LEDs have other phosphors."""
+DECIMALS = 7
+KSF = ((609.0, 0.10), (613.5, 0.35), (630.5, 1.0), (634.5, 0.55), (648.0, 0.20))
+"""Lines of K₂SiF₆:Mn⁴⁺, nm, and their heights; 2 nm wide (one standard deviation)."""
+OFF_WHITE = 0.012
+"""Largest distance from the locus of white light, CIE 1960 u, v."""
+
+
+def drawn_kind(kind: str) -> dict[str, Any]:
+    """A kind as data/spectra.json has it: mean (69,) and modes times the mean (q, 69) on 5-nm nodes, tolerance."""
+    random = np.random.RandomState(SEED)  # NumPy keeps its stream the same in all versions
+    draw = daylights if kind == "daylight" else white_leds
+    source = draw(random)
+    lamps = np.stack([next(source) for _ in range(DRAWS)])
+    lamps = lamps / lamps.mean(axis=1, keepdims=True)
+    mean = lamps.mean(axis=0)
+    _, size, directions = np.linalg.svd(lamps - mean, full_matrices=False)
+    q = COMPONENTS[kind]
+    modes = size[:q, None] * directions[:q] / np.sqrt(DRAWS - 1)
+    modes *= np.sign(np.take_along_axis(modes, np.abs(modes).argmax(axis=1)[:, None], axis=1))
+    return {
+        "drawn": DRAWS,
+        "dimmest": DIMMEST,
+        "tolerance": TOLERANCES[kind],
+        "start": float(NODES[0]),
+        "step": float(NODES[1] - NODES[0]),
+        "mean": np.round(mean[::10], DECIMALS).tolist(),
+        "modes": np.round(modes[:, ::10], DECIMALS).tolist(),
+    }
+
+
+def daylights(random: np.random.RandomState) -> Iterator[Floats]:
+    """Powers (681,) of daylight."""
+    while True:
+        reciprocal = random.normal(155.0, 38.0)
+        if 42.0 <= reciprocal <= 238.0:
+            yield daylight(1e6 / reciprocal)
+
+
+def white_leds(random: np.random.RandomState) -> Iterator[Floats]:
+    """Powers (681,) of white LEDs."""
+    while True:
+        kelvin = float(np.exp(random.uniform(np.log(2500.0), np.log(8000.0))))
+        pump = led(random.normal(452.0, 5.0), random.uniform(12.0, 20.0))
+        if random.uniform() < 0.05:
+            pump = 1.2 * led(random.normal(412.0, 8.0), random.uniform(9.0, 14.0))
+            pump = pump + random.uniform(0.3, 0.8) * phosphor(random.normal(460.0, 8.0), random.uniform(40.0, 60.0))
+        yellow = phosphor(random.normal(555.0, 13.0), random.uniform(90.0, 135.0))
+        chance = random.uniform()
+        if chance < 0.15:
+            red = random.uniform(1.0, 3.0) * sum(
+                height * np.exp(-0.5 * ((WAVELENGTHS - line) / 2.0) ** 2) for line, height in KSF
+            )
+        elif chance < 0.25:
+            red = 1.5 * led(random.normal(628.0, 8.0), random.uniform(10.0, 14.0))
+        else:
+            red = phosphor(random.normal(622.0, 14.0), random.uniform(70.0, 105.0))
+        warm = kelvin < 4500.0
+        share = random.uniform(0.0, 1.4 if warm else 0.7) * (warm or random.uniform() < 0.7)
+        power = balanced(pump, yellow + share * red, kelvin)
+        if abs(float(temperature(power)) - kelvin) < 100.0 and off_white(power) < OFF_WHITE:
+            yield power
+
+
+def led(peak: float, width: float) -> Floats:
+    """The light of a LED (681,): Ohno's model."""
+    g = np.exp(-(((WAVELENGTHS - peak) / width) ** 2))
+    return np.asarray((g + 2.0 * g**5) / 3.0)
+
+
+def phosphor(peak: float, width: float) -> Floats:
+    """The emission of a phosphor (681,), `width` nm wide at half of its height: a Gaussian over the wavenumber."""
+    deviation = width / peak**2 / 2.3548
+    return np.asarray(np.exp(-0.5 * ((1.0 / WAVELENGTHS - 1.0 / peak) / deviation) ** 2))
+
+
+def balanced(pump: Floats, rest: Floats, kelvin: float) -> Floats:
+    """So much of the pump that the light has this temperature, by bisection."""
+    least, most = 0.01, 20.0
+    for _ in range(22):
+        middle = np.sqrt(least * most)
+        found = float(temperature(middle * pump + rest))
+        least, most = (least, middle) if found > kelvin or found < 0.0 else (middle, most)
+    return np.asarray(least * pump + rest)
+
+
+def off_white(power: Floats) -> float:
+    """Distance from Planck's light, or from daylight above 4,900 K, of the same temperature, CIE 1960 u, v."""
+    kelvin = float(temperature(power))
+    white = daylight(kelvin) if kelvin > 4900.0 else planck(kelvin)
+    off = (uv(power @ observer("1931")) - uv(white @ observer("1931"))) * np.array([1.0, 2.0 / 3.0])
+    return float(np.hypot(*off))
