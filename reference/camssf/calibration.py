@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
 from dataclasses import replace
+from os import PathLike
+from pathlib import Path
 from typing import TypeVar
 
+from camssf.documents.previous import PreviousResult
+from camssf.documents.result_json import document_bytes, read_document
 from camssf.errors import CalibrationError, InvalidArgument
+from camssf.files import local
 from camssf.fit.capture_fit import prepare_fit
 from camssf.fit.chart_table import likeliest_table
 from camssf.fit.cross_validation import cross_validate, score
@@ -15,11 +21,13 @@ from camssf.fit.uncertainty import uncertainty_budget
 from camssf.options import DEFAULTS, Options
 from camssf.photo.capture import Capture, Progress, Record, measure
 from camssf.photo.shot import Shots
-from camssf.result import Calibration, Refusal
-from camssf.spectra import CameraLike, ChartLike, LightLike, read_camera
+from camssf.photo.signals import Assumption
+from camssf.result import Calibration, Refusal, Result
+from camssf.spectra import CameraCurves, CameraLike, ChartLike, LightLike, read_camera
 from camssf.verdict.assumptions import assume
-from camssf.verdict.reasons import refusal
+from camssf.verdict.reasons import Reason, Verdict, refusal
 from camssf.verdict.rival_lamps import weigh
+from camssf.verdict.unit_drift import contradiction
 
 Product = TypeVar("Product")
 
@@ -112,22 +120,30 @@ def solve(
     if record is not None:
         record.note(capture)
     known = None if truth is None else read_camera(truth)
+    if options.previous is not None:
+        return _solve_with(read_previous(options.previous), capture, options, known, tell)
+    return _solve(capture, options, known, tell)
+
+
+def _solve(
+    capture: Capture, options: Options, truth: CameraCurves | None, tell: Progress, new: int | None = None
+) -> Calibration:
+    """Compute curves, scores and verdict; `new` is the number of new shots before those of a previous result."""
     tell("solving", 0.9)
     fit = prepare_fit(capture, options)
     signals = fit.signals
     ssf = recover_fit(fit, signals.used, options.gamma)
     table = likeliest_table(fit, ssf)
     if table is not capture.chart:
-        other = replace(capture, chart=table)
-        return solve(other, options=options, truth=truth, progress=progress, record=record)
+        return _solve(replace(capture, chart=table), options, truth, tell, new)
     free_fit, fit = fit, fit.conditioned_on(ssf)
     tell("validating", 0.95)
     predicted_std = prediction_bands(fit, signals.used, ssf)
     unseen = cross_validate(fit, ssf, predicted_std)
-    scores = score(fit, ssf, unseen, known)
+    scores = score(fit, ssf, unseen, truth)
     alone = recover_each_shot(fit)
     uncertainty = uncertainty_budget(fit, ssf, alone)
-    verdict = weigh(free_fit, ssf, alone)
+    verdict = weigh(free_fit, ssf, alone, new)
     if verdict.status == "refused":
         raise refusal(verdict)
     level = fit.level(ssf)
@@ -141,7 +157,59 @@ def solve(
         unseen_std=unseen.std,
         scores=scores,
         verdict=verdict,
-        truth=known,
+        truth=truth,
         assumptions=signals.assumptions + assume(capture, ssf, level),
         uncertainty=uncertainty,
     )
+
+
+def read_previous(given: str | PathLike[str] | Result) -> PreviousResult:
+    """The previous result, from its file or as a result.
+
+    Raises:
+        InvalidArgument: the file cannot be read or is no result.
+    """
+    if isinstance(given, Result):
+        document = given.document()
+        return PreviousResult("(given)", hashlib.sha256(document_bytes(document)).hexdigest(), document)
+    document = read_document(Path(given))
+    return PreviousResult(Path(given).name, hashlib.sha256(local(given).read_bytes()).hexdigest(), document)
+
+
+def _solve_with(
+    previous: PreviousResult, capture: Capture, options: Options, truth: CameraCurves | None, tell: Progress
+) -> Calibration:
+    """Solve together with the shots of a previous result; if they contradict the new ones, the new ones alone.
+
+    Raises:
+        InvalidArgument: options for which there is no previous result; else as `PreviousResult.joined`.
+    """
+    if options.light_per_patch is not None or prepare_fit(capture, options).exact:
+        raise InvalidArgument(
+            "A previous result cannot be used on a basis without a prior, or with `light_per_patch`.",
+            "Leave one of the two out.",
+        )
+    capture = replace(capture, files=capture.files | {f"previous result: {previous.name}": previous.sha256})
+    new, joint = len(capture.shots), previous.joined(capture)
+    refused = None
+    try:
+        found = _solve(joint, options, truth, tell, new)
+    except InvalidArgument:
+        raise
+    except CalibrationError as error:
+        checks = error.checks
+        refused = Reason(error.code, error.message, error.advice, error.value, error.threshold)
+    else:
+        checks = found.verdict.checks
+        if contradiction(checks, ()) is None:
+            used = Assumption(
+                "previous_result",
+                f"the shots after number {new} are those of {previous.name}: same unit, same chart.",
+            )
+            return replace(found, assumptions=(*found.assumptions, used))
+    alone = _solve(capture, options, truth, tell)
+    why = contradiction(checks, alone.verdict.checks) or refused
+    if why is None:  # the new photos alone do not fit either, and their verdict says so
+        return alone
+    verdict = alone.verdict
+    return replace(alone, verdict=Verdict("doubtful", (why, *verdict.reasons), verdict.checks))

@@ -38,7 +38,8 @@ def gain_modes(capture: Capture, per_patch: float | None) -> tuple[Floats, float
         return np.repeat(each[None], len(shots), axis=0), 0.0
     if framed:
         return np.zeros((len(shots), 0, n)), 0.0
-    return np.stack([smooth_modes(shot.pose, white) for shot in shots]), OWN
+    # A shot that has had a white frame is even already (`documents.previous.evened`).
+    return np.stack([smooth_modes(shot.pose, white) * (shot.white is None) for shot in shots]), OWN
 
 
 def patch_modes(n: int, size: float, white: int | None) -> Floats:
