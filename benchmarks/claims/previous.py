@@ -73,7 +73,7 @@ def moved(low: float, high: float) -> Callable[[Floats], Floats]:
 
 def yellowed(curves: Floats) -> Floats:
     """Behind a lens that takes LOST of the light at 420 nm and less towards the red."""
-    left = 1.0 - LOST * np.exp(-((WAVELENGTHS - 380.0) / 60.0) ** 2) / np.exp(-((420.0 - 380.0) / 60.0) ** 2)
+    left = 1.0 - LOST * np.exp(-(((WAVELENGTHS - 380.0) / 60.0) ** 2)) / np.exp(-(((420.0 - 380.0) / 60.0) ** 2))
     return np.asarray(curves * left[:, None])
 
 

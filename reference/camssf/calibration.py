@@ -27,7 +27,7 @@ from camssf.spectra import CameraCurves, CameraLike, ChartLike, LightLike, read_
 from camssf.verdict.assumptions import assume
 from camssf.verdict.reasons import Reason, Verdict, refusal
 from camssf.verdict.rival_lamps import weigh
-from camssf.verdict.unit_drift import contradiction
+from camssf.verdict.unit_drift import DRIFT, contradiction
 
 Product = TypeVar("Product")
 
@@ -212,4 +212,5 @@ def _solve_with(
     if why is None:  # the new photos alone do not fit either, and their verdict says so
         return alone
     verdict = alone.verdict
-    return replace(alone, verdict=Verdict("doubtful", (why, *verdict.reasons), verdict.checks))
+    drift = tuple(check for check in checks if check.name == DRIFT)
+    return replace(alone, verdict=Verdict("doubtful", (why, *verdict.reasons), (*verdict.checks, *drift)))

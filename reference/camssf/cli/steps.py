@@ -25,6 +25,7 @@ from camssf.cli.options import (
     LightPerPatch,
     OutFolder,
     Photos,
+    Previous,
     Signed,
     Truth,
     WhiteReflectance,
@@ -100,6 +101,7 @@ def solve(
     gamma: Gamma = None,
     engine: Engine = "onnx",
     light_per_patch: LightPerPatch = None,
+    previous: Previous = None,
     truth: Truth = None,
 ) -> None:
     """Patches to curves: JSON in, JSON out.
@@ -126,6 +128,7 @@ def solve(
         gamma=gamma,
         engine=engine,
         light_per_patch=parse_percent("--light-per-patch", light_per_patch),
+        previous=previous,
     )
     with progress_bar() as progress:
         result = product_of(

@@ -80,7 +80,7 @@ class PreviousResult:
         if theirs["name"] != ours.name or theirs["layout"] != ours.layout or files[0] != files[1]:
             raise InvalidArgument(
                 f"The previous result {self.name} was measured on the chart {theirs['name']}, not on {ours.name}.",
-                "Photograph the same chart again, and give the same --chart.",
+                "Photograph the same chart again, and give the same table.",
             )
 
     def _check_unit(self, photo: Photo) -> None:
@@ -88,13 +88,11 @@ class PreviousResult:
         camera, stored = self.document["camera"], self.document["shots"][0]["photo"]
         pairs = [(word, camera.get(word), getattr(photo, word)) for word in ("make", "model", "unique_model")]
         pairs.append(("size", f"{stored['width']} × {stored['height']}", f"{photo.width} × {photo.height}"))
-        differ = [
-            f"{word} {there!r} against {here!r}" for word, there, here in pairs if there and here != there and here
-        ]
+        differ = [f"{word} {there} against {here}" for word, there, here in pairs if there and here != there and here]
         if differ:
             raise UnitDiffers(
                 f"The previous result {self.name} is of another camera than {photo.name}: {'; '.join(differ)}.",
-                "Give the result of this unit, or leave --previous out.",
+                "Give the result of this unit, or calibrate it anew without a previous result.",
             )
 
 
@@ -109,7 +107,9 @@ def evened(shot: MeasuredShot, table: ChartTable) -> MeasuredShot:
     y, error, dark = signals.values[0], signals.standard_error[0], signals.dark[0]
     b = (signals.white[0] - dark)[table.white]
     chart = replace(shot.means.chart, mean=dark + b * y, standard_error=b * error)
-    return replace(shot, means=replace(shot.means, chart=chart, white=None))
+    own = shot.means.dark  # its error is in that of y already
+    own = None if own is None else replace(own, standard_error=np.zeros_like(y))
+    return replace(shot, means=replace(shot.means, chart=chart, white=None, dark=own))
 
 
 def _shot(entry: Json, table: ChartTable, camera: Json) -> MeasuredShot:

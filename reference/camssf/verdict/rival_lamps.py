@@ -47,7 +47,8 @@ def weigh(fit: CaptureFit, ssf: Ssf, alone: Sequence[Ssf], new: int | None = Non
     drift = None
     if new is not None:
         basis = ssf.settings.basis if fit.basis == AUTO else fit.basis
-        drift = drift_log_odds(inputs, ssf, widened(basis_of(basis), ssf.settings.prior_scale), new)
+        channels = (2,) if any(fit.unnamed) else (0, 1, 2)
+        drift = drift_log_odds(inputs, ssf, widened(basis_of(basis), ssf.settings.prior_scale), new, channels)
     return judge(
         inputs,
         ssf,

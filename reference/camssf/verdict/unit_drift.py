@@ -19,15 +19,16 @@ from camssf.verdict.reasons import Reason, because
 STEPS = round(rules().number("verdict.unit_drift_size") / STEP)
 """One standard deviation of a drift, in steps of the grid."""
 
-FIT = "goodness_of_fit"
+FIT, DRIFT = "goodness_of_fit", "unit_drift"
 
 
-def drift_log_odds(inputs: VerdictInputs, ssf: Ssf, basis: Basis, new: int) -> float:
+def drift_log_odds(inputs: VerdictInputs, ssf: Ssf, basis: Basis, new: int, channels: Sequence[int]) -> float:
     """ln of the marginal likelihood if a curve has moved before the first `new` shots, minus that if none has.
 
     A drift v ~ N(0, 1) moves a channel's curve, or its long-wave or short-wave flank, by v · STEPS in these shots.
-    All nine are equally probable. With Σ of rule 1 and r = y - ŷ at the answer, and d and A the derivatives of ŷ by
-    the drift and by the code:
+    All nine are equally probable; in unnamed light only blue's three count, since a light that no kind describes
+    looks like a drift of the others. With Σ of rule 1 and r = y - ŷ at the answer, and d and A the derivatives of ŷ
+    by the drift and by the code:
 
         g = dᵀ Σ⁻¹ r,   G = dᵀ (Σ + A Aᵀ)⁻¹ d,   ln of the Bayes factor = ½ g² / (1 + G) - ½ ln(1 + G)
 
@@ -38,6 +39,7 @@ def drift_log_odds(inputs: VerdictInputs, ssf: Ssf, basis: Basis, new: int) -> f
         ssf: the answer to all of them.
         basis: its basis, with the prior's width.
         new: number of new shots.
+        channels: those whose curves may have moved.
     """
     by_curve, channel, shot = _derivatives(inputs, ssf)
     rho = inputs.white_reflectance
@@ -49,7 +51,9 @@ def drift_log_odds(inputs: VerdictInputs, ssf: Ssf, basis: Basis, new: int) -> f
     for c in range(3):
         own = channel == c
         by_code[own, c] = by_curve[own] @ basis.dictionary[c] / scale[c]
-        drifts += [np.where(own & (shot < new), by_curve @ move, 0.0) for move in moves(ssf.values[:, c])]
+    for c in channels:
+        own = (channel == c) & (shot < new)
+        drifts += [np.where(own, by_curve @ move, 0.0) for move in moves(ssf.values[:, c])]
     A, d = by_code.reshape(len(channel), -1), np.stack(drifts, axis=1)
     used = inputs.signals.used
     r = (inputs.signals.values - ssf.predicted)[used].T.ravel()
@@ -88,7 +92,7 @@ def contradiction(joint: Sequence[Check], alone: Sequence[Check]) -> Reason | No
     Args:
         joint, alone: the checks of the answer to all shots, and to the new ones.
     """
-    drift, fit, own = (_check(*each) for each in ((joint, "unit_drift"), (joint, FIT), (alone, FIT)))
+    drift, fit, own = (_check(*each) for each in ((joint, DRIFT), (joint, FIT), (alone, FIT)))
     if drift is not None and _broken(drift):
         return because("drift", drift.value, {"size": drift.value}, threshold=drift.limit)
     over = _check(joint, "hopeless")
