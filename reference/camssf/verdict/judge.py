@@ -79,7 +79,7 @@ def judge(
         alone: for several shots, the answer to each alone, predictions (k, n, 3); not needed for one.
         family: the basis that the maker's name in the file suggests, if any.
         unnamed: for each shot, whether its light is unnamed; empty if all are named.
-        drift: `drift_log_odds` of the new shots against those of a previous result; None if there is none.
+        drift: `drift_probability` of the new shots against those of a previous result; None if there is none.
     """
     signals, table, lamps = inputs.signals, inputs.table, inputs.lamps
     found = inputs.goodness_of_fit(ssf)
@@ -242,7 +242,7 @@ def _drifted(drift: float, unnamed: bool, checks: Checks) -> list[Reason]:
     """Check rule 10: whether the unit has changed since its previous result."""
     limit = UNIT_DRIFT_UNNAMED if unnamed else UNIT_DRIFT
     checks.note("unit_drift", drift, limit=limit)
-    return [because("drift", drift, {"size": drift}, threshold=limit)] if drift > limit else []
+    return [because("drift", drift, {"probability": drift}, threshold=limit)] if drift > limit else []
 
 
 def _disagreeing(name: str, values: Floats, j: int, table: ChartTable, answer: Ssf, checks: Checks) -> list[Reason]:

@@ -19,7 +19,7 @@ from camssf.verdict.goodness_of_fit import VerdictInputs
 from camssf.verdict.judge import judge
 from camssf.verdict.lamp import MOST_SHOTS_COMPARED, RIVALS, Neutral, Rival
 from camssf.verdict.reasons import Verdict
-from camssf.verdict.unit_drift import drift_log_odds
+from camssf.verdict.unit_drift import drift_probability
 
 NARROW = rules().number("verdict.narrow")
 """Factor on the prior's width for comparing lamps: cameras vary less than their basis, which is enlarged."""
@@ -47,8 +47,7 @@ def weigh(fit: CaptureFit, ssf: Ssf, alone: Sequence[Ssf], new: int | None = Non
     drift = None
     if new is not None:
         basis = ssf.settings.basis if fit.basis == AUTO else fit.basis
-        channels = (2,) if any(fit.unnamed) else (0, 1, 2)
-        drift = drift_log_odds(inputs, ssf, widened(basis_of(basis), ssf.settings.prior_scale), new, channels)
+        drift = drift_probability(inputs, ssf, widened(basis_of(basis), ssf.settings.prior_scale), new)
     return judge(
         inputs,
         ssf,

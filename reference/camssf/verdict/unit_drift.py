@@ -1,4 +1,4 @@
-"""Whether a unit has changed since its previous result (rule 10 of docs/verdict.md)."""
+"""Whether a unit's blue curve has moved since its previous result (rule 10 of docs/verdict.md)."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from scipy.linalg import solve_triangular
+from scipy.special import expit
 
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.recovery.basis import Basis
@@ -19,16 +20,16 @@ from camssf.verdict.reasons import Reason, because
 STEPS = round(rules().number("verdict.unit_drift_size") / STEP)
 """One standard deviation of a drift, in steps of the grid."""
 
+BLUE = 2
 FIT, DRIFT = "goodness_of_fit", "unit_drift"
 
 
-def drift_log_odds(inputs: VerdictInputs, ssf: Ssf, basis: Basis, new: int, channels: Sequence[int]) -> float:
-    """ln of the marginal likelihood if a curve has moved before the first `new` shots, minus that if none has.
+def drift_probability(inputs: VerdictInputs, ssf: Ssf, basis: Basis, new: int) -> float:
+    """Probability that the blue curve has moved before the first `new` shots, at prior odds of 1 : 1.
 
-    A drift v ~ N(0, 1) moves a channel's curve, or its long-wave or short-wave flank, by v · STEPS in these shots.
-    All nine are equally probable; in unnamed light only blue's three count, since a light that no kind describes
-    looks like a drift of the others. With Σ of rule 1 and r = y - ŷ at the answer, and d and A the derivatives of ŷ
-    by the drift and by the code:
+    A drift v ~ N(0, 1) moves the blue curve, or its long-wave or short-wave flank, by v · STEPS in these shots; the
+    three are equally probable. With Σ of rule 1 and r = y - ŷ at the answer, and d and A the derivatives of ŷ by the
+    drift and by the code:
 
         g = dᵀ Σ⁻¹ r,   G = dᵀ (Σ + A Aᵀ)⁻¹ d,   ln of the Bayes factor = ½ g² / (1 + G) - ½ ln(1 + G)
 
@@ -39,7 +40,6 @@ def drift_log_odds(inputs: VerdictInputs, ssf: Ssf, basis: Basis, new: int, chan
         ssf: the answer to all of them.
         basis: its basis, with the prior's width.
         new: number of new shots.
-        channels: those whose curves may have moved.
     """
     by_curve, channel, shot = _derivatives(inputs, ssf)
     rho = inputs.white_reflectance
@@ -47,14 +47,11 @@ def drift_log_odds(inputs: VerdictInputs, ssf: Ssf, basis: Basis, new: int, chan
     # The answer's curves are the basis's over their white signal under the first lamp, which no atom changes.
     scale = basis.mean @ (rho * inputs.lamps[0].values) * STEP
     by_code = np.zeros((len(channel), basis.dictionary[..., 0].shape[0], basis.dictionary.shape[2]))
-    drifts = []
     for c in range(3):
         own = channel == c
         by_code[own, c] = by_curve[own] @ basis.dictionary[c] / scale[c]
-    for c in channels:
-        own = (channel == c) & (shot < new)
-        drifts += [np.where(own, by_curve @ move, 0.0) for move in moves(ssf.values[:, c])]
-    A, d = by_code.reshape(len(channel), -1), np.stack(drifts, axis=1)
+    moved = ((channel == BLUE) & (shot < new))[:, None]
+    A, d = by_code.reshape(len(channel), -1), np.where(moved, by_curve @ moves(ssf.values[:, BLUE]).T, 0.0)
     used = inputs.signals.used
     r = (inputs.signals.values - ssf.predicted)[used].T.ravel()
     root = np.linalg.cholesky(signal_covariance(inputs, ssf))
@@ -63,7 +60,7 @@ def drift_log_odds(inputs: VerdictInputs, ssf: Ssf, basis: Basis, new: int, chan
     h = A.T @ d
     g, G = d.T @ r, np.sum(d**2, axis=0) - np.sum(h * np.linalg.solve(A.T @ A + np.eye(len(h)), h), axis=0)
     nats = 0.5 * g**2 / (1.0 + G) - 0.5 * np.log1p(G)
-    return float(np.logaddexp.reduce(nats) - np.log(len(nats)))
+    return float(expit(np.logaddexp.reduce(nats) - np.log(len(nats))))
 
 
 def moves(curve: Floats) -> Floats:
@@ -94,7 +91,7 @@ def contradiction(joint: Sequence[Check], alone: Sequence[Check]) -> Reason | No
     """
     drift, fit, own = (_check(*each) for each in ((joint, DRIFT), (joint, FIT), (alone, FIT)))
     if drift is not None and _broken(drift):
-        return because("drift", drift.value, {"size": drift.value}, threshold=drift.limit)
+        return because("drift", drift.value, {"probability": drift.value}, threshold=drift.limit)
     over = _check(joint, "hopeless")
     if fit is None or over is None or not _broken(fit) or (own is not None and _broken(own)):
         return None
