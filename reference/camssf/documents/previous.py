@@ -99,7 +99,7 @@ class PreviousResult:
 def evened(shot: MeasuredShot, table: ChartTable) -> MeasuredShot:
     """The shot without its white frame, its chart photo as in even light: b_w y in place of b y, b = W - D.
 
-    Its `white` remains, as a sign that it needs no gain modes.
+    It needs no gain modes.
     """
     if shot.means.white is None:
         return shot
@@ -109,7 +109,7 @@ def evened(shot: MeasuredShot, table: ChartTable) -> MeasuredShot:
     chart = replace(shot.means.chart, mean=dark + b * y, standard_error=b * error)
     own = shot.means.dark  # its error is in that of y already
     own = None if own is None else replace(own, standard_error=np.zeros_like(y))
-    return replace(shot, means=replace(shot.means, chart=chart, white=None, dark=own))
+    return replace(shot, means=replace(shot.means, chart=chart, white=None, dark=own), evened=True)
 
 
 def _shot(entry: Json, table: ChartTable, camera: Json) -> MeasuredShot:
@@ -142,7 +142,7 @@ def _shot(entry: Json, table: ChartTable, camera: Json) -> MeasuredShot:
     frames = [entry[role] and replace(photo, **entry[role]) for role in ("white", "dark")]
     return MeasuredShot(
         _lamp(entry["lamp"]), photo, frames[0], frames[1], _pose(entry["pose"]), means, None,
-        entry.get("lens_shading", "as-stored"),
+        entry.get("lens_shading", "as-stored"), evened=frames[0] is not None,
     )  # fmt: skip
 
 

@@ -130,9 +130,10 @@ internal class PreviousShots(private val name: String, private val document: Jso
         val photo = photo(entry.part("photo"))
         fun other(role: String) = (entry[role] as? JsonObject)?.let { photo(entry.part("photo"), it) }
         val shading = entry["lens_shading"]?.jsonPrimitive?.content ?: LensShading.AS_STORED.word
+        val frames = listOf("white", "dark").map { other(it) }
         return MeasuredShot(
-            lamp(entry.part("lamp")), photo, other("white"), other("dark"), pose(entry.part("pose")), means,
-            LensShading.of(shading),
+            lamp(entry.part("lamp")), photo, frames[0], frames[1], pose(entry.part("pose")), means,
+            LensShading.of(shading), evened = frames[0] != null,
         )
     }
 
@@ -182,8 +183,8 @@ internal class PreviousShots(private val name: String, private val document: Jso
         }
 
         /**
-         * The shot without its white frame, its chart photo as in even light: b_w y in place of b y, b = W - D. Its
-         * `white` remains, as a sign that it needs no gain modes.
+         * The shot without its white frame, its chart photo as in even light: b_w y in place of b y, b = W - D. It
+         * needs no gain modes.
          */
         fun evened(shot: MeasuredShot, table: ChartTable): MeasuredShot {
             val means = shot.means
@@ -202,7 +203,7 @@ internal class PreviousShots(private val name: String, private val document: Jso
             // The dark frame's error is in that of y already.
             val own = means.dark?.let { it.with(it.sharedMean, DoubleArray(y.size)) }
             val evened = PatchMeans(chart, null, own, means.sharedBlack, means.saturation)
-            return MeasuredShot(shot.lamp, shot.photo, shot.white, shot.dark, shot.pose, evened, shot.lensShading)
+            return MeasuredShot(shot.lamp, shot.photo, shot.white, shot.dark, shot.pose, evened, shot.lensShading, true)
         }
 
         private fun FrameMeans.with(mean: DoubleArray, error: DoubleArray) =

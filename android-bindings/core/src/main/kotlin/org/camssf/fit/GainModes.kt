@@ -49,8 +49,7 @@ internal object GainModes {
             framed -> List(k) { emptyList<DoubleArray>() } to 0.0
 
             else -> capture.shots.map { shot ->
-                // A shot that has had a white frame is even already (`PreviousShots.evened`).
-                smooth(shot.pose, white, n).map { if (shot.white == null) it else DoubleArray(n) }
+                smooth(shot.pose, white, n).map { if (shot.evened) DoubleArray(n) else it }
             } to Rules.shipped.number("gains.own")
         }
         val g = each[0].size
