@@ -9,9 +9,9 @@ import org.camssf.photo.MeasuredCapture
 import org.camssf.spectra.text
 
 /**
- * A stored result of the same unit under a lamp that was named, for [Settings.previous]: its shots are solved together
- * with new ones of the same chart, in any light. If the unit has changed since, the answer is that of the new ones
- * alone, and doubtful. Immutable; safe to pass between threads.
+ * A stored result of the same unit under a lamp that was named, for [Settings.previous]: its shots are solved
+ * together with new ones of the same chart, in any light. If the unit has changed since, the answer is that of the
+ * new ones alone, and doubtful. Immutable; safe to pass between threads.
  *
  * @property name of its file, for messages and for the new result.
  * @property sha256 SHA-256 of its text in UTF-8, lower-case hex.
@@ -24,10 +24,13 @@ public class PreviousResult private constructor(
     /**
      * The capture with the named shots of this result behind its own, all relative to the chart's white patch.
      *
-     * @throws InvalidArgument the result is not accepted, names no lamp, is of another chart, or holds the same photo.
+     * @throws InvalidArgument the result is not accepted, names no lamp, is of another chart, or holds the same
+     *   photo.
      * @throws UnitDiffers it is of another camera.
      */
-    internal fun joined(capture: MeasuredCapture): MeasuredCapture = reading { PreviousShots(name, document).joined(capture) }
+    internal fun joined(capture: MeasuredCapture): MeasuredCapture = reading {
+        PreviousShots(name, document).joined(capture)
+    }
 
     private fun <T> reading(work: () -> T): T = try {
         work()
@@ -37,7 +40,8 @@ public class PreviousResult private constructor(
         throw damaged(name, error)
     }
 
-    override fun equals(other: Any?): Boolean = other is PreviousResult && sha256 == other.sha256 && name == other.name
+    override fun equals(other: Any?): Boolean =
+        other is PreviousResult && sha256 == other.sha256 && name == other.name
 
     override fun hashCode(): Int = sha256.hashCode()
 

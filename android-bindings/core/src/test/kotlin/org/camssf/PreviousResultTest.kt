@@ -45,7 +45,12 @@ class PreviousResultTest {
         return MeasuredShot(shot.lamp, photo, null, null, shot.pose, shot.means, shot.lensShading)
     }
 
-    private fun solved(shot: MeasuredShot, text: String, settings: (PreviousResult) -> Settings = { Settings(previous = it) }) =
+    private fun solved(
+        shot: MeasuredShot, text: String,
+        settings: (PreviousResult) -> Settings = {
+            Settings(previous = it)
+        },
+    ) =
         calibrator.solve(listOf(shot), chart, settings = settings(PreviousResult.parse(text, "first.json")))
 
     @Test
@@ -86,7 +91,9 @@ class PreviousResultTest {
         }
         val twice = assertThrows(InvalidArgument::class.java) { solved(shot, text) }
         assertTrue("already in the previous result" in twice.message, twice.message)
-        assertThrows(InvalidArgument::class.java) { solved(later(), text) { Settings(lightPerPatch = 0.1, previous = it) } }
+        assertThrows(InvalidArgument::class.java) {
+            solved(later(), text) { Settings(lightPerPatch = 0.1, previous = it) }
+        }
         for (other in listOf(later(make = "Other"), later(width = 77))) {
             val error = (solved(other, text) as Refused).error
             assertTrue(error is UnitDiffers, error.message)

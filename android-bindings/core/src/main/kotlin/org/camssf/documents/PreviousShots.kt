@@ -102,7 +102,8 @@ internal class PreviousShots(private val name: String, private val document: Jso
         val patches = entry.list("patches").map { it.jsonObject }
         val n = table.patches.size
         if (patches.size != n) {
-            throw InvalidArgument("A shot of the previous result has ${patches.size} patches, the chart has $n.", AGAIN)
+            val words = "A shot of the previous result has ${patches.size} patches, the chart has $n."
+            throw InvalidArgument(words, AGAIN)
         }
         fun column(word: String) = DoubleArray(3 * n).also { all ->
             patches.forEachIndexed { i, patch -> triple(patch, word).copyInto(all, 3 * i) }
@@ -159,18 +160,24 @@ internal class PreviousShots(private val name: String, private val document: Jso
 
     /** The numbers of nested lists, in order. */
     private fun flat(values: JsonElement): DoubleArray =
-        if (values is JsonArray) values.flatMap { flat(it).toList() }.toDoubleArray() else doubleArrayOf(values.jsonPrimitive.double)
+        if (values !is JsonArray) {
+            doubleArrayOf(values.jsonPrimitive.double)
+        } else {
+            values.flatMap { flat(it).toList() }.toDoubleArray()
+        }
 
     private fun whole(entry: JsonObject, word: String) = entry.getValue(word).jsonPrimitive.int
 
     companion object {
         private const val CHART_FILE = "chart table: "
-        private const val AGAIN = "Give the result of an accepted calibration of this unit, under a lamp that you named."
+        private const val AGAIN =
+            "Give the result of an accepted calibration of this unit, under a lamp that you named."
 
         /** A named lamp. Documents do not hold modes: those of a kind and of a temperature follow from the name. */
         private fun lamp(entry: JsonObject): Lamp {
             if (entry["power"] == null) {
-                throw InvalidArgument("The previous result is of an older version, which did not store the lamp.", AGAIN)
+                val words = "The previous result is of an older version, which did not store the lamp."
+                throw InvalidArgument(words, AGAIN)
             }
             val name = entry.text("name")
             val source = entry.text("source")
@@ -179,7 +186,8 @@ internal class PreviousShots(private val name: String, private val document: Jso
             val lamp = Lamp(name, entry.numbers("power"), tolerance, kind?.sharedModes.orEmpty(), source)
             val kelvin = entry["tolerance_kelvin"]?.jsonPrimitive?.double ?: return lamp
             val varied = lamp.withTolerance("${BigDecimal(kelvin).toPlainString()}K")
-            return Lamp(name, varied.sharedValues, tolerance, varied.sharedModes, source, null, varied.toleranceKelvin)
+            val modes = varied.sharedModes
+            return Lamp(name, varied.sharedValues, tolerance, modes, source, null, varied.toleranceKelvin)
         }
 
         /**
@@ -202,8 +210,10 @@ internal class PreviousShots(private val name: String, private val document: Jso
             )
             // The dark frame's error is in that of y already.
             val own = means.dark?.let { it.with(it.sharedMean, DoubleArray(y.size)) }
-            val evened = PatchMeans(chart, null, own, means.sharedBlack, means.saturation)
-            return MeasuredShot(shot.lamp, shot.photo, shot.white, shot.dark, shot.pose, evened, shot.lensShading, true)
+            return MeasuredShot(
+                shot.lamp, shot.photo, shot.white, shot.dark, shot.pose,
+                PatchMeans(chart, null, own, means.sharedBlack, means.saturation), shot.lensShading, evened = true,
+            )
         }
 
         private fun FrameMeans.with(mean: DoubleArray, error: DoubleArray) =

@@ -28,8 +28,9 @@ internal object UnitDrift {
     /**
      * Probability that the blue curve has moved before the first `new` shots, at prior odds of 1 : 1.
      *
-     * A drift v ~ N(0, 1) moves the blue curve, or its long-wave or short-wave flank, by v · STEPS in these shots. With Σ of rule 1 and r = y - ŷ at the answer, and d and A the derivatives of ŷ by the drift and by the code: g =
-     * dᵀ Σ⁻¹ r, G = dᵀ (Σ + A Aᵀ)⁻¹ d, and the ln of the Bayes factor is ½ g² / (1 + G) - ½ ln(1 + G).
+     * A drift v ~ N(0, 1) moves the blue curve, or its long-wave or short-wave flank, by v · STEPS in these shots.
+     * With Σ of rule 1 and r = y - ŷ at the answer, and d and A the derivatives of ŷ by the drift and by the code:
+     * g = dᵀ Σ⁻¹ r, G = dᵀ (Σ + A Aᵀ)⁻¹ d, and the ln of the Bayes factor is ½ g² / (1 + G) - ½ ln(1 + G).
      *
      * @param basis of the answer.
      * @param new number of new shots; they are the first ones.
@@ -103,8 +104,8 @@ internal object UnitDrift {
     }
 
     /**
-     * Why new shots and those of a previous result have no common answer: a drift, or a bad fit of both together; null
-     * if they have one.
+     * Why new shots and those of a previous result have no common answer: a drift, or a bad fit of both together;
+     * null if they have one.
      *
      * @param joint the checks of the answer to all shots. @param alone those of the answer to the new ones.
      */

@@ -45,7 +45,9 @@ public class Calibrate private constructor() : Closeable {
             given.one("--fit")?.split("-")?.let { (first, last) -> (first.toInt()..last.toInt()).toList() },
             given.one("--l2")?.toDouble(),
             given.one("--gamma")?.toDouble(),
-            previous = given.one("--previous")?.let { File(it) }?.let { PreviousResult.parse(it.readText(), it.name) },
+            previous = given.one("--previous")?.let {
+                File(it)
+            }?.let { PreviousResult.parse(it.readText(), it.name) },
         )
         val found = calibrators.getOrPut(basis) { SsfCalibrator.open(basis) }.calibrateBlocking(capture, settings)
         val partial = File(output.path + ".partial")
