@@ -119,6 +119,7 @@ def python(case: Case) -> Json:
     """Python's, refused or not; a file's name in its words as Kotlin knows it, without the folder."""
     options = dict(case.options)
     chart, tolerance = options.pop("chart", "classic24"), options.pop("lamp_tolerance", None)
+    previous = options.pop("previous", None)
     shots = [
         Shot(
             shot.chart,
@@ -130,7 +131,7 @@ def python(case: Case) -> Json:
         )
         for shot, lamp, corners in zip(case.shots, case.lamps, case.corners, strict=True)
     ]
-    found = attempt(shots, chart=chart, options=Options(**options))
+    found = attempt(shots, chart=chart, options=Options(**options), previous=previous)
     document = found.document()
     if isinstance(found, Calibration):
         return document

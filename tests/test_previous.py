@@ -129,7 +129,7 @@ def test_a_shot_with_a_white_frame_needs_no_gain_modes() -> None:
 def test_a_later_photo_in_any_light_is_solved_with_the_previous_result(lamp: str, tmp_path: Path) -> None:
     first, new = previous(), later(lamp)
     path = first.save(tmp_path / "first.json")
-    alone, found = solve(new), solve(new, options=Options(previous=path))
+    alone, found = solve(new), solve(new, previous=path)
     assert found.verdict.status == "accepted"
     assert [shot.photo.sha256 for shot in found.capture.shots] == [NEW, "0" * 64]
     assert check(found) < rules().number("verdict.unit_drift_unnamed")
@@ -148,10 +148,10 @@ def test_a_later_photo_in_any_light_is_solved_with_the_previous_result(lamp: str
 @pytest.mark.requirement("R-PREVIOUS")
 def test_a_common_answer_is_a_previous_result_again() -> None:
     """Its named shots are those of the first; the unnamed one does not enter."""
-    found = solve(later("D65"), options=Options(previous=previous()))
+    found = solve(later("D65"), previous=previous())
     third = later("A")
     third = replace(third, shots=(replace(third.shots[0], photo=replace(third.shots[0].photo, sha256="2" * 64)),))
-    by_first, by_second = (solve(third, options=Options(previous=each)) for each in (previous(), found))
+    by_first, by_second = (solve(third, previous=each) for each in (previous(), found))
     assert len(by_second.capture.shots) == 2
     assert by_second.ssf.values == pytest.approx(by_first.ssf.values, rel=1e-6, abs=1e-9)
 
@@ -173,7 +173,7 @@ def test_moves_by_hand() -> None:
 @pytest.mark.parametrize(("named", "steps"), [(True, -10), (True, 10), (False, 10)])
 def test_a_drift_is_noticed_and_the_new_photo_answers_alone(named: bool, steps: int) -> None:
     new = later("D65", named=named, camera=moved(steps))
-    alone, found = solve(new), solve(new, options=Options(previous=previous()))
+    alone, found = solve(new), solve(new, previous=previous())
     assert found.verdict.status == "doubtful"
     assert found.verdict.reasons[0].code == "unit_differs"
     assert found.verdict.reasons[0].value == check(found)
@@ -182,13 +182,13 @@ def test_a_drift_is_noticed_and_the_new_photo_answers_alone(named: bool, steps: 
     document = check_document(found.document(), "it")
     assert "previous result: (given)" in document["hashes"]["inputs"]
     with pytest.raises(InvalidArgument, match="was doubtful"):
-        solve(later("A"), options=Options(previous=found))
+        solve(later("A"), previous=found)
 
 
 def test_another_camera_contradicts_and_does_no_harm() -> None:
     """So different that both together are refused: the new photo's answer, with a reason."""
     new = later("D65", named=True, camera=measured_cameras()["Nikon D5100"])
-    alone, found = solve(new), solve(new, options=Options(previous=previous()))
+    alone, found = solve(new), solve(new, previous=previous())
     assert found.verdict.status == "doubtful"
     assert (found.ssf.values == alone.ssf.values).all()
     assert len(found.verdict.reasons) == len(alone.verdict.reasons) + 1
@@ -230,14 +230,14 @@ def test_what_cannot_be_a_previous_result(
     path = tmp_path / "first.json"
     path.write_text(json.dumps(document))
     with pytest.raises(kind, match=words):
-        solve(later("A"), options=Options(previous=path))
+        solve(later("A"), previous=path)
 
 
 @pytest.mark.parametrize("options", [Options(basis="gaussian"), Options(light_per_patch=0.08)])
 def test_options_without_a_previous_result(options: Options) -> None:
     new = later("A", named=True)
     with pytest.raises(InvalidArgument, match="cannot be used"):
-        solve(new, options=replace(options, previous=previous()))
+        solve(new, options=options, previous=previous())
 
 
 # -- the command ---------------------------------------------------------------------------------------------------
@@ -261,4 +261,4 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert cli.main(["parity", str(tmp_path / "joint.json"), photo]) == 2
     assert "previous one by itself" in capsys.readouterr().err
     with pytest.raises(InvalidArgument, match="cannot be read"):
-        calibrate(Shot(photo), options=Options(previous=tmp_path / "none.json"))
+        calibrate(Shot(photo), previous=tmp_path / "none.json")

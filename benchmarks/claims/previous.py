@@ -118,7 +118,7 @@ class Later:
 def solved(given: Capture, previous: Calibration | None = None) -> Calibration | None:
     """The answer; None if refused."""
     try:
-        return solve(given, options=Options(engine="reference", previous=previous))
+        return solve(given, options=Options(engine="reference"), previous=previous)
     except CalibrationError as error:
         if error.exit_status == 2:
             raise

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
-from typing import TypeVar
+from typing import TypeAlias, TypeVar
 
 from camssf.documents.previous import PreviousResult
 from camssf.documents.result_json import document_bytes, read_document
@@ -30,6 +30,8 @@ from camssf.verdict.rival_lamps import weigh
 from camssf.verdict.unit_drift import DRIFT, contradiction
 
 Product = TypeVar("Product")
+PreviousLike: TypeAlias = str | PathLike[str] | Result
+"""A previous result: its file, or the result itself."""
 
 
 def calibrate(
@@ -39,6 +41,7 @@ def calibrate(
     chart: ChartLike = "classic24",
     options: Options = DEFAULTS,
     truth: CameraLike | None = None,
+    previous: PreviousLike | None = None,
     progress: Progress | None = None,
 ) -> Calibration:
     """Recover a camera's spectral sensitivities from RAW photos; like `attempt`, but a refusal is raised.
@@ -49,12 +52,13 @@ def calibrate(
         chart: as for `read_chart`: a name, a file, spectra as objects or arrays, a ChartTable.
         options: all other settings.
         truth: measured curves of this camera, as for `read_camera`, to compare with.
+        previous: a stored result of this unit under a named lamp, or its file, to be solved together with the photos.
         progress: called with the stage's name and the part done, 0 to 1.
 
     Raises:
         CalibrationError: refused; `attempt` returns the refusal with its document instead.
     """
-    found = attempt(shots, lamp, chart=chart, options=options, truth=truth, progress=progress)
+    found = attempt(shots, lamp, chart=chart, options=options, truth=truth, previous=previous, progress=progress)
     if isinstance(found, Refusal):
         raise found.error
     return found
@@ -67,6 +71,7 @@ def attempt(
     chart: ChartLike = "classic24",
     options: Options = DEFAULTS,
     truth: CameraLike | None = None,
+    previous: PreviousLike | None = None,
     progress: Progress | None = None,
 ) -> Calibration | Refusal:
     """Run `solve(measure(...))` and return a Refusal if one of them refuses; arguments as in `calibrate`.
@@ -77,7 +82,7 @@ def attempt(
 
     def stages(record: Record) -> Calibration:
         capture = measure(shots, lamp, chart=chart, options=options, progress=progress, record=record)
-        return solve(capture, options=options, truth=truth, progress=progress, record=record)
+        return solve(capture, options=options, truth=truth, previous=previous, progress=progress, record=record)
 
     return recorded(stages)
 
@@ -102,6 +107,7 @@ def solve(
     *,
     options: Options = DEFAULTS,
     truth: CameraLike | None = None,
+    previous: PreviousLike | None = None,
     progress: Progress | None = None,
     record: Record | None = None,
 ) -> Calibration:
@@ -110,7 +116,7 @@ def solve(
     Args:
         capture: from `measure` or a patches document.
         options: those of solving.
-        truth, progress: as in `calibrate`.
+        truth, previous, progress: as in `calibrate`.
         record: receives the capture, so that the caller still has it if this raises.
 
     Raises:
@@ -120,8 +126,8 @@ def solve(
     if record is not None:
         record.note(capture)
     known = None if truth is None else read_camera(truth)
-    if options.previous is not None:
-        return _solve_with(read_previous(options.previous), capture, options, known, tell)
+    if previous is not None:
+        return _solve_with(read_previous(previous), capture, options, known, tell)
     return _solve(capture, options, known, tell)
 
 
@@ -163,7 +169,7 @@ def _solve(
     )
 
 
-def read_previous(given: str | PathLike[str] | Result) -> PreviousResult:
+def read_previous(given: PreviousLike) -> PreviousResult:
     """The previous result, from its file or as a result.
 
     Raises:

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from os import PathLike
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from camssf.recovery.basis import Basis
-    from camssf.result import Result
 
 
 @dataclass(frozen=True)
@@ -32,8 +30,6 @@ class Options:
         engine: "onnx" or "reference".
         light_per_patch: variation of the light from patch to patch if each was photographed separately, 8 % is 0.08;
             None if they are in one photo.
-        previous: a stored result of this unit under a named lamp (`documents.previous`): its file, or the result
-            itself; None if there is none.
     """
 
     white_reflectance: float | None = None
@@ -44,7 +40,6 @@ class Options:
     gamma: float | None = None
     engine: str = "onnx"
     light_per_patch: float | None = None
-    previous: str | PathLike[str] | Result | None = None
 
 
 DEFAULTS = Options()

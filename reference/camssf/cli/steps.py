@@ -128,11 +128,14 @@ def solve(
         gamma=gamma,
         engine=engine,
         light_per_patch=parse_percent("--light-per-patch", light_per_patch),
-        previous=previous,
     )
     with progress_bar() as progress:
         result = product_of(
-            recorded(lambda record: run(capture, options=options, truth=truth, progress=progress, record=record)),
+            recorded(
+                lambda record: run(
+                    capture, options=options, truth=truth, previous=previous, progress=progress, record=record
+                )
+            ),
             None,
         )
     pass_on(result.document())

@@ -109,7 +109,7 @@ def evened(shot: MeasuredShot, table: ChartTable) -> MeasuredShot:
     chart = replace(shot.means.chart, mean=dark + b * y, standard_error=b * error)
     own = shot.means.dark  # its error is in that of y already
     own = None if own is None else replace(own, standard_error=np.zeros_like(y))
-    return replace(shot, means=replace(shot.means, chart=chart, white=None, dark=own), evened=True)
+    return replace(shot, means=replace(shot.means, chart=chart, white=None, dark=own, evened=True))
 
 
 def _shot(entry: Json, table: ChartTable, camera: Json) -> MeasuredShot:
@@ -134,7 +134,9 @@ def _shot(entry: Json, table: ChartTable, camera: Json) -> MeasuredShot:
     )  # fmt: skip
     framed = entry["dark_reference"] == "dark frame"
     own = FrameMeans(dark, still, chart.count, still, still, still, dark[:, [1, 1]]) if framed else None
-    means = PatchMeans(chart, None, own, dark.mean(axis=0), float(entry["saturation"]))
+    means = PatchMeans(
+        chart, None, own, dark.mean(axis=0), float(entry["saturation"]), evened=entry["white"] is not None
+    )
     photo = Photo(
         **{key: value for key, value in entry["photo"].items() if key != "camera"},
         make=camera["make"], model=camera["model"], unique_model=camera.get("unique_model") or "",
@@ -142,7 +144,7 @@ def _shot(entry: Json, table: ChartTable, camera: Json) -> MeasuredShot:
     frames = [entry[role] and replace(photo, **entry[role]) for role in ("white", "dark")]
     return MeasuredShot(
         _lamp(entry["lamp"]), photo, frames[0], frames[1], _pose(entry["pose"]), means, None,
-        entry.get("lens_shading", "as-stored"), evened=frames[0] is not None,
+        entry.get("lens_shading", "as-stored"),
     )  # fmt: skip
 
 

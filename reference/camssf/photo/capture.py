@@ -70,7 +70,6 @@ class MeasuredShot:
         means: the patch statistics of all frames.
         thumbnail: (h, w, 3) DN, a sparse sample of the active area for the report; None after pickling.
         lens_shading: treatment of the shading that the file describes, one of `camssf.photo.patches.LENS_SHADING`.
-        evened: whether `means` are those of even light already, by a white frame (`documents.previous.evened`).
     """
 
     lamp: Light
@@ -81,7 +80,6 @@ class MeasuredShot:
     means: PatchMeans
     thumbnail: NDArray[np.uint16] | None
     lens_shading: str = "as-stored"
-    evened: bool = False
 
 
 @dataclass(frozen=True)

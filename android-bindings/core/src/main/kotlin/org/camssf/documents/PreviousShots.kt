@@ -127,14 +127,16 @@ internal class PreviousShots(private val name: String, private val document: Jso
         val still = DoubleArray(3 * n)
         val own = frame(dark, still, still, still, still).takeIf { entry.text("dark_reference") == "dark frame" }
         val black = DoubleArray(3) { c -> (0 until n).sumOf { dark[3 * it + c] } / n }
-        val means = PatchMeans(chart, null, own, black, entry.getValue("saturation").jsonPrimitive.double)
+        val wasFramed = entry["white"] is JsonObject
+        val means =
+            PatchMeans(chart, null, own, black, entry.getValue("saturation").jsonPrimitive.double, wasFramed)
         val photo = photo(entry.part("photo"))
         fun other(role: String) = (entry[role] as? JsonObject)?.let { photo(entry.part("photo"), it) }
         val shading = entry["lens_shading"]?.jsonPrimitive?.content ?: LensShading.AS_STORED.word
         val frames = listOf("white", "dark").map { other(it) }
         return MeasuredShot(
             lamp(entry.part("lamp")), photo, frames[0], frames[1], pose(entry.part("pose")), means,
-            LensShading.of(shading), evened = frames[0] != null,
+            LensShading.of(shading),
         )
     }
 
@@ -212,7 +214,7 @@ internal class PreviousShots(private val name: String, private val document: Jso
             val own = means.dark?.let { it.with(it.sharedMean, DoubleArray(y.size)) }
             return MeasuredShot(
                 shot.lamp, shot.photo, shot.white, shot.dark, shot.pose,
-                PatchMeans(chart, null, own, means.sharedBlack, means.saturation), shot.lensShading, evened = true,
+                PatchMeans(chart, null, own, means.sharedBlack, means.saturation, evened = true), shot.lensShading,
             )
         }
 

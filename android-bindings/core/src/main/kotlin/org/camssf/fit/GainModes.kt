@@ -49,7 +49,7 @@ internal object GainModes {
             framed -> List(k) { emptyList<DoubleArray>() } to 0.0
 
             else -> capture.shots.map { shot ->
-                smooth(shot.pose, white, n).map { if (shot.evened) DoubleArray(n) else it }
+                smooth(shot.pose, white, n).map { if (shot.means.evened) DoubleArray(n) else it }
             } to Rules.shipped.number("gains.own")
         }
         val g = each[0].size

@@ -14,7 +14,6 @@ import org.camssf.spectra.Lamp
  * @property pose the chart's position in the photo.
  * @property means the patch statistics of all frames.
  * @property lensShading treatment of the shading that the file describes.
- * @property evened whether [means] are those of even light already, by a white frame.
  */
 public class MeasuredShot internal constructor(
     public val lamp: Lamp,
@@ -24,11 +23,9 @@ public class MeasuredShot internal constructor(
     public val pose: ChartPose,
     public val means: PatchMeans,
     public val lensShading: LensShading,
-    internal val evened: Boolean = false,
 ) {
     /** The same measurement with another lamp. */
-    internal fun under(lamp: Lamp): MeasuredShot =
-        MeasuredShot(lamp, photo, white, dark, pose, means, lensShading, evened)
+    internal fun under(lamp: Lamp): MeasuredShot = MeasuredShot(lamp, photo, white, dark, pose, means, lensShading)
 
     /**
      * The shot as text ("camssf-shot/1"; 13 kB, up to 93 kB under a lamp known only by kind), for a file or an
