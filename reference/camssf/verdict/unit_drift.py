@@ -31,7 +31,7 @@ def drift_probability(inputs: VerdictInputs, ssf: Ssf, basis: Basis, new: int) -
     three are equally probable. With Σ of rule 1 and r = y - ŷ at the answer, and d and A the derivatives of ŷ by the
     drift and by the code:
 
-        g = dᵀ Σ⁻¹ r,   G = dᵀ (Σ + A Aᵀ)⁻¹ d,   ln of the Bayes factor = ½ g² / (1 + G) - ½ ln(1 + G)
+        g = dᵀ (Σ + A Aᵀ)⁻¹ r,   G = dᵀ (Σ + A Aᵀ)⁻¹ d,   ln of the Bayes factor = ½ g² / (1 + G) - ½ ln(1 + G)
 
     The chart's errors are common to all shots, so that they hide little of a drift.
 
@@ -57,8 +57,8 @@ def drift_probability(inputs: VerdictInputs, ssf: Ssf, basis: Basis, new: int) -
     root = np.linalg.cholesky(signal_covariance(inputs, ssf))
     whitened = solve_triangular(root, np.column_stack([A, d, r]), lower=True)
     A, d, r = whitened[:, : A.shape[1]], whitened[:, A.shape[1] : -1], whitened[:, -1]
-    h = A.T @ d
-    g, G = d.T @ r, np.sum(d**2, axis=0) - np.sum(h * np.linalg.solve(A.T @ A + np.eye(len(h)), h), axis=0)
+    free = np.linalg.solve(A.T @ A + np.eye(A.shape[1]), A.T @ d)  # Woodbury: what another code would explain
+    g, G = d.T @ r - free.T @ (A.T @ r), np.sum(d**2, axis=0) - np.sum(free * (A.T @ d), axis=0)
     nats = 0.5 * g**2 / (1.0 + G) - 0.5 * np.log1p(G)
     return float(expit(np.logaddexp.reduce(nats) - np.log(len(nats))))
 

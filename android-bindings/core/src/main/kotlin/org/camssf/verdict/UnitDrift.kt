@@ -30,7 +30,7 @@ internal object UnitDrift {
      *
      * A drift v ~ N(0, 1) moves the blue curve, or its long-wave or short-wave flank, by v · STEPS in these shots.
      * With Σ of rule 1 and r = y - ŷ at the answer, and d and A the derivatives of ŷ by the drift and by the code:
-     * g = dᵀ Σ⁻¹ r, G = dᵀ (Σ + A Aᵀ)⁻¹ d, and the ln of the Bayes factor is ½ g² / (1 + G) - ½ ln(1 + G).
+     * g = dᵀ (Σ + A Aᵀ)⁻¹ r, G = dᵀ (Σ + A Aᵀ)⁻¹ d, and the ln of the Bayes factor is ½ g² / (1 + G) - ½ ln(1 + G).
      *
      * @param basis of the answer.
      * @param new number of new shots; they are the first ones.
@@ -54,10 +54,12 @@ internal object UnitDrift {
         val capacity = Array(code.size) { a ->
             DoubleArray(code.size) { b -> dot(code[a], code[b]) + if (a == b) 1.0 else 0.0 }
         }
+        val pull = DoubleArray(code.size) { dot(code[it], rest) }
         val nats = drifts.map { d ->
             val hidden = DoubleArray(code.size) { dot(code[it], d) }
-            val size = dot(d, d) - dot(hidden, checkNotNull(LeastSquares.solve(capacity, hidden)))
-            val slope = dot(d, rest)
+            val free = checkNotNull(LeastSquares.solve(capacity, hidden)) // Woodbury: what another code would explain
+            val size = dot(d, d) - dot(hidden, free)
+            val slope = dot(d, rest) - dot(free, pull)
             0.5 * slope * slope / (1.0 + size) - 0.5 * ln1p(size)
         }
         return 1.0 / (1.0 + exp(ln(nats.size.toDouble()) - Choice.logSum(nats)))
