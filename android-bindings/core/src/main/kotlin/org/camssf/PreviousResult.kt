@@ -19,7 +19,7 @@ import org.camssf.spectra.text
 public class PreviousResult private constructor(
     public val name: String,
     public val sha256: String,
-    private val document: JsonObject,
+    private val json: String,
 ) {
     /**
      * The capture with the named shots of this result behind its own, all relative to the chart's white patch.
@@ -29,7 +29,7 @@ public class PreviousResult private constructor(
      * @throws UnitDiffers it is of another camera.
      */
     internal fun joined(capture: MeasuredCapture): MeasuredCapture = reading {
-        PreviousShots(name, document).joined(capture)
+        PreviousShots(name, read(json)).joined(capture)
     }
 
     private fun <T> reading(work: () -> T): T = try {
@@ -56,13 +56,15 @@ public class PreviousResult private constructor(
         @JvmStatic
         @JvmOverloads
         public fun parse(json: String, name: String = "(given)"): PreviousResult {
-            val document = try {
-                Json.parseToJsonElement(json).jsonObject.also { check(it.text("format") == "camssf-result/1") }
-            } catch (error: RuntimeException) {
+            try {
+                check(read(json).text("format") == "camssf-result/1") { "another format" }
+            } catch (error: RuntimeException) { // thrown by the parser and for missing fields
                 throw damaged(name, error)
             }
-            return PreviousResult(name, Models.sha256(json.toByteArray()), document)
+            return PreviousResult(name, Models.sha256(json.toByteArray()), json)
         }
+
+        private fun read(json: String): JsonObject = Json.parseToJsonElement(json).jsonObject
 
         private fun damaged(name: String, cause: RuntimeException) = InvalidArgument(
             "The previous result $name is no result that camssf wrote (${cause.message?.lines()?.first()}).",
