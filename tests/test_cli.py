@@ -1030,6 +1030,7 @@ def test_arguments_arrive_in_their_order(monkeypatch: pytest.MonkeyPatch) -> Non
         "engine": "onnx",
         "light_per_patch": 0.08,
         "truth": None,
+        "previous": None,
     }
 
 

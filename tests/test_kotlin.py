@@ -119,6 +119,7 @@ def python(case: Case) -> Json:
     """Python's, refused or not; a file's name in its words as Kotlin knows it, without the folder."""
     options = dict(case.options)
     chart, tolerance = options.pop("chart", "classic24"), options.pop("lamp_tolerance", None)
+    previous = options.pop("previous", None)
     shots = [
         Shot(
             shot.chart,
@@ -130,7 +131,7 @@ def python(case: Case) -> Json:
         )
         for shot, lamp, corners in zip(case.shots, case.lamps, case.corners, strict=True)
     ]
-    found = attempt(shots, chart=chart, options=Options(**options))
+    found = attempt(shots, chart=chart, options=Options(**options), previous=previous)
     document = found.document()
     if isinstance(found, Calibration):
         return document
@@ -370,6 +371,32 @@ def test_a_camera_in_a_light_that_nobody_named_is_refused(
     case = Case(shots[:1], [corners], ["auto"])
     ours, theirs = python(case), kotlin(case, tmp_path / "result.json")
     assert [reason["code"] for reason in theirs["verdict"]["reasons"]] == ["lamp_unfit"]
+    check(ours, theirs)
+
+
+@pytest.mark.parametrize("change", [0, 16], ids=["same", "changed"])
+@pytest.mark.parametrize("frames", [True, False], ids=["frames", "no-frames"])
+def test_a_previous_result(
+    phone: tuple[list[SimulatedShot], Floats], tmp_path: Path, kotlin: Kotlin, frames: bool, change: int
+) -> None:
+    """Named and framed before, unnamed now; a phone whose blue curve has moved by 8 nm is answered alone."""
+    shots, corners = phone
+    first = tmp_path / "first.json"
+    assert kotlin(Case(shots[:1], [corners], ["D55"]), first)["verdict"]["status"] == "accepted"
+    new = shots[1:]
+    if change:
+        curves = resolve(PHONE).copy()
+        curves[:, 2] = np.roll(curves[:, 2], change)
+        made = simulate(
+            CameraCurves("phone", curves, "bells"), "D65", tmp_path, seed=4, scene=Scene(size=(1200, 900))
+        )
+        new, corners = list(made.shots), made.pose.corners
+        for path in filter(None, (new[0].chart, new[0].white, new[0].dark)):
+            path.write_bytes(path.read_bytes().replace(b"camssf\0", b"Apple \0"))
+    case = Case(new, [corners], ["auto"], white=frames, dark=frames, options={"previous": first})
+    ours, theirs = python(case), kotlin(case, tmp_path / "result.json")
+    assert (theirs["verdict"]["status"], len(theirs["shots"])) == (("doubtful", 1) if change else ("accepted", 2))
+    check_document(theirs, "test")
     check(ours, theirs)
 
 

@@ -26,7 +26,7 @@ from camssf.recovery.unfamiliar_camera import code_length
 from camssf.rules import rules
 from camssf.spectra import ChartTable, Lamp, read_chart, read_lamp
 from camssf.verdict.checks import Check, Checks
-from camssf.verdict.goodness_of_fit import EXPLANATION, GoodnessOfFit, VerdictInputs, _covariance, directions
+from camssf.verdict.goodness_of_fit import EXPLANATION, GoodnessOfFit, VerdictInputs, directions, signal_covariance
 from camssf.verdict.judge import judge
 from camssf.verdict.lamp import CONDEMNED, RIVAL, Neutral, Rival
 from camssf.verdict.lamp import rival_lamp as rule_4
@@ -248,7 +248,7 @@ def test_covariance_is_that_of_the_sensing_matrix_at_the_answer() -> None:
         ),
         answer,
     )
-    mine, theirs = _covariance(scene.told(scene.lamps), scene.ssf), known.covariance[0]
+    mine, theirs = signal_covariance(scene.told(scene.lamps), scene.ssf), known.covariance[0]
     n = 3 * 2 * used.sum()
     assert mine.shape == theirs.shape == (n, n)
     # The sensing matrix knows errors times curves on 5-nm nodes and straight between.
@@ -263,7 +263,7 @@ def test_modes_are_in_the_covariance() -> None:
     scene = Scene(clean())
     mode = 0.05 * (WAVELENGTHS - 550.0) / 170.0
     bent = [replace(scene.lamps[0], modes=mode[None])]
-    plain, more = (_covariance(scene.told(lamps), scene.ssf) for lamps in (scene.lamps, bent))
+    plain, more = (signal_covariance(scene.told(lamps), scene.ssf) for lamps in (scene.lamps, bent))
     step = 1e-4
     light = scene.lamps[0].values
     high, low = (theory(TABLE.values, light * (1 + sign * step * mode), scene.ssf.values) for sign in (1, -1))

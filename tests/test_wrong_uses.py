@@ -239,6 +239,11 @@ RESULTS = [
         2, "Region 1 (5000,450,40,40) leaves the photo, which is 900 × 675", "Pixels are counted",
     ),
     Wrong(f"spectrum result.json chart.dng {AREA} --prior nails", 2, "'nails'", "general or skin"),
+    Wrong("calibrate other.dng --previous curveless.json", 2, "curveless.json", "The form is"),
+    Wrong("calibrate other.dng --previous other.dng", 2, "other.dng is a photo", "Measure it first"),
+    Wrong("calibrate other.dng --previous cut.json", 2, "cut.json", "Give the result.json"),
+    Wrong("calibrate other.dng --previous result.json", 5, "of another camera than", "Give the result of this unit"),
+    Wrong("calibrate chart.dng --previous result.json", 2, "is already in the previous result", "Take a new photo."),
     Wrong("parity result.json other.dng", 2, "used the white frame white.dng", "Give just that"),
 ]  # fmt: skip
 """Results that are damaged, foreign, or of another camera."""

@@ -25,6 +25,7 @@ from camssf.cli.options import (
     Out,
     OutFolder,
     Photos,
+    Previous,
     Signed,
     Truth,
     WhiteReflectance,
@@ -77,6 +78,7 @@ def calibrate(
     gamma: Gamma = None,
     engine: Engine = "onnx",
     light_per_patch: LightPerPatch = None,
+    previous: Previous = None,
     truth: Truth = None,
     out: Out = None,
 ) -> None:
@@ -112,6 +114,7 @@ def calibrate(
                     light_per_patch=parse_percent("--light-per-patch", light_per_patch),
                 ),
                 truth=truth,
+                previous=previous,
                 progress=progress,
             ),
             out,

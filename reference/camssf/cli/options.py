@@ -123,6 +123,15 @@ Fit: TypeAlias = Annotated[
 Signed: TypeAlias = Annotated[
     bool, typer.Option("--signed", help="Let coefficients be negative: the paper's Eq. (10) as written.")
 ]
+Previous: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        metavar="JSON",
+        show_default=False,
+        help="An accepted result of this unit, same chart, named lamp: checked for a drift, and used "
+        "with the new photos.",
+    ),
+]
 Truth: TypeAlias = Annotated[
     str | None,
     typer.Option(metavar="CSV|NAME", show_default=False, help="Measured curves of this camera to compare with."),

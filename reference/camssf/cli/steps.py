@@ -25,6 +25,7 @@ from camssf.cli.options import (
     LightPerPatch,
     OutFolder,
     Photos,
+    Previous,
     Signed,
     Truth,
     WhiteReflectance,
@@ -100,6 +101,7 @@ def solve(
     gamma: Gamma = None,
     engine: Engine = "onnx",
     light_per_patch: LightPerPatch = None,
+    previous: Previous = None,
     truth: Truth = None,
 ) -> None:
     """Patches to curves: JSON in, JSON out.
@@ -129,7 +131,11 @@ def solve(
     )
     with progress_bar() as progress:
         result = product_of(
-            recorded(lambda record: run(capture, options=options, truth=truth, progress=progress, record=record)),
+            recorded(
+                lambda record: run(
+                    capture, options=options, truth=truth, previous=previous, progress=progress, record=record
+                )
+            ),
             None,
         )
     pass_on(result.document())

@@ -105,6 +105,11 @@ def parity(
         InvalidArgument: photos or frames do not match the document in number, or a lamp or chart is unknown.
         RawError: a file cannot be read.
     """
+    if any(each["code"] == "previous_result" for each in document["assumptions"]):
+        raise InvalidArgument(
+            "This result holds the shots of a previous one, which are not measured again.",
+            "Compare the result of the new photos alone, and the previous one by itself.",
+        )
     tell = progress or (lambda stage, part: None)
     files = [photos] if isinstance(photos, str | Path) else list(photos)
     shots = document["shots"]

@@ -38,7 +38,7 @@ def gain_modes(capture: Capture, per_patch: float | None) -> tuple[Floats, float
         return np.repeat(each[None], len(shots), axis=0), 0.0
     if framed:
         return np.zeros((len(shots), 0, n)), 0.0
-    return np.stack([smooth_modes(shot.pose, white) for shot in shots]), OWN
+    return np.stack([smooth_modes(shot.pose, white) * (not shot.means.evened) for shot in shots]), OWN
 
 
 def patch_modes(n: int, size: float, white: int | None) -> Floats:

@@ -64,6 +64,7 @@ class PatchMeans:
         white, dark: statistics of these frames, None for a missing frame.
         black: (3,) the file's black level of R, G, B, DN.
         saturation: the white level, DN.
+        evened: whether `chart` is that of even light already, by a white frame (`documents.previous.evened`).
     """
 
     chart: FrameMeans
@@ -71,6 +72,7 @@ class PatchMeans:
     dark: FrameMeans | None
     black: Floats
     saturation: float
+    evened: bool = False
 
 
 def measure_patches(

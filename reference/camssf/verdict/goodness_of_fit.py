@@ -126,7 +126,7 @@ def _goodness_of_fit(inputs: VerdictInputs, ssf: Ssf, *, explain: bool) -> Goodn
     signals = inputs.signals
     used = signals.used
     y, off = signals.values[used], (signals.values - ssf.predicted)[used]  # (rows, 3)
-    inverse = np.asarray(np.linalg.inv(_covariance(inputs, ssf)), dtype=np.float64)
+    inverse = np.asarray(np.linalg.inv(signal_covariance(inputs, ssf)), dtype=np.float64)
     e = np.asarray(inverse @ off.T.ravel(), dtype=np.float64)
     residual = float(off.T.ravel() @ e)
     prior = float(np.sum(ssf.code**2)) if ssf.std is not None else 0.0
@@ -149,7 +149,7 @@ def _goodness_of_fit(inputs: VerdictInputs, ssf: Ssf, *, explain: bool) -> Goodn
     return GoodnessOfFit(residual, prior, 3 * len(y), tuple(found))
 
 
-def _covariance(inputs: VerdictInputs, ssf: Ssf) -> Floats:
+def signal_covariance(inputs: VerdictInputs, ssf: Ssf) -> Floats:
     """Covariance Σ of rule 1, (3 rows, 3 rows): rows of red, then green, then blue."""
     signals, table, rho = inputs.signals, inputs.table, inputs.white_reflectance
     shot, patch = np.nonzero(signals.used)

@@ -53,6 +53,7 @@ OTHER_MAKERS = _NUMBER("verdict.other_makers")
 UNNAMED, UNNAMEABLE = _NUMBER("verdict.unnamed"), _NUMBER("verdict.unnameable")
 FADING = _NUMBER("verdict.chart_fading")
 BAND_RATIO = _NUMBER("verdict.band_ratio")
+UNIT_DRIFT, UNIT_DRIFT_UNNAMED = _NUMBER("verdict.unit_drift"), _NUMBER("verdict.unit_drift_unnamed")
 PHONES = "phones"
 """The only cameras that are similar enough to each other to estimate an unnamed light."""
 
@@ -66,6 +67,7 @@ def judge(
     alone: Sequence[Ssf] = (),
     family: str | None = None,
     unnamed: Sequence[bool] = (),
+    drift: float | None = None,
 ) -> Verdict:
     """Apply all rules to an answer.
 
@@ -77,6 +79,7 @@ def judge(
         alone: for several shots, the answer to each alone, predictions (k, n, 3); not needed for one.
         family: the basis that the maker's name in the file suggests, if any.
         unnamed: for each shot, whether its light is unnamed; empty if all are named.
+        drift: `drift_probability` of the new shots against those of a previous result; None if there is none.
     """
     signals, table, lamps = inputs.signals, inputs.table, inputs.lamps
     found = inputs.goodness_of_fit(ssf)
@@ -103,12 +106,14 @@ def judge(
     reasons += _faded(ssf, checks)
     reasons += _vague(ssf, checks)
     reasons += _other_makers(ssf, family, checks)
-    reasons += [*_unnamed(ssf, family, checks), *_typical(ssf, checks)] if any(unnamed) else []
+    alone_in_unnamed = any(unnamed) and drift is None  # a previous result says what camera it is
+    reasons += [*_unnamed(ssf, family, checks), *_typical(ssf, checks)] if alone_in_unnamed else []
     fatal = any(isinstance(reason, Fatal) for reason in reasons)
     if not fatal and (len(lamps) == 1 or not any(best_explanation(one) for one in each)):
         doubted = [j for j, white in enumerate(whites) if white]
         reasons += rival_lamp(rivals() if callable(rivals) else rivals, lamps, doubted, checks)
     reasons += _unusual(ssf, unnamed, checks)
+    reasons += [] if drift is None else _drifted(drift, any(unnamed), checks)
     if any(isinstance(reason, Fatal) for reason in reasons):
         return Verdict("refused", tuple(reasons), tuple(checks))
     return Verdict("doubtful" if reasons else "accepted", tuple(reasons), tuple(checks))
@@ -231,6 +236,13 @@ def _typical(ssf: Ssf, checks: Checks) -> list[Reason]:
         return []
     checks.note("band_ratio", ratio)
     return [because("typical", ratio, {"ratio": ratio})] if ratio > BAND_RATIO else []
+
+
+def _drifted(drift: float, unnamed: bool, checks: Checks) -> list[Reason]:
+    """Check rule 10: whether the unit has changed since its previous result."""
+    limit = UNIT_DRIFT_UNNAMED if unnamed else UNIT_DRIFT
+    checks.note("unit_drift", drift, limit=limit)
+    return [because("drift", drift, {"probability": drift}, threshold=limit)] if drift > limit else []
 
 
 def _disagreeing(name: str, values: Floats, j: int, table: ChartTable, answer: Ssf, checks: Checks) -> list[Reason]:

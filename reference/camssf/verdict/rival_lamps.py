@@ -19,30 +19,39 @@ from camssf.verdict.goodness_of_fit import VerdictInputs
 from camssf.verdict.judge import judge
 from camssf.verdict.lamp import MOST_SHOTS_COMPARED, RIVALS, Neutral, Rival
 from camssf.verdict.reasons import Verdict
+from camssf.verdict.unit_drift import drift_probability
 
 NARROW = rules().number("verdict.narrow")
 """Factor on the prior's width for comparing lamps: cameras vary less than their basis, which is enlarged."""
 
 
-def weigh(fit: CaptureFit, ssf: Ssf, alone: Sequence[Ssf]) -> Verdict:
-    """Run `judge` on a capture's fit; for several shots, `alone` holds the answer to each."""
+def weigh(fit: CaptureFit, ssf: Ssf, alone: Sequence[Ssf], new: int | None = None) -> Verdict:
+    """Run `judge` on a capture's fit; for several shots, `alone` holds the answer to each.
+
+    `new` is the number of new shots before those of a previous result; None if there is none.
+    """
     fit = fit.with_chart_of(ssf)
     answered = fit.with_kinds(ssf.light.kinds) if any(fit.unnamed) else fit
     shots = fit.capture.shots
     rho, tolerance = fit.white_reference()
+    inputs = VerdictInputs(
+        fit.signals,
+        fit.capture.chart,
+        [shot.means for shot in shots],
+        [shot.pose for shot in shots],
+        answered.lamps,
+        rho,
+        tolerance,
+        fit.gains,
+    )
+    drift = None
+    if new is not None:
+        basis = ssf.settings.basis if fit.basis == AUTO else fit.basis
+        drift = drift_probability(inputs, ssf, widened(basis_of(basis), ssf.settings.prior_scale), new)
     return judge(
-        VerdictInputs(
-            fit.signals,
-            fit.capture.chart,
-            [shot.means for shot in shots],
-            [shot.pose for shot in shots],
-            answered.lamps,
-            rho,
-            tolerance,
-            fit.gains,
-        ),
+        inputs,
         ssf,
-        rivals=lambda: weigh_rivals(fit, ssf),
+        rivals=lambda: weigh_rivals(fit, ssf, new),
         neutrals=[
             [Neutral(read_lamp(each.light).values, each.white) for each in shot.photo.colour_matrices]
             for shot in shots
@@ -50,10 +59,11 @@ def weigh(fit: CaptureFit, ssf: Ssf, alone: Sequence[Ssf]) -> Verdict:
         alone=alone,
         family=next(iter(fit.prior_odds), None) if fit.basis == AUTO else None,
         unnamed=fit.unnamed,
+        drift=drift,
     )
 
 
-def weigh_rivals(fit: CaptureFit, ssf: Ssf) -> tuple[Rival, ...]:
+def weigh_rivals(fit: CaptureFit, ssf: Ssf, new: int | None = None) -> tuple[Rival, ...]:
     """Gain in ln marginal likelihood of other lamps, one shot at a time: rule 4 of docs/verdict.md.
 
     If the signals choose the basis, they choose it again for every lamp: a phone under a wrong lamp may look like a
@@ -63,6 +73,7 @@ def weigh_rivals(fit: CaptureFit, ssf: Ssf) -> tuple[Rival, ...]:
     Args:
         fit: before it is conditioned on the answer, with basis "auto" if the signals chose.
         ssf: the answer.
+        new: as in `weigh`; the lamps of a previous result are not doubted again.
     """
     named = [not each for each in fit.unnamed]
     fit = fit if all(named) else fit.with_kinds(ssf.light.kinds)
@@ -82,7 +93,7 @@ def weigh_rivals(fit: CaptureFit, ssf: Ssf) -> tuple[Rival, ...]:
 
     given = weighed(fit) if any(named) else 0.0
     found = []
-    for j, shot in enumerate(capture.shots):
+    for j, shot in enumerate(capture.shots[:new]):
         for name in RIVALS if named[j] else ():
             shots = (*capture.shots[:j], replace(shot, lamp=read_lamp(name)), *capture.shots[j + 1 :])
             other = replace(fit, capture=replace(capture, shots=shots))

@@ -19,6 +19,7 @@ _LIKE = (
     "The curves are like those that the basis was learned from.",
     "The curves are unlike those that the basis was learned from.",
 )
+_UNIT = ("The unit is as in its previous result.", "The blue curve has moved since the previous result.")
 _LAMP = (
     "A smooth error of the named lamp would explain nothing more.",
     "A smooth error of the named lamp would explain the signals better.",
@@ -62,6 +63,8 @@ CHECK_SENTENCES = {
     "condemned": _RIVAL,
     "lamp_residual": _LAMP,
     "lamp_residual_camera": _LAMP,
+    "unit_drift": _UNIT,
+    "unit_drift_unnamed": _UNIT,
     "chart_fading": ("The chart has kept its colours.", "The chart has faded."),
 }
 """A sentence for each check of the verdict: if it holds, and if it does not."""

@@ -22,6 +22,7 @@ import org.camssf.verdict.Verdict
  * @property nonnegative whether all coefficients are ≥ 0; null: only on the paper's basis.
  * @property lightPerPatch relative difference of the light from patch to patch, one standard deviation, if each patch
  *   was photographed separately; 8 % is 0.08. Null if the patches were in one photo.
+ * @property previous a stored result of this unit under a named lamp; null if there is none.
  */
 public class Settings @JvmOverloads constructor(
     fit: List<Int>? = null,
@@ -29,18 +30,20 @@ public class Settings @JvmOverloads constructor(
     public val gamma: Double? = null,
     public val nonnegative: Boolean? = null,
     public val lightPerPatch: Double? = null,
+    public val previous: PreviousResult? = null,
 ) {
     /** 1-based numbers of the patches that enter the fit; null for all. */
     public val fit: List<Int>? = fit?.frozen()
 
-    private fun parts() = listOf(fit, l2, gamma, nonnegative, lightPerPatch)
+    private fun parts() = listOf(fit, l2, gamma, nonnegative, lightPerPatch, previous)
 
     override fun equals(other: Any?): Boolean = other is Settings && parts() == other.parts()
 
     override fun hashCode(): Int = parts().hashCode()
 
     override fun toString(): String =
-        "Settings(fit=$fit, l2=$l2, gamma=$gamma, nonnegative=$nonnegative, lightPerPatch=$lightPerPatch)"
+        "Settings(fit=$fit, l2=$l2, gamma=$gamma, nonnegative=$nonnegative, lightPerPatch=$lightPerPatch, " +
+            "previous=$previous)"
 }
 
 /** The outcome of a capture: [Calibrated] or [Refused]. Immutable; safe to pass between threads. */

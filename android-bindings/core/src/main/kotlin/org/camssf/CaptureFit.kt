@@ -84,7 +84,7 @@ internal class CaptureFit(
     fun withChartOf(ssf: Ssf): CaptureFit = if (ssf.chartFading == 0.0) this else of(table.faded(ssf.chartFading))
 
     private fun of(chart: ChartTable): CaptureFit {
-        val other = MeasuredCapture(capture.shots, chart, capture.whiteReflectance)
+        val other = MeasuredCapture(capture.shots, chart, capture.whiteReflectance, capture.files)
         return CaptureFit(engines, other, signals, settings, priorScale)
     }
 
@@ -140,7 +140,7 @@ internal class CaptureFit(
 
     private fun ofKinds(kinds: List<String>): MeasuredCapture {
         val shots = capture.shots.mapIndexed { j, shot -> shot.under(light(shot.lamp, kinds[j])) }
-        return MeasuredCapture(shots, capture.chart, capture.whiteReflectance)
+        return MeasuredCapture(shots, capture.chart, capture.whiteReflectance, capture.files)
     }
 
     private fun light(lamp: Lamp, kind: String): Lamp = lamp.kinds.firstOrNull { it.name == kind } ?: lamp

@@ -23,9 +23,10 @@ internal object Rivals {
      *
      * @param fit before it is conditioned on the answer.
      * @param used (k, n) the patches that entered the fit.
+     * @param new number of new shots; the lamps of a previous result, behind them, are not doubted again.
      * @param tell called before each run of the model.
      */
-    fun of(fit: CaptureFit, ssf: Ssf, used: BooleanArray, tell: () -> Unit): List<Rival> {
+    fun of(fit: CaptureFit, ssf: Ssf, used: BooleanArray, new: Int = fit.lamps.size, tell: () -> Unit): List<Rival> {
         if (ssf.sharedStd == null || fit.lamps.size > Light.MOST_SHOTS_COMPARED) return emptyList()
         val scale = if (ssf.priorScale == 1.0) Light.NARROW else 1.0 // the learned width for an unfamiliar camera
         val bases = Choice.MAKERS_OF.values.toSet() + ssf.basis
@@ -33,9 +34,9 @@ internal object Rivals {
             tell()
             return fit.logEvidence(used, lamps, bases, scale)
         }
-        val named = fit.lamps.indices.filterNot { fit.lamps[it].unnamed }
+        val named = (0 until new).filterNot { fit.lamps[it].unnamed }
         if (named.isEmpty()) return emptyList()
-        val lamps = if (named.size < fit.lamps.size) fit.under(ssf.kinds).lamps else fit.lamps
+        val lamps = if (fit.lamps.any { it.unnamed }) fit.under(ssf.kinds).lamps else fit.lamps
         val given = observation(lamps)
         return named.flatMap { j ->
             Light.RIVALS.map { name ->

@@ -1,5 +1,6 @@
 package org.camssf
 
+import org.camssf.colour.LearnedBasis
 import org.camssf.documents.Predictions
 import org.camssf.documents.Share
 import org.camssf.documents.Solution
@@ -13,15 +14,21 @@ import org.camssf.recovery.Ssf
 import org.camssf.verdict.CameraWhite
 import org.camssf.verdict.Case
 import org.camssf.verdict.Judge
+import org.camssf.verdict.UnitDrift
 import org.camssf.verdict.VerdictInputs
 import kotlin.math.max
 
-/** Computes curves, scores and verdict from measured patches, in the order of Python's `camssf.calibration.solve`. */
+/**
+ * Computes curves, scores and verdict from measured patches, in the order of Python's `camssf.calibration.solve`.
+ *
+ * @param new number of new shots before those of a previous result; null if there is none.
+ */
 internal class Solve(
     private val engines: List<Engine>,
     private val capture: MeasuredCapture,
     private val settings: Settings,
     private val tell: Tell,
+    private val new: Int? = null,
 ) {
     private val table = capture.chart
     private val n = table.patches.size
@@ -48,8 +55,8 @@ internal class Solve(
         val ssf = curves(freeFit, Stage.SOLVING, signals.sharedUsed, gamma)
         val likeliest = freeFit.likeliestTable(ssf, signals.sharedUsed)
         if (likeliest !== table) {
-            val other = MeasuredCapture(capture.shots, likeliest, capture.whiteReflectance)
-            return Solve(engines, other, settings, tell).run()
+            val other = MeasuredCapture(capture.shots, likeliest, capture.whiteReflectance, capture.files)
+            return Solve(engines, other, settings, tell, new).run()
         }
         val fit = freeFit.conditionedOn(ssf)
         val predictedStd = fit.bands(signals.sharedUsed, ssf)
@@ -62,9 +69,10 @@ internal class Solve(
         val inputs = VerdictInputs(signals, fit.table, fit.lamps, ssf, fit.white, fit.whiteTolerance, fit.gains)
         val family = freeFit.priorOdds.keys.firstOrNull().takeIf { engines.size > 1 }
         val unnamed = freeFit.lamps.map { it.unnamed }
+        val drift = new?.let { UnitDrift.probability(inputs, LearnedBasis.of(ssf.basis)!!, it) }
         val verdict = Judge.judge(
-            Case(inputs, capture.shots, alone, neutrals(), family, unnamed) {
-                Rivals.of(freeFit.withChartOf(ssf), ssf, signals.sharedUsed) { tell.begin(Stage.JUDGING) }
+            Case(inputs, capture.shots, alone, neutrals(), family, unnamed, drift) {
+                Rivals.of(freeFit.withChartOf(ssf), ssf, signals.sharedUsed, new ?: k) { tell.begin(Stage.JUDGING) }
             },
         )
         val level = fit.level(ssf)

@@ -162,7 +162,12 @@ public class SsfCalibrator private constructor(
     }
 
     private fun finish(capture: MeasuredCapture, settings: Settings, tell: Tell): Solution {
-        val solution = Solve(engines, capture, settings, tell).run()
+        val previous = settings.previous
+        val solution = if (previous == null) {
+            Solve(engines, capture, settings, tell).run()
+        } else {
+            SolveWithPrevious(engines, capture, settings, tell, previous).run()
+        }
         tell.begin(Stage.DONE)
         return solution
     }

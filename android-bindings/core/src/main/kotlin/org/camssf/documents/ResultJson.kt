@@ -199,6 +199,7 @@ internal object ResultJson {
     }
 
     private fun hashes(begun: Begun, photos: List<Photo>): JsonObject = buildJsonObject {
+        begun.files.forEach { (name, sha256) -> text(name, sha256) }
         begun.chart.file?.let { text("chart table: ${it.name}", it.sha256) }
         begun.lamps.forEachIndexed { j, lamp ->
             lamp.file?.let { text("shot ${j + 1}, lamp: ${it.name}", it.sha256) }

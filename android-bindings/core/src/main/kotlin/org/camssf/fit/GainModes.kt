@@ -48,7 +48,9 @@ internal object GainModes {
 
             framed -> List(k) { emptyList<DoubleArray>() } to 0.0
 
-            else -> capture.shots.map { smooth(it.pose, white, n) } to Rules.shipped.number("gains.own")
+            else -> capture.shots.map { shot ->
+                smooth(shot.pose, white, n).map { if (shot.means.evened) DoubleArray(n) else it }
+            } to Rules.shipped.number("gains.own")
         }
         val g = each[0].size
         val modes = DoubleArray(k * g * n) { each[it / (g * n)][it / n % g][it % n] }

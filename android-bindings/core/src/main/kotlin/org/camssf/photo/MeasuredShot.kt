@@ -52,11 +52,13 @@ public class MeasuredShot internal constructor(
  *
  * @property chart the chart's table.
  * @property whiteReflectance reflectance of the white frame's target, one number; null for a perfect diffuser.
+ * @property files SHA-256 by role and name of further files that the result depends on.
  */
 public class MeasuredCapture internal constructor(
     shots: List<MeasuredShot>,
     public val chart: ChartTable,
     public val whiteReflectance: Double?,
+    internal val files: Map<String, String> = emptyMap(),
 ) {
     /** The shots, k of them. */
     public val shots: List<MeasuredShot> = shots.frozen()

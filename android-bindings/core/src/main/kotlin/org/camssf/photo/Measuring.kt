@@ -16,15 +16,18 @@ internal class InWork(val lamp: Lamp, val photo: Photo, val saturation: Double, 
  * @property lamps of all shots; the report needs the hashes of their files.
  * @property shots the finished ones.
  * @property inWork the unfinished shot; null between two shots.
+ * @property files as in [MeasuredCapture].
  */
 internal class Begun(
     val chart: ChartTable,
     val lamps: List<Lamp>,
     val shots: List<MeasuredShot>,
     val inWork: InWork? = null,
+    val files: Map<String, String> = emptyMap(),
 ) {
     /** Of a finished capture. */
-    constructor(capture: MeasuredCapture) : this(capture.chart, capture.shots.map { it.lamp }, capture.shots)
+    constructor(capture: MeasuredCapture) :
+        this(capture.chart, capture.shots.map { it.lamp }, capture.shots, null, capture.files)
 
     /** Signals of each finished shot; null if they cannot be computed. */
     val signals: List<Signals?> by lazy {

@@ -12,6 +12,7 @@ import org.camssf.UnsupportedRaw
  * @property white of the white frame, or null.
  * @property dark of the dark frame, or null.
  * @property saturation the white level, DN.
+ * @property evened whether [chart] is that of even light already, by a white frame.
  */
 public class PatchMeans internal constructor(
     public val chart: FrameMeans,
@@ -19,6 +20,7 @@ public class PatchMeans internal constructor(
     public val dark: FrameMeans?,
     internal val sharedBlack: DoubleArray,
     public val saturation: Double,
+    internal val evened: Boolean = false,
 ) {
     /** (3) the file's black level of R, G, B, DN; a copy at each call. */
     public val black: DoubleArray get() = sharedBlack.copyOf()

@@ -18,6 +18,7 @@ import kotlin.math.sqrt
  *
  * @property family the basis that the maker's name in the file suggests, if any, where the signals choose the basis.
  * @property unnamed for each shot, whether its light is unnamed; empty if all are named.
+ * @property drift [UnitDrift.probability] of the new shots against those of a previous result; null if there is none.
  * @property rivals computes the gains of other lamps; not called if the capture is already refused.
  */
 internal class Case(
@@ -27,6 +28,7 @@ internal class Case(
     val neutrals: List<List<CameraWhite>>,
     val family: String?,
     val unnamed: List<Boolean> = emptyList(),
+    val drift: Double? = null,
     val rivals: () -> List<Rival>,
 ) {
     /** The inputs of each shot alone, with the answer to it. */
@@ -81,7 +83,8 @@ internal object Judge {
         reasons += faded(inputs.ssf, checks)
         reasons += vague(inputs.ssf, checks)
         reasons += otherMakers(inputs.ssf, case.family, checks)
-        if (case.unnamed.any { it }) {
+        // A previous result says what camera it is.
+        if (case.unnamed.any { it } && case.drift == null) {
             reasons += Light.unnamed(inputs.ssf.choice, case.family, checks)
             reasons += typical(inputs.ssf, checks)
         }
@@ -90,6 +93,7 @@ internal object Judge {
             reasons += Light.rivalLamp(case.rivals(), inputs.lamps.map { it.name }, doubted, checks)
         }
         reasons += unusual(inputs.ssf, case.unnamed, checks)
+        case.drift?.let { reasons += drifted(it, case.unnamed.any { each -> each }, checks) }
         return Verdict(Status.of(reasons), reasons, checks.all)
     }
 
@@ -183,6 +187,14 @@ internal object Judge {
         checks.note("other_makers", other)
         if (other <= OTHER_MAKERS) return emptyList()
         return listOf(Reasons.because("other_makers", other, mapOf("probability" to other, "basis" to ssf.basis)))
+    }
+
+    /** Checks whether the unit has changed since its previous result (rule 10). */
+    private fun drifted(drift: Double, unnamed: Boolean, checks: Checks): List<Reason> {
+        val limit = Rules.shipped.number(if (unnamed) "verdict.unit_drift_unnamed" else "verdict.unit_drift")
+        checks.note(UnitDrift.DRIFT, drift, limit = limit)
+        if (drift <= limit) return emptyList()
+        return listOf(Reasons.because("drift", drift, mapOf("probability" to drift), threshold = limit))
     }
 
     /**

@@ -1,6 +1,7 @@
 package org.camssf.golden
 
 import org.camssf.CalibrationException
+import org.camssf.PreviousResult
 import org.camssf.Refused
 import org.camssf.Settings
 import org.camssf.SsfCalibrator
@@ -44,6 +45,9 @@ public class Calibrate private constructor() : Closeable {
             given.one("--fit")?.split("-")?.let { (first, last) -> (first.toInt()..last.toInt()).toList() },
             given.one("--l2")?.toDouble(),
             given.one("--gamma")?.toDouble(),
+            previous = given.one("--previous")?.let {
+                File(it)
+            }?.let { PreviousResult.parse(it.readText(), it.name) },
         )
         val found = calibrators.getOrPut(basis) { SsfCalibrator.open(basis) }.calibrateBlocking(capture, settings)
         val partial = File(output.path + ".partial")
@@ -113,10 +117,10 @@ public class Calibrate private constructor() : Closeable {
         private const val USAGE =
             "calibrate PHOTO... [--lamp NAME|auto] --corners x,y,x,y,x,y,x,y [--white DNG] [--dark DNG] " +
                 "[--lamp-tolerance T] [--chart NAME] [--white-reflectance R] [--lens-shading as-stored|apply] " +
-                "[--basis NAME] [--l2 V] [--gamma V] [--fit 7-18] -o FILE"
+                "[--basis NAME] [--l2 V] [--gamma V] [--fit 7-18] [--previous JSON] -o FILE"
         private val VALUES = setOf(
             "--lamp", "--corners", "--white", "--dark", "--lamp-tolerance", "--chart", "--white-reflectance",
-            "--lens-shading", "--basis", "--l2", "--gamma", "--fit", "-o",
+            "--lens-shading", "--basis", "--l2", "--gamma", "--fit", "--previous", "-o",
         )
 
         @JvmStatic

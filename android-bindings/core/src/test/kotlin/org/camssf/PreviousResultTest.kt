@@ -1,0 +1,112 @@
+package org.camssf
+
+import kotlinx.serialization.json.Json
+import kotlinx.serialization.json.jsonArray
+import kotlinx.serialization.json.jsonObject
+import kotlinx.serialization.json.jsonPrimitive
+import org.camssf.photo.Corners
+import org.camssf.photo.MeasuredShot
+import org.camssf.photo.Photo
+import org.camssf.photo.PhotoSource
+import org.camssf.photo.Shot
+import org.camssf.spectra.ChartTable
+import org.camssf.spectra.Lamp
+import org.camssf.verdict.UnitDrift
+import org.junit.jupiter.api.AfterAll
+import org.junit.jupiter.api.Assertions.assertEquals
+import org.junit.jupiter.api.Assertions.assertNotEquals
+import org.junit.jupiter.api.Assertions.assertThrows
+import org.junit.jupiter.api.Assertions.assertTrue
+import org.junit.jupiter.api.Test
+import org.junit.jupiter.api.TestInstance
+import java.io.File
+
+/** A previous result of the same unit: what it may be, and what it adds. Python's numbers: tests/test_kotlin.py. */
+@TestInstance(TestInstance.Lifecycle.PER_CLASS)
+class PreviousResultTest {
+    private val photo = File(System.getProperty("camssf.root"), "golden/dng/chart-turned-0.dng")
+    private val corners = Corners.of(22.44, 17.44, 156.56, 22.44, 162.56, 116.56, 16.44, 109.56)
+    private val chart = ChartTable.read("classic24")
+    private val calibrator = SsfCalibrator.open()
+    private val shot = calibrator.measure(Shot(PhotoSource.of(photo), Lamp.read("E"), corners), chart)
+
+    /** Accepted, whatever was thought of this flat lamp. */
+    private val text = calibrator.solve(listOf(shot), chart).toJson().replace("\"doubtful\"", "\"accepted\"")
+
+    @AfterAll
+    fun close() = calibrator.close()
+
+    private fun later(make: String = shot.photo.make, width: Int = shot.photo.width): MeasuredShot {
+        val own = shot.photo
+        val photo = Photo(
+            own.name, width, own.height, own.orientation, own.exposure, own.iso, own.gainMap, make, own.model,
+            "1".repeat(64),
+        )
+        return MeasuredShot(shot.lamp, photo, null, null, shot.pose, shot.means, shot.lensShading)
+    }
+
+    private fun solved(
+        shot: MeasuredShot, text: String,
+        settings: (PreviousResult) -> Settings = {
+            Settings(previous = it)
+        },
+    ) =
+        calibrator.solve(listOf(shot), chart, settings = settings(PreviousResult.parse(text, "first.json")))
+
+    @Test
+    fun `its shots are solved together with new ones`() {
+        val found = solved(later(), text) as Calibrated
+        assertEquals(listOf("1".repeat(64), shot.photo.sha256), found.capture.shots.map { it.photo.sha256 })
+        assertTrue("previous_result" in found.assumptions.map { it.code })
+        val document = Json.parseToJsonElement(found.toJson()).jsonObject
+        val inputs = document.getValue("hashes").jsonObject.getValue("inputs").jsonObject
+        val sha256 = PreviousResult.parse(text).sha256
+        assertEquals(sha256, inputs.getValue("previous result: first.json").jsonPrimitive.content)
+        val checks = document.getValue("verdict").jsonObject.getValue("checks").jsonArray.map { it.jsonObject }
+        assertTrue(checks.any { it.getValue("name").jsonPrimitive.content == "unit_drift" })
+    }
+
+    @Test
+    fun `its signals are those that were measured`() {
+        val found = solved(later(), text) as Calibrated
+        val (new, old) = List(2) { found.signals.values.copyOfRange(72 * it, 72 * it + 72) }
+        for (i in new.indices) assertEquals(new[i], old[i], 1e-12)
+    }
+
+    @Test
+    fun `what cannot be a previous result`() {
+        val lamp = "\"name\": \"E\""
+        for ((changed, words) in listOf(
+            text.replace("\"accepted\"", "\"doubtful\"") to "was doubtful",
+            text.replace(lamp, "\"name\": \"auto\"") to "names no lamp",
+            text.replace("\"power\"", "\"strength\"") to "older version",
+            text.replace("\"classic24\"", "\"nano24\"") to "on the chart nano24",
+            text.replace("\"signal\"", "\"signals\"") to "is no result that camssf wrote",
+            "{}" to "is no result that camssf wrote",
+            "hello" to "is no result that camssf wrote",
+        )) {
+            assertNotEquals(text, changed)
+            val error = assertThrows(InvalidArgument::class.java) { solved(later(), changed) }
+            assertTrue(words in error.message, error.message)
+        }
+        val twice = assertThrows(InvalidArgument::class.java) { solved(shot, text) }
+        assertTrue("already in the previous result" in twice.message, twice.message)
+        assertThrows(InvalidArgument::class.java) {
+            solved(later(), text) { Settings(lightPerPatch = 0.1, previous = it) }
+        }
+        for (other in listOf(later(make = "Other"), later(width = 77))) {
+            val error = (solved(other, text) as Refused).error
+            assertTrue(error is UnitDiffers, error.message)
+        }
+    }
+
+    @Test
+    fun `moves by hand`() {
+        val curve = DoubleArray(Grid.SIZE) { if (it <= 300) it / 300.0 else (680 - it) / 380.0 }
+        val (whole, long, short) = UnitDrift.moves(curve)
+        assertEquals(-10 / 300.0, whole[250], 1e-12)
+        assertEquals(10 / 380.0, long[400], 1e-12)
+        assertEquals(whole[250], short[250])
+        assertTrue((0..300).all { long[it] == 0.0 } && (300..680).all { short[it] == 0.0 })
+    }
+}

@@ -1,0 +1,282 @@
+"""Calibrated once, photographed again: what is it worth? `python -m benchmarks.claims.previous --phones phones.csv`
+
+A unit is calibrated under a named lamp: daylight of 5,200 K, a bulb, a white LED in turn. Later there is one photo of
+the same chart in each of the 18 lamps of `any_light`, once with its lamp named and once not, solved as `camssf
+calibrate --previous` does it, and alone. Captures are those of `any_light`: white and dark frame, Ohta's chart named
+as BabelColor's, noise hypot(0.1 %, 0.0002). Phones are solved with a basis of the other phones, and with one of the
+other makers' phones.
+
+Then, with the basis of the others, the unit has changed before the later photo: its blue curve has moved by 5 nm, or
+one of its flanks; or the lens has yellowed (10 % at 420 nm, smooth). Noticed: the answer is that of the new photo
+alone, with a reason. The limits in data/rules.json were set on every other phone, and the rest is reported apart.
+
+RMSE of peak-normalised curves and coverage of the 95 % bands, 400 to 700 nm. Exit status 1 where a bar is missed.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from benchmarks.claims.accuracy import SEEN
+from benchmarks.claims.any_light import KIND_OF, capture, no_photo, unnamed
+from benchmarks.claims.phones import OTHER_MAKER, OTHERS, Device, phones_left_out
+from benchmarks.claims.wrong_lamps import stands_in
+from benchmarks.shared import (
+    command_parser,
+    console,
+    count_missed,
+    one_thread,
+    progress,
+    save,
+    standing_in,
+    table,
+    take_tables,
+    versions,
+)
+from camssf.calibration import solve
+from camssf.errors import CalibrationError
+from camssf.grid import WAVELENGTHS, Floats
+from camssf.learning.training import maker_of, read_curves
+from camssf.options import Options
+from camssf.photo.capture import Capture
+from camssf.result import Calibration
+from camssf.spectra import Light, read_lamp
+
+BEFORE = ("D:5200", "2856K", "LED-B3")
+"""Lamps of the previous result, one after the other."""
+STEP = 5.0
+"""nm, a drift."""
+LOST = 0.1
+"""Of the light at 420 nm, in a yellowed lens."""
+SAME = "same"
+
+
+def moved(low: float, high: float) -> Callable[[Floats], Floats]:
+    """The blue curve with its short-wave and its long-wave flank moved by so many nm to the red."""
+
+    def change(curves: Floats) -> Floats:
+        peak = WAVELENGTHS[curves[:, 2].argmax()]
+        below = np.minimum(WAVELENGTHS - low, peak) if low != high else WAVELENGTHS - low
+        above = np.maximum(WAVELENGTHS - high, peak) if low != high else WAVELENGTHS - high
+        found = curves.copy()
+        found[:, 2] = np.interp(np.where(peak > WAVELENGTHS, below, above), WAVELENGTHS, curves[:, 2])
+        return found
+
+    return change
+
+
+def yellowed(curves: Floats) -> Floats:
+    """Behind a lens that takes LOST of the light at 420 nm and less towards the red."""
+    left = 1.0 - LOST * np.exp(-(((WAVELENGTHS - 380.0) / 60.0) ** 2)) / np.exp(-(((420.0 - 380.0) / 60.0) ** 2))
+    return np.asarray(curves * left[:, None])
+
+
+CHANGES: dict[str, Callable[[Floats], Floats]] = {
+    SAME: lambda curves: curves,
+    "blue +5 nm": moved(STEP, STEP),
+    "blue -5 nm": moved(-STEP, -STEP),
+    "its long-wave flank +5 nm": moved(0.0, STEP),
+    "its long-wave flank -5 nm": moved(0.0, -STEP),
+    "its short-wave flank +5 nm": moved(STEP, 0.0),
+    "its short-wave flank -5 nm": moved(-STEP, 0.0),
+    "lens yellowed": yellowed,
+}
+BLUE = tuple(name for name in CHANGES if name.startswith("blue"))
+
+
+@dataclass(frozen=True)
+class Later:
+    """One later photo, solved with the previous result and alone.
+
+    Attributes:
+        device, lamp, named, change: whose; the later lamp, and whether it was named; what had changed.
+        used: whether the answer is the common one.
+        status: of the verdict with the previous result.
+        rmse, covered: of the curves as they are now; None if refused.
+        alone: RMSE of the new photo alone; None if that was refused, or the unit has changed.
+        previous: RMSE of the previous result. no_photo: of the mean phone.
+    """
+
+    device: str
+    lamp: str
+    named: bool
+    change: str
+    used: bool
+    status: str
+    rmse: float | None
+    covered: float | None
+    alone: float | None
+    previous: float
+    no_photo: float
+
+
+def solved(given: Capture, previous: Calibration | None = None) -> Calibration | None:
+    """The answer; None if refused."""
+    try:
+        return solve(given, options=Options(engine="reference"), previous=previous)
+    except CalibrationError as error:
+        if error.exit_status == 2:
+            raise
+        return None
+
+
+def score(found: Calibration, curves: Floats) -> tuple[float, float]:
+    """RMSE and coverage."""
+    given, std = found.ssf.peak()
+    assert std is not None
+    off = (given - curves / curves.max(axis=0))[SEEN]
+    return float(np.sqrt(np.mean(off**2, axis=0)).mean()), float((np.abs(off) <= 1.96 * std[SEEN]).mean())
+
+
+def photo(device: Device, lamp: str, light: Light, seed: int, number: int) -> Capture:
+    """One photo, as file number `number`."""
+    found = capture(device, [lamp], [light], maker_of(device.name), seed)
+    (shot,) = found.shots
+    return replace(found, shots=(replace(shot, photo=replace(shot.photo, sha256=f"{number:064d}")),))
+
+
+def of_device(device: Device, key: str, number: int, changes: Sequence[str], tell: Callable[[], None]) -> list[Later]:
+    """All later photos of one unit."""
+    rows = []
+    with standing_in(stands_in(device, key)):
+        for i, lamp in enumerate(KIND_OF):
+            before = BEFORE[i % len(BEFORE)]
+            first = solved(photo(device, before, read_lamp(before), 1000 * number + i, 1))
+            for j, change in enumerate(changes if first is not None else ()):
+                assert first is not None
+                now = replace(device, curves=CHANGES[change](device.curves))
+                for named in (True, False):
+                    light: Light = read_lamp(lamp) if named else unnamed(lamp)
+                    new = photo(now, lamp, light, 1000 * number + 100 * (j + 1) + i, 2)
+                    rows.append(later(now, first, new, change, (before, lamp), named))
+            tell()
+    return rows
+
+
+def later(
+    device: Device, first: Calibration, new: Capture, change: str, lamps: tuple[str, str], named: bool
+) -> Later:
+    """One later photo."""
+    alone, found = solved(new) if change == SAME else None, solved(new, first)
+    rmse, covered = (None, None) if found is None else score(found, device.curves)
+    return Later(
+        device.name, lamps[1], named, change, found is not None and len(found.capture.shots) > 1,
+        "refused" if found is None else found.verdict.status, rmse, covered,
+        None if alone is None else score(alone, device.curves)[0], score(first, device.curves)[0], no_photo(device),
+    )  # fmt: skip
+
+
+def row(rows: Sequence[Later]) -> dict[str, Any]:
+    """Means of photos of unchanged units."""
+    answered = [one for one in rows if one.rmse is not None]
+
+    def mean(name: str) -> float:
+        return float(np.mean([value for one in answered if (value := getattr(one, name)) is not None]))
+
+    return {name: mean(name) for name in ("rmse", "covered", "alone", "previous", "no_photo")} | {
+        "photos": len(rows),
+        "false_alarms": float(np.mean([not one.used for one in rows])),
+        "status": {word: sum(one.status == word for one in rows) for word in ("accepted", "doubtful", "refused")},
+    }
+
+
+def noticed(rows: Sequence[Later]) -> dict[str, float]:
+    """Share of changed units that are noticed, by change and by kind of light."""
+    by_change = {change: [one for one in rows if one.change == change] for change in CHANGES if change != SAME}
+    blue = [one for change in BLUE for one in by_change[change]]
+    kinds = {kind: [one for one in blue if KIND_OF[one.lamp] == kind] for kind in dict.fromkeys(KIND_OF.values())}
+    shares = by_change | {f"blue ±5 nm, {kind}": each for kind, each in kinds.items()}
+    return {name: float(np.mean([not one.used for one in each])) for name, each in shares.items() if each}
+
+
+def summary(rows: Sequence[Later]) -> dict[str, Any]:
+    """By whether the later lamp was named."""
+    document: dict[str, Any] = {}
+    for word, named in (("named", True), ("not named", False)):
+        own = [one for one in rows if one.named == named]
+        document[word] = row([one for one in own if one.change == SAME])
+        if len(own) > document[word]["photos"]:
+            document[word]["noticed"] = noticed(own)
+    return document
+
+
+def bars(document: dict[str, dict[str, Any]]) -> list[tuple[str, float, float, float]]:
+    """Name, value, least and most that is wanted."""
+    found: list[tuple[str, float, float, float]] = []
+    for title, words in document.items():
+        auto = words["not named"]
+        if REPORTED not in title:
+            found.append((f"{title}: named before, not named now, RMSE", auto["rmse"], 0.0, 0.027))
+            found.append((f"{title}: the same over the new photo alone", auto["rmse"] / auto["alone"], 0.0, 1.0))
+            found.append((f"{title}: coverage", auto["covered"], 0.94, 0.99))
+        for word in ("named", "not named") if REPORTED in title else ():
+            own = words[word]
+            share = float(np.mean([own["noticed"][change] for change in BLUE]))
+            found.append((f"{title}, {word}: false alarms", own["false_alarms"], 0.0, 0.02))
+            found.append((f"{title}, {word}: blue ±5 nm noticed", share, 0.9, 1.0))
+    return found
+
+
+def show(document: dict[str, dict[str, Any]]) -> None:
+    """Both tables."""
+    names = ("rmse", "alone", "previous", "no_photo", "covered", "false_alarms")
+    lines = [
+        [title, word, own["photos"], *(f"{own[name]:.4f}" for name in names),
+         ", ".join(str(count) for count in own["status"].values())]
+        for title, words in document.items()
+        for word, own in words.items()
+    ]  # fmt: skip
+    head = [
+        "population", "later lamp", "photos", "with both", "new photo alone", "previous result alone", "no photo",
+        "coverage", "false alarms", "accepted, doubtful, refused",
+    ]  # fmt: skip
+    console().print(table("RMSE of the unchanged unit", head, lines))
+    shares = [
+        [title, word, *(f"{share:.2f}" for share in own["noticed"].values())]
+        for title, words in document.items()
+        for word, own in words.items()
+        if "noticed" in own
+    ]
+    if shares:
+        first = next(own["noticed"] for words in document.values() for own in words.values() if "noticed" in own)
+        console().print(table("Noticed", ["population", "later lamp", *first], shares))
+
+
+REPORTED = "every other phone"
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = command_parser(__spec__, __doc__)
+    take_tables(parser, "phones")
+    parser.add_argument("--unchanged", action="store_true", help="leave out the units that have changed")
+    options = parser.parse_args(arguments)
+    if options.phones is None:
+        print("The measured phones are missing: name their table by --phones or CAMSSF_PHONES.", file=sys.stderr)
+        return 2
+    devices = phones_left_out(read_curves(options.phones))
+    document: dict[str, dict[str, Any]] = {}
+    with progress() as bar:
+        for key in (OTHERS, OTHER_MAKER):
+            changes = tuple(CHANGES) if key == OTHERS and not options.unchanged else (SAME,)
+            task = bar.add_task(key, total=len(devices) * len(KIND_OF))
+            each = [
+                of_device(device, key, number, changes, lambda task=task: bar.advance(task))  # type: ignore[misc]
+                for number, device in enumerate(devices)
+            ]
+            document[f"phones, basis of the {key}"] = summary([one for rows in each for one in rows])
+            if len(changes) > 1:
+                document[REPORTED] = summary([one for rows in each[1::2] for one in rows])
+    show(document)
+    missed = count_missed(bars(document))
+    print(f"written: {save('previous', document | {'versions': versions('scipy')})}")
+    return int(missed > 0)
+
+
+if __name__ == "__main__":
+    one_thread(__spec__)
+    sys.exit(main())

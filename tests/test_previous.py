@@ -1,0 +1,264 @@
+"""A previous result of the same unit: its shots read again, the drift by hand, the fallback, and wrong uses."""
+
+from __future__ import annotations
+
+import copy
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from camssf import cli
+from camssf.calibration import calibrate, read_previous, solve
+from camssf.documents.previous import evened
+from camssf.documents.result_json import check_document
+from camssf.errors import CalibrationError, InvalidArgument, UnitDiffers
+from camssf.fit.capture_fit import prepare_fit
+from camssf.grid import Floats
+from camssf.options import Options
+from camssf.photo.capture import Capture
+from camssf.photo.shot import Shot
+from camssf.photo.signals import normalise
+from camssf.result import Calibration
+from camssf.rules import rules
+from camssf.spectra import Unnamed, read_lamp
+from camssf.spectra.lamps import with_tolerance
+from camssf.verdict.unit_drift import STEPS, moves
+from golden.forms import resolve
+from golden.scenes import PHONE
+from tests import captures
+from tests.problems import measured_cameras
+from tests.test_choice import SEEN, TABLE, capture
+
+NEW = "1" * 64
+
+
+def later(lamp: str, named: bool = False, camera: Floats | None = None, frames: bool = True) -> Capture:
+    """A photo of the phone taken later, in this lamp."""
+    given = capture(resolve(PHONE) if camera is None else camera, (lamp,), make="Apple")
+    (shot,) = given.shots
+    shot = replace(shot, photo=replace(shot.photo, sha256=NEW), lamp=shot.lamp if named else Unnamed())
+    if not frames:
+        shot = replace(shot, white=None, means=replace(shot.means, white=None))
+    return replace(given, shots=(shot,))
+
+
+@cache
+def previous(lamp: str = "D55") -> Calibration:
+    """The phone's calibration under a named lamp."""
+    return solve(capture(resolve(PHONE), (lamp,), make="Apple"))
+
+
+def accepted(found: Calibration) -> Calibration:
+    return replace(found, verdict=replace(found.verdict, status="accepted", reasons=()))
+
+
+def moved(steps: int) -> Floats:
+    """The phone with its blue curve moved to the red."""
+    phone = resolve(PHONE).copy()
+    phone[:, 2] = np.roll(phone[:, 2], steps)
+    return phone
+
+
+def error(found: Calibration, camera: Floats) -> float:
+    off = (found.ssf.peak()[0] - camera / camera.max(axis=0))[SEEN]
+    return float(np.sqrt(np.mean(off**2)))
+
+
+def check(found: Calibration, name: str = "unit_drift") -> float:
+    (value,) = (each.value for each in found.verdict.checks if each.name == name)
+    return value
+
+
+# -- shots of a document -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("frames", [("white", "dark"), ("dark",), ("white",), ()])
+def test_shots_of_a_document_have_the_same_signals(frames: tuple[str, ...]) -> None:
+    """Relative to the white patch; errors to first order, since white frame and white patch are independent."""
+    given = later("A", named=True)
+    (shot,) = given.shots
+    dropped: dict[str, Any] = {role: None for role in ("white", "dark") if role not in frames}
+    shot = replace(shot, means=replace(shot.means, **dropped), **dropped)
+    stored = read_previous(accepted(solve(replace(given, shots=(shot,)), options=Options(basis="phones"))))
+    joint = stored.joined(capture(resolve(PHONE), ("D55",), make="Apple"))
+    again, direct = (normalise([each.means], TABLE) for each in (joint.shots[1], evened(shot, TABLE)))
+    assert again.values == pytest.approx(direct.values, rel=1e-12, abs=1e-12)
+    assert again.standard_error == pytest.approx(direct.standard_error, rel=1e-9)
+    assert (again.used == direct.used).all()
+    before = normalise([shot.means], TABLE).values
+    assert again.values == pytest.approx(before / before[:, [TABLE.white]], rel=1e-12, abs=1e-12)
+    assert joint.shots[1].lamp.name == "A"
+    assert (joint.shots[1].white is None) == ("white" not in frames)
+
+
+@pytest.mark.parametrize("name", ["D55", "daylight", "white-led"])
+@pytest.mark.parametrize("tolerance", ["", "300K,1%"])
+def test_lamps_of_a_document_are_those_that_were_named(name: str, tolerance: str) -> None:
+    if tolerance and name != "D55":
+        return  # a kind has no temperature of its own
+    lamp = with_tolerance(read_lamp(name), tolerance) if tolerance else read_lamp(name)
+    given = later("D55", named=True)
+    found = solve(replace(given, shots=(replace(given.shots[0], lamp=lamp),)))
+    again = read_previous(accepted(found)).joined(capture(resolve(PHONE), ("A",), make="Apple")).shots[1].lamp
+    assert again.values == pytest.approx(lamp.values, rel=1e-12)
+    assert again.modes == pytest.approx(lamp.modes, rel=1e-12)
+    assert (again.tolerance, again.source, again.tolerance_kelvin) == (
+        lamp.tolerance, lamp.source, lamp.tolerance_kelvin,
+    )  # fmt: skip
+
+
+def test_a_shot_with_a_white_frame_needs_no_gain_modes() -> None:
+    """A photo without a white frame has them, the previous one with a white frame has none."""
+    joint = read_previous(previous()).joined(later("A", frames=False))
+    modes, _ = prepare_fit(joint, Options()).gains
+    assert np.abs(modes[0]).max() > 0.1
+    assert (modes[1] == 0.0).all()
+
+
+# -- the common answer ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.requirement("R-PREVIOUS")
+@pytest.mark.parametrize("lamp", ["D65", "A"])
+def test_a_later_photo_in_any_light_is_solved_with_the_previous_result(lamp: str, tmp_path: Path) -> None:
+    first, new = previous(), later(lamp)
+    path = first.save(tmp_path / "first.json")
+    alone, found = solve(new), solve(new, previous=path)
+    assert found.verdict.status == "accepted"
+    assert [shot.photo.sha256 for shot in found.capture.shots] == [NEW, "0" * 64]
+    assert check(found) < rules().number("verdict.unit_drift_unnamed")
+    phone = resolve(PHONE)
+    assert error(found, phone) < error(alone, phone) + 0.0005
+    width, before = found.ssf.half_width, first.ssf.half_width
+    assert width is not None
+    assert before is not None
+    assert width < before
+    document = check_document(found.document(), "it")
+    stored = read_previous(path)
+    assert document["hashes"]["inputs"]["previous result: first.json"] == stored.sha256
+    assert any(each["code"] == "previous_result" for each in document["assumptions"])
+
+
+@pytest.mark.requirement("R-PREVIOUS")
+def test_a_common_answer_is_a_previous_result_again() -> None:
+    """Its named shots are those of the first; the unnamed one does not enter."""
+    found = solve(later("D65"), previous=previous())
+    third = later("A")
+    third = replace(third, shots=(replace(third.shots[0], photo=replace(third.shots[0].photo, sha256="2" * 64)),))
+    by_first, by_second = (solve(third, previous=each) for each in (previous(), found))
+    assert len(by_second.capture.shots) == 2
+    assert by_second.ssf.values == pytest.approx(by_first.ssf.values, rel=1e-6, abs=1e-9)
+
+
+# -- drift ---------------------------------------------------------------------------------------------------------
+
+
+def test_moves_by_hand() -> None:
+    curve = np.interp(np.arange(681), [0, 200, 300, 680], [0.0, 0.0, 1.0, 0.0])
+    whole, long, short = moves(curve)
+    assert whole[250] == pytest.approx(-STEPS / 100.0)
+    assert whole[400] == long[400] == pytest.approx(STEPS / 380.0)
+    assert short[250] == whole[250]
+    assert (long[:301] == 0.0).all()
+    assert (short[300:] == 0.0).all()
+
+
+@pytest.mark.requirement("R-PREVIOUS")
+@pytest.mark.parametrize(("named", "steps"), [(True, -10), (True, 10), (False, 10)])
+def test_a_drift_is_noticed_and_the_new_photo_answers_alone(named: bool, steps: int) -> None:
+    new = later("D65", named=named, camera=moved(steps))
+    alone, found = solve(new), solve(new, previous=previous())
+    assert found.verdict.status == "doubtful"
+    assert found.verdict.reasons[0].code == "unit_differs"
+    assert found.verdict.reasons[0].value == check(found)
+    assert (found.ssf.values == alone.ssf.values).all()
+    assert len(found.capture.shots) == 1
+    document = check_document(found.document(), "it")
+    assert "previous result: (given)" in document["hashes"]["inputs"]
+    with pytest.raises(InvalidArgument, match="was doubtful"):
+        solve(later("A"), previous=found)
+
+
+def test_another_camera_contradicts_and_does_no_harm() -> None:
+    """So different that both together are refused: the new photo's answer, with a reason."""
+    new = later("D65", named=True, camera=measured_cameras()["Nikon D5100"])
+    alone, found = solve(new), solve(new, previous=previous())
+    assert found.verdict.status == "doubtful"
+    assert (found.ssf.values == alone.ssf.values).all()
+    assert len(found.verdict.reasons) == len(alone.verdict.reasons) + 1
+
+
+# -- wrong uses ----------------------------------------------------------------------------------------------------
+
+
+def of_unit(document: dict[str, Any], **camera: str) -> None:
+    document["camera"].update(camera)
+
+
+WRONG: list[tuple[Callable[[dict[str, Any]], Any], type[CalibrationError], str]] = [
+    (
+        lambda d: d["verdict"].update(
+            status="doubtful",
+            reasons=[{"code": "glare", "message": "a.", "advice": "b.", "value": 1, "threshold": 0}],
+        ),
+        InvalidArgument,
+        "was doubtful: a.",
+    ),
+    (lambda d: d["shots"][0]["lamp"].update(name="auto"), InvalidArgument, "names no lamp"),
+    (lambda d: d["shots"][0]["lamp"].pop("power"), InvalidArgument, "older version"),
+    (lambda d: d["chart"].update(name="nano24"), InvalidArgument, "on the chart nano24"),
+    (lambda d: d["hashes"]["inputs"].update({"chart table: mine.csv": "0" * 64}), InvalidArgument, "on the chart"),
+    (lambda d: of_unit(d, make="Samsung"), UnitDiffers, "make Samsung against Apple"),
+    (lambda d: d["shots"][0]["photo"].update(width=800), UnitDiffers, "800 × 400"),
+    (lambda d: d["shots"][0]["photo"].update(sha256=NEW), InvalidArgument, "already in the previous result"),
+    (lambda d: d["shots"][0]["patches"].pop(), InvalidArgument, "must hold 23"),
+]
+
+
+@pytest.mark.parametrize(("change", "kind", "words"), WRONG, ids=[words for _, _, words in WRONG])
+def test_what_cannot_be_a_previous_result(
+    change: Callable[[dict[str, Any]], Any], kind: type[CalibrationError], words: str, tmp_path: Path
+) -> None:
+    document = copy.deepcopy(previous().document())
+    change(document)
+    path = tmp_path / "first.json"
+    path.write_text(json.dumps(document))
+    with pytest.raises(kind, match=words):
+        solve(later("A"), previous=path)
+
+
+@pytest.mark.parametrize("options", [Options(basis="gaussian"), Options(light_per_patch=0.08)])
+def test_options_without_a_previous_result(options: Options) -> None:
+    new = later("A", named=True)
+    with pytest.raises(InvalidArgument, match="cannot be used"):
+        solve(new, options=options, previous=previous())
+
+
+# -- the command ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.requirement("R-PREVIOUS")
+def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Two photos of the demo's phone: named and framed before, unnamed and alone now."""
+    first = calibrate(captures.shot("D55", "Demo phone")).save(tmp_path / "first.json")
+    photo = str(captures.photos("A", "Demo phone", seed=4).shots[0].chart)
+    assert cli.main(["calibrate", photo, "--previous", str(first)]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["verdict"]["status"] == "accepted"
+    assert len(document["shots"]) == 2
+    (tmp_path / "joint.json").write_text(json.dumps(document))
+    assert cli.main(["patches", photo]) == 0
+    (tmp_path / "patches.json").write_text(capsys.readouterr().out)
+    assert cli.main(["solve", str(tmp_path / "patches.json"), "--previous", str(first)]) == 0
+    assert json.loads(capsys.readouterr().out)["ssf"] == document["ssf"]
+    assert cli.main(["report", str(tmp_path / "joint.json"), "-o", str(tmp_path / "out")]) == 0
+    assert cli.main(["parity", str(tmp_path / "joint.json"), photo]) == 2
+    assert "previous one by itself" in capsys.readouterr().err
+    with pytest.raises(InvalidArgument, match="cannot be read"):
+        calibrate(Shot(photo), previous=tmp_path / "none.json")
