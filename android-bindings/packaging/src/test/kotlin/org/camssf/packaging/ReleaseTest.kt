@@ -183,7 +183,7 @@ class ReleaseTest {
     private fun text(of: Element, name: String): String = child(of, name).textContent.trim()
 
     private companion object {
-        val NOT_SHIPPED = setOf("golden", "camerax-stubs", "selftest", "packaging")
+        val NOT_SHIPPED = setOf("golden", "camerax-stubs", "sample", "selftest", "packaging")
         const val SITE = "https://github.com/camssf/camssf"
     }
 }

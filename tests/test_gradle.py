@@ -1,7 +1,7 @@
-"""The Gradle module metadata of android-bindings, against the published specification of the format.
+"""What Gradle reads of android-bindings: the module metadata, and the sample app's build files.
 
-Gradle is not available here: what it would do with these files is not shown, only that they say what they should, in
-the form that the specification describes. They need `mvn -f android-bindings verify`.
+Gradle is not available here: what it would do with these files is not shown. The metadata are held to the format's
+published specification and to the POMs, after `mvn -f android-bindings verify`; the build files to each other.
 """
 
 from __future__ import annotations
@@ -9,6 +9,8 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
+import tomllib
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
@@ -19,12 +21,13 @@ import pytest
 ROOT = Path(__file__).parents[1]
 BINDINGS = Path(os.environ.get("CAMSSF_BINDINGS", ROOT / "android-bindings"))
 REPOSITORY = BINDINGS / "packaging" / "target" / "repository" / "org" / "camssf"
+SAMPLE = ROOT / "android-bindings" / "sample"
+PARENT = ET.parse(ROOT / "android-bindings" / "pom.xml").getroot()
 POM = {"m": "http://maven.apache.org/POM/4.0.0"}
 MODULES = ["bom", "camera2", "camerax", "core", "finder", "model", "passport", "testing"]
 
+published = pytest.mark.skipif(not REPOSITORY.is_dir(), reason="no repository (mvn -f android-bindings verify)")
 pytestmark = pytest.mark.full
-if not REPOSITORY.is_dir():
-    pytest.skip("no repository (mvn -f android-bindings verify): its metadata are not read", allow_module_level=True)
 
 
 def entity(required: dict[str, Any], optional: dict[str, Any]) -> dict[str, Any]:
@@ -74,9 +77,9 @@ SCHEMA = entity(
     {"formatVersion": {"const": "1.1"}, "component": COMPONENT, "variants": array(VARIANT)},
     {"createdBy": entity({}, {"gradle": GRADLE})},
 )
-"""All values of the specification of version 1.1 (gradle/gradle, design documents) but `available-at`, since no module
-here lies elsewhere. Attributes of a component, integers among attributes and SHA-2 are not in its text, but in what Gradle
-itself writes."""
+"""All values of the specification of version 1.1 (gradle/gradle, design documents) but `available-at`, since no
+module here lies elsewhere. Attributes of a component, integers among attributes and SHA-2 are not in its text, but in
+what Gradle itself writes."""
 
 
 def read(module: str) -> tuple[dict[str, Any], ET.Element, Path]:
@@ -92,10 +95,12 @@ def text(of: ET.Element, name: str) -> str:
     return found.text or ""
 
 
+@published
 def test_every_published_module_has_metadata() -> None:
     assert sorted(path.name.removeprefix("camssf-") for path in REPOSITORY.iterdir()) == MODULES
 
 
+@published
 @pytest.mark.requirement("R-RELEASE")
 @pytest.mark.parametrize("module", MODULES)
 def test_metadata_have_the_specified_form_and_say_what_the_pom_says(module: str) -> None:
@@ -103,8 +108,8 @@ def test_metadata_have_the_specified_form_and_say_what_the_pom_says(module: str)
     jsonschema.Draft202012Validator(SCHEMA).validate(metadata)
     assert next(iter(metadata)) == "formatVersion"
     # Gradle reads a .module only if the POM holds this comment.
-    (published,) = folder.glob("*.pom")
-    assert "<!-- do_not_remove: published-with-gradle-metadata -->" in published.read_text("utf-8")
+    (file,) = folder.glob("*.pom")
+    assert "<!-- do_not_remove: published-with-gradle-metadata -->" in file.read_text("utf-8")
     component = metadata["component"]
     assert [component[key] for key in ("group", "module", "version")] == [
         text(pom, name) for name in ("groupId", "artifactId", "version")
@@ -129,6 +134,7 @@ def test_metadata_have_the_specified_form_and_say_what_the_pom_says(module: str)
         assert elements == {"bom": None, "camera2": "aar"}.get(module, "jar")
 
 
+@published
 @pytest.mark.requirement("R-RELEASE")
 @pytest.mark.parametrize(
     ("module", "artifacts"),
@@ -139,7 +145,7 @@ def test_metadata_have_the_specified_form_and_say_what_the_pom_says(module: str)
     ],
 )
 def test_another_onnx_runtime_is_against_the_metadata(module: str, artifacts: set[str]) -> None:
-    only = text(ET.parse(ROOT / "android-bindings" / "pom.xml").getroot(), "properties/m:onnxruntime.version")
+    only = text(PARENT, "properties/m:onnxruntime.version")
     metadata, _, _ = read(module)
     runtime = next(each for each in metadata["variants"] if each["attributes"]["org.gradle.usage"] == "java-runtime")
     found = {
@@ -148,3 +154,16 @@ def test_another_onnx_runtime_is_against_the_metadata(module: str, artifacts: se
         if each["group"] == "com.microsoft.onnxruntime"
     }
     assert found == dict.fromkeys(artifacts, only)
+
+
+def test_the_samples_build_files_agree() -> None:
+    """Each library and plugin that the build names is in the catalogue, which has the versions of this build."""
+    catalogue = tomllib.loads((SAMPLE / "gradle" / "libs.versions.toml").read_text("utf-8"))
+    build = (SAMPLE / "build.gradle.kts").read_text("utf-8")
+    named = {name.replace(".", "-") for name in re.findall(r"\(libs\.([a-z0-9.]+)\)", build) if "plugins" not in name}
+    assert named == set(catalogue["libraries"])
+    assert set(re.findall(r"alias\(libs\.plugins\.([a-z]+)\)", build)) == set(catalogue["plugins"])
+    refs = [each["version"]["ref"] for each in (catalogue["libraries"] | catalogue["plugins"]).values()]
+    assert set(refs) == set(catalogue["versions"])
+    assert catalogue["versions"]["camssf"] == text(PARENT, "version")
+    assert catalogue["versions"]["camerax"] == text(PARENT, "properties/m:camerax.version")
