@@ -91,7 +91,7 @@ public class ChartCamera @Throws(CameraAccessException::class) constructor(
             throw UnsupportedRaw("This camera gives CameraX no RAW photos.", "Choose another camera of this phone.")
         }
         val camera2 = Camera2Interop.Extender(builder).setSessionCaptureCallback(StillResult())
-        for ((key, value) in CaptureRequirements.settings(characteristics)) camera2.setCaptureRequestOption(key, value)
+        CaptureRequirements.settings(characteristics).forEach { camera2.setCaptureRequestOption(it.key, it.value) }
         return builder.setOutputFormat(ImageCapture.OUTPUT_FORMAT_RAW)
             .setCaptureMode(ImageCapture.CAPTURE_MODE_MAXIMIZE_QUALITY)
             .setFlashMode(ImageCapture.FLASH_MODE_OFF)

@@ -99,7 +99,7 @@ class ReleaseTest {
 
     @Test
     fun `no class is in two artefacts, and none of the stubs is in any`() {
-        val classes = Artifacts.SHIPPED.flatMap { name -> names(Artifacts.jar(name)).filter { it.endsWith(".class") } }
+        val classes = Artifacts.SHIPPED.map(Artifacts::jar).flatMap(::names).filter { it.endsWith(".class") }
         assertTrue("org/camssf/camera2/RawFrames.class" in classes)
         assertEquals(emptySet<String>(), classes.groupingBy { it }.eachCount().filterValues { it > 1 }.keys)
         assertEquals(emptyList<String>(), classes.filterNot { it.startsWith("org/camssf/") })

@@ -122,6 +122,7 @@ class SampleActivity : ComponentActivity() {
             val peak = 380 + 0.5 * curve.indices.maxByOrNull { curve[it] }!!
             String.format(Locale.ROOT, "%s: peak at %.0f nm", channel.name.lowercase(Locale.ROOT), peak)
         }
+
         is Refused -> "${found.error.message} ${found.error.advice}"
     }
 
