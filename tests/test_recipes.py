@@ -11,6 +11,7 @@ import re
 import shutil
 import subprocess
 import time
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -86,11 +87,14 @@ def test_the_page_names_the_oldest_compilers_and_its_own() -> None:
 
 @pytest.mark.parametrize("page", [JVM_PAGE, ANDROID_PAGE], ids=["jvm", "android"])
 def test_a_first_result_takes_twelve_lines_and_four_imports(page: str) -> None:
-    first = next(block for block in blocks(page, "kotlin") if "is Refused" in block)
-    lines = [line for line in first.splitlines() if line.strip() and not line.startswith("//")]
-    imports = [line for line in lines if line.startswith("import ")]
-    assert len(imports) <= 4
-    assert len(lines) - len(imports) <= 12
+    """On Android twice: from a chosen DNG, and from a bound camera of CameraX."""
+    results = [block for block in blocks(page, "kotlin") if "is Refused" in block]
+    assert len(results) == (2 if page == ANDROID_PAGE else 1)
+    for block in results:
+        lines = [line for line in block.splitlines() if line.strip() and not line.startswith("//")]
+        imports = [line for line in lines if line.startswith("import ")]
+        assert len(imports) <= 4
+        assert len(lines) - len(imports) <= 12
 
 
 @pytest.mark.requirement("R-RECIPE")
@@ -159,6 +163,7 @@ POM = """<project xmlns="http://maven.apache.org/POM/4.0.0">
 SCREEN = """package example
 
 import android.content.ContentResolver
+import android.content.Context
 import android.hardware.camera2.CameraCaptureSession
 import android.hardware.camera2.CameraCharacteristics
 import android.hardware.camera2.CameraDevice
@@ -167,10 +172,17 @@ import android.media.Image
 import android.media.ImageReader
 import android.net.Uri
 import android.os.Handler
+import androidx.camera.core.CameraSelector
+import androidx.camera.core.ImageAnalysis
+import androidx.camera.core.ImageCapture
+import androidx.camera.core.Preview
+import androidx.camera.lifecycle.ProcessCameraProvider
+import androidx.lifecycle.LifecycleOwner
 import java.io.File
 {imports}
 
 class Screen(private val contentResolver: ContentResolver, private val filesDir: File) {{
+    private val cacheDir = filesDir
     val shown = ArrayList<String>()
 
     private fun show(vararg what: Any?) {{
@@ -183,6 +195,14 @@ class Screen(private val contentResolver: ContentResolver, private val filesDir:
         uri: Uri, x1: Double, y1: Double, x2: Double, y2: Double, x3: Double, y3: Double, x4: Double, y4: Double,
     ) {{
 {first}
+    }}
+
+    fun bound(context: Context, owner: LifecycleOwner, provider: ProcessCameraProvider, preview: Preview) {{
+{binding}
+    }}
+
+    suspend fun photographed(camera: ChartCamera, analysis: ImageAnalysis, capture: ImageCapture) {{
+{camerax}
     }}
 
     fun photographed(
@@ -234,6 +254,14 @@ def dependency(coordinates: str, more: str = "") -> str:
     )
 
 
+def excluding(*groups: str) -> str:
+    """These groups' artefacts left out: no registry here has them."""
+    excluded = "".join(
+        f"<exclusion><groupId>{group}</groupId><artifactId>*</artifactId></exclusion>" for group in groups
+    )
+    return f"<exclusions>{excluded}</exclusions>"
+
+
 def versions_of_the_build(*names: str) -> dict[str, str]:
     text = (ROOT / "android-bindings" / "pom.xml").read_text("utf-8")
     return {name: re.findall(rf"<{name}\.version>([^<]+)<", text)[0] for name in names}
@@ -241,37 +269,41 @@ def versions_of_the_build(*names: str) -> dict[str, str]:
 
 @pytest.mark.requirement("R-RECIPE")
 def test_a_new_android_module_by_the_page_alone(tmp_path: Path, cache: Path) -> None:
-    """The page's coordinates and code on the framework's classes; Gradle and a phone's runtime are not here."""
+    """The page's coordinates and code on the framework's classes; no Gradle, CameraX or phone's runtime is here."""
     asked = dict(
         reversed(re.match(r"(.*?:(.*?):.*)", found).groups())  # type: ignore[union-attr]
         for found in re.findall(r'implementation\("([\w.:-]+)"\)', ANDROID_PAGE)
     )
-    assert set(asked) == {"camssf-android", "onnxruntime-android"}
-    of = versions_of_the_build("robolectric", "android", "kotlin", "junit")
-    left_out = (
-        "<type>aar</type><exclusions><exclusion><groupId>com.microsoft.onnxruntime</groupId>"
-        "<artifactId>onnxruntime-android</artifactId></exclusion></exclusions>"
-    )
-    desktop = asked["onnxruntime-android"].replace("onnxruntime-android", "onnxruntime")
+    assert set(asked) == {"camssf-camera2", "camssf-camerax"}
+    of = versions_of_the_build("robolectric", "android", "kotlin", "junit", "onnxruntime")
     graphics = (
         "<scope>test</scope><exclusions><exclusion><groupId>org.robolectric</groupId>"
         "<artifactId>nativeruntime-dist-compat</artifactId></exclusion></exclusions>"
     )
+    folder = project(tmp_path / "screen", cache)
+    # Maven compiles with no AAR: its classes are taken out. The stubs stand for CameraX.
+    (aar,) = (REPOSITORY / "org" / "camssf" / "camssf-camera2").glob("*/*.aar")
+    with zipfile.ZipFile(aar) as archive:
+        archive.extract("classes.jar", folder)
+    (stubs,) = (BINDINGS / "camerax-stubs" / "target").glob("camssf-camerax-stubs-*[0-9T].jar")
     dependencies = [
-        dependency(asked["camssf-android"], left_out),
-        dependency(desktop, "<scope>test</scope>"),
+        dependency(asked["camssf-camera2"], f"<type>aar</type>{excluding('com.microsoft.onnxruntime')}"),
+        dependency(asked["camssf-camerax"], excluding("androidx.camera", "com.microsoft.onnxruntime")),
+        dependency("local:camera2:1", f"<scope>system</scope><systemPath>{folder / 'classes.jar'}</systemPath>"),
+        dependency("local:stubs:1", f"<scope>system</scope><systemPath>{stubs}</systemPath>"),
+        dependency(f"com.microsoft.onnxruntime:onnxruntime:{of['onnxruntime']}", "<scope>test</scope>"),
         dependency(f"org.junit.vintage:junit-vintage-engine:{of['junit']}", "<scope>test</scope>"),
         dependency(f"org.robolectric:robolectric:{of['robolectric']}", graphics),
         dependency(f"org.robolectric:android-all:{of['android']}", "<scope>provided</scope>"),
     ]
-    first, camera = (
+    first, camera, binding, camerax = (
         next(block for block in blocks(ANDROID_PAGE, "kotlin") if begin in block)
-        for begin in ("PhotoSource.dng", "CaptureRequirements.check")
+        for begin in ("PhotoSource.dng", "CaptureRequirements.check", "bindToLifecycle", "awaitChart")
     )
-    lines = [line for block in (first, camera) for line in block.splitlines()]
+    code = {"first": first, "camera": camera, "binding": binding, "camerax": camerax}
+    lines = [line for block in code.values() for line in block.splitlines()]
     imports = "\n".join(sorted({line for line in lines if line.startswith("import ")}))
-    first, camera = (re.sub(r"^import .*\n", "", block, flags=re.MULTILINE) for block in (first, camera))
-    folder = project(tmp_path / "screen", cache)
+    code = {name: re.sub(r"^import .*\n", "", block, flags=re.MULTILINE) for name, block in code.items()}
     begin = time.monotonic()
     pom = POM.format(
         repository=REPOSITORY, robolectric=ROBOLECTRIC, kotlin=of["kotlin"], dependencies="\n    ".join(dependencies)
@@ -280,7 +312,7 @@ def test_a_new_android_module_by_the_page_alone(tmp_path: Path, cache: Path) -> 
     write(
         folder,
         "src/main/kotlin/example/Screen.kt",
-        SCREEN.format(imports=imports, first=first, camera=camera),
+        SCREEN.format(imports=imports, **code),
     )
     corners = "22.44, 17.44, 156.56, 22.44, 162.56, 116.56, 16.44, 109.56"
     photo = ROOT / "golden" / "dng" / "chart-turned-0.dng"

@@ -2,6 +2,8 @@ package org.camssf
 
 import org.camssf.fit.GainModes
 import org.camssf.photo.MeasuredCapture
+import org.camssf.photo.PatchMask
+import org.camssf.photo.PatchTable
 import org.camssf.photo.Signals
 import org.camssf.recovery.AnyLight
 import org.camssf.recovery.Choice
@@ -39,6 +41,8 @@ internal class CaptureFit(
     val table: ChartTable = capture.chart
     private val n = table.patches.size
     private val k = capture.shots.size
+
+    private val values = PatchTable(k, n, signals.sharedValues)
 
     /** Whether the basis is the paper's, which has no prior and no error of the chart. */
     val paper: Boolean = engines[0].basis == OnnxEngine.PAPER
@@ -93,9 +97,9 @@ internal class CaptureFit(
      * chart reach [Choice.CLEAR]. The evidence of each table is computed on the basis, the kinds of light and the
      * fading that `ssf` found; a basis without a prior has none.
      *
-     * @param used (k, n) the patches that entered the fit.
+     * @param used the patches that entered the fit.
      */
-    fun likeliestTable(ssf: Ssf, used: BooleanArray): ChartTable {
+    fun likeliestTable(ssf: Ssf, used: PatchMask): ChartTable {
         val others = if (paper) emptyList() else table.otherTables()
         if (others.isEmpty()) return table
         val posed = conditionedOn(ssf)
@@ -125,13 +129,15 @@ internal class CaptureFit(
             }
             shot.under(RawWhite.given(shot.lamp, raw, shot.photo.colourMatrices, white))
         }
-        val other = MeasuredCapture(shots, capture.chart, capture.whiteReflectance)
+        val other = MeasuredCapture(shots, capture.chart, capture.whiteReflectance, capture.files)
         return CaptureFit(engines, other, signals, settings, priorScale)
     }
 
     /** The fit of shot j alone. */
     private fun only(j: Int): CaptureFit {
-        val own = MeasuredCapture(listOf(capture.shots[j]), capture.chart, capture.whiteReflectance)
+        val own = MeasuredCapture(
+            listOf(capture.shots[j]), capture.chart, capture.whiteReflectance, capture.files,
+        )
         return CaptureFit(engines, own, signals.only(j), settings, priorScale)
     }
 
@@ -145,12 +151,8 @@ internal class CaptureFit(
 
     private fun light(lamp: Lamp, kind: String): Lamp = lamp.kinds.firstOrNull { it.name == kind } ?: lamp
 
-    /** 0-based patches that at least one shot uses; `used` is (k, n). */
-    fun selected(used: BooleanArray): IntArray =
-        (0 until n).filter { i -> (0 until k).any { used[it * n + i] } }.toIntArray()
-
     /**
-     * The curves from the `used` (k, n) patches; the result predicts all n patches.
+     * The curves from the `used` patches; the result predicts all n patches.
      *
      * @param gamma (1) or (3) the l1 penalty; null takes that of the settings or of the basis.
      * @param tell called before each run of a model if a light is unnamed, because there are many runs.
@@ -158,10 +160,11 @@ internal class CaptureFit(
      * @throws LampUnfit a lamp without power on the grid.
      * @throws NotConverged the duality gap is too large.
      */
-    fun curves(used: BooleanArray, gamma: DoubleArray?, tell: () -> Unit = {}): Ssf {
-        val selected = selected(used)
-        val frames = listOf(signals.sharedChart, signals.sharedWhite, signals.sharedDark).map { rows(it, selected) }
-        val shown = Frames(frames[0], frames[1], frames[2])
+    fun curves(used: PatchMask, gamma: DoubleArray?, tell: () -> Unit = {}): Ssf {
+        val selected = used.selected
+        val (chart, white, dark) = listOf(signals.sharedChart, signals.sharedWhite, signals.sharedDark)
+            .map { rows(PatchTable(k, n, it), selected) }
+        val shown = Frames(chart, white, dark)
         val penalties = Penalties(settings.l2, gamma, settings.nonnegative)
         if (lamps.any { it.unnamed }) {
             return AnyLight(families(), shown, penalties, tell).recover(guesses(used, tell), table.sharedValues)
@@ -180,7 +183,7 @@ internal class CaptureFit(
             ?: Choice.families(engines, priorOdds)
 
     /** All combinations of kinds for the unnamed lights. */
-    private fun guesses(used: BooleanArray, tell: () -> Unit): List<LampGuess> {
+    private fun guesses(used: PatchMask, tell: () -> Unit): List<LampGuess> {
         val unnamed = lamps.count { it.unnamed }
         if (unnamed > AnyLight.MOST) {
             throw InvalidArgument(
@@ -196,16 +199,16 @@ internal class CaptureFit(
     }
 
     /** The kinds of shot j's light that are combined with those of the other shots; "" if it was named. */
-    private fun kinds(used: BooleanArray, j: Int, unnamed: Int, tell: () -> Unit): List<String> {
+    private fun kinds(used: PatchMask, j: Int, unnamed: Int, tell: () -> Unit): List<String> {
         if (!lamps[j].unnamed) return listOf("")
         val kinds = lamps[j].kinds.map { it.name }
         if (unnamed == 1) return kinds
         val alone = only(j)
-        val own = used.copyOfRange(j * n, (j + 1) * n)
+        val own = PatchMask(1, n) { _, i -> used[j, i] }
         return AnyLight.likelyKinds(alone.families(), kinds.map { alone.guess(own, listOf(it)) }, tell)
     }
 
-    private fun guess(used: BooleanArray, kinds: List<String>): LampGuess {
+    private fun guess(used: PatchMask, kinds: List<String>): LampGuess {
         val belief = lamps.indices.filter { lamps[it].unnamed }.sumOf { j ->
             lamps[j].logPrior[lamps[j].kinds.indexOfFirst { it.name == kinds[j] }]
         }
@@ -213,11 +216,11 @@ internal class CaptureFit(
     }
 
     /**
-     * ln of the marginal likelihood of the `used` (k, n) patches under these lamps, with each basis's prior `scale`
+     * ln of the marginal likelihood of the `used` patches under these lamps, with each basis's prior `scale`
      * times as wide. With several bases, of which only those named by `bases` count, it is that of their mixture by
      * prior odds, up to the ln of the sum of these odds.
      */
-    fun logEvidence(used: BooleanArray, lamps: List<Lamp>, bases: Set<String>, scale: Double): Double {
+    fun logEvidence(used: PatchMask, lamps: List<Lamp>, bases: Set<String>, scale: Double): Double {
         val given = observation(used, lamps)
         if (engines.size == 1) return Recover.logEvidence(engines[0], given, scale)
         return Choice.logSum(
@@ -228,44 +231,44 @@ internal class CaptureFit(
     }
 
     /**
-     * Uncertainty budget of an answer to the `used` (k, n) patches: each source's share (3) of the variance; null
+     * Uncertainty budget of an answer to the `used` patches: each source's share (3) of the variance; null
      * without a prior.
      */
-    fun budget(used: BooleanArray, ssf: Ssf): Map<String, DoubleArray>? =
+    fun budget(used: PatchMask, ssf: Ssf): Map<String, DoubleArray>? =
         ssf.sharedStd?.let { Recover.budget(engines.single(), observation(used, lamps), ssf.priorScale) }
 
     /**
-     * (k, n, 3) one standard deviation of each true signal minus its prediction by a fit to the `used` (k, n)
-     * patches; null without a prior.
+     * One standard deviation of each true signal minus its prediction by a fit to the `used` patches; null without a
+     * prior.
      */
-    fun bands(used: BooleanArray, ssf: Ssf): DoubleArray? {
+    fun bands(used: PatchMask, ssf: Ssf): PatchTable? {
         if (ssf.sharedStd == null) return null
         val level = level(ssf)
-        val shown = DoubleArray(3 * k * n) { at ->
-            // A masked signal is replaced by its prediction, in the uneven light of its shot.
-            if (used[at / 3]) signals.sharedValues[at] else ssf.sharedPredicted[at] / level[at / 3]
+        val predicted = PatchTable(k, n, ssf.sharedPredicted)
+        // A masked signal is replaced by its prediction, in the uneven light of its shot.
+        val shown = PatchTable(k, n) { j, i, c ->
+            if (used[j, i]) values[j, i, c] else predicted[j, i, c] / level[j * n + i]
         }
-        val errors = DoubleArray(3 * k * n) { at -> if (used[at / 3]) signals.sharedError[at] else HIDDEN }
-        val known = observation(BooleanArray(k * n) { true }, lamps).known
-        val all = Observation(Tensor(shown, k, n, 3), Tensor(errors, k, n, 3), known)
-        return Recover.predictedStd(engines.single(), all, ssf)
+        val known = observation(PatchMask(k, n) { _, _ -> true }, lamps).known
+        val all = Observation(Tensor(shown.values, k, n, 3), Tensor(hiding(used).values, k, n, 3), known)
+        return PatchTable(k, n, Recover.predictedStd(engines.single(), all, ssf))
     }
 
-    /** Selects the `selected` patches from values (k, n, 3). */
-    private fun rows(values: DoubleArray, selected: IntArray): Tensor {
-        val t = selected.size
-        val own = DoubleArray(3 * k * t) { at -> values[3 * (at / (3 * t) * n + selected[at / 3 % t]) + at % 3] }
-        return Tensor(own, k, t, 3)
+    /** The standard errors, of a masked signal [HIDDEN]. */
+    private fun hiding(used: PatchMask): PatchTable {
+        val errors = PatchTable(k, n, signals.sharedError)
+        val hidden = HIDDEN
+        return PatchTable(k, n) { j, i, c -> if (used[j, i]) errors[j, i, c] else hidden }
     }
 
-    private fun observation(used: BooleanArray, lamps: List<Lamp>): Observation {
-        val selected = selected(used)
+    private fun rows(of: PatchTable, selected: IntArray) = Tensor(of.rows(selected), k, selected.size, 3)
+
+    private fun observation(used: PatchMask, lamps: List<Lamp>): Observation {
+        val selected = used.selected
         val t = selected.size
-        val unused = HIDDEN
-        val hidden = DoubleArray(3 * k * n) { if (used[it / 3]) signals.sharedError[it] else unused }
         return Observation(
-            rows(signals.sharedValues, selected),
-            rows(hidden, selected),
+            rows(values, selected),
+            rows(hiding(used), selected),
             Known(
                 Tensor(selected.map { table.reflectance(it) }.flatten(), t, Grid.SIZE),
                 Tensor(DoubleArray(t) { if (paper) 0.0 else table.sharedTolerance[selected[it]] }, t),

@@ -1,5 +1,6 @@
 package org.camssf
 
+import org.camssf.photo.PatchMask
 import org.camssf.recovery.Choice
 import org.camssf.recovery.Ssf
 import org.camssf.spectra.Lamp
@@ -22,11 +23,11 @@ internal object Rivals {
      * answer found.
      *
      * @param fit before it is conditioned on the answer.
-     * @param used (k, n) the patches that entered the fit.
+     * @param used the patches that entered the fit.
      * @param new number of new shots; the lamps of a previous result, behind them, are not doubted again.
      * @param tell called before each run of the model.
      */
-    fun of(fit: CaptureFit, ssf: Ssf, used: BooleanArray, new: Int = fit.lamps.size, tell: () -> Unit): List<Rival> {
+    fun of(fit: CaptureFit, ssf: Ssf, used: PatchMask, new: Int = fit.lamps.size, tell: () -> Unit): List<Rival> {
         if (ssf.sharedStd == null || fit.lamps.size > Light.MOST_SHOTS_COMPARED) return emptyList()
         val scale = if (ssf.priorScale == 1.0) Light.NARROW else 1.0 // the learned width for an unfamiliar camera
         val bases = Choice.MAKERS_OF.values.toSet() + ssf.basis

@@ -63,13 +63,7 @@ public object CaptureRequirements {
      */
     @JvmStatic
     public fun apply(builder: CaptureRequest.Builder, camera: CameraCharacteristics, exposureTime: Long, iso: Int) {
-        if (hasQuietRaw(camera)) {
-            builder.set(CaptureRequest.NOISE_REDUCTION_MODE, CameraMetadata.NOISE_REDUCTION_MODE_OFF)
-        }
-        if (hasShadingMap(camera)) {
-            builder.set(CaptureRequest.SHADING_MODE, CameraMetadata.SHADING_MODE_FAST)
-            builder.set(CaptureRequest.STATISTICS_LENS_SHADING_MAP_MODE, MAP_ON)
-        }
+        for ((key, value) in settings(camera)) builder.set(key, value)
         builder.set(CaptureRequest.FLASH_MODE, CameraMetadata.FLASH_MODE_OFF)
         if (!isManual(camera)) return
         // A scene mode would override the values below.
@@ -77,6 +71,23 @@ public object CaptureRequirements {
         builder.set(CaptureRequest.CONTROL_AE_MODE, CameraMetadata.CONTROL_AE_MODE_OFF)
         builder.set(CaptureRequest.SENSOR_EXPOSURE_TIME, exposureTime)
         builder.set(CaptureRequest.SENSOR_SENSITIVITY, iso)
+    }
+
+    /**
+     * The settings of noise reduction and lens shading, as far as the camera offers them, for an API that takes keys
+     * with values, such as CameraX's interop.
+     */
+    @JvmStatic
+    public fun settings(camera: CameraCharacteristics): Map<CaptureRequest.Key<Int>, Int> {
+        val found = LinkedHashMap<CaptureRequest.Key<Int>, Int>()
+        if (hasQuietRaw(camera)) {
+            found[CaptureRequest.NOISE_REDUCTION_MODE] = CameraMetadata.NOISE_REDUCTION_MODE_OFF
+        }
+        if (hasShadingMap(camera)) {
+            found[CaptureRequest.SHADING_MODE] = CameraMetadata.SHADING_MODE_FAST
+            found[CaptureRequest.STATISTICS_LENS_SHADING_MAP_MODE] = MAP_ON
+        }
+        return found
     }
 
     /**

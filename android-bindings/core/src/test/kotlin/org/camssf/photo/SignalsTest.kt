@@ -241,4 +241,16 @@ class SignalsTest {
         val found = signals(lost).restrictedTo(BooleanArray(n) { it >= 4 })
         assertEquals(listOf(4, 6, 7), found.used.indices.filter { found.used[it] })
     }
+
+    @Test
+    fun `they print, and assumptions compare`() {
+        val some = two.restrictedTo(BooleanArray(n) { it == 1 })
+        assertEquals("Signals(shots=2, patches=8, used=2)", "$some")
+        val one = Assumption("code", "words")
+        assertEquals("code: words", "$one")
+        assertEquals(one, Assumption("code", "words"))
+        assertEquals(31 * "code".hashCode() + "words".hashCode(), one.hashCode())
+        val others = listOf(Assumption("other", "words"), Assumption("code", "other"), "code: words")
+        assertTrue(others.none { one == it })
+    }
 }

@@ -170,4 +170,26 @@ class JudgeTest {
             assertEquals(emptyList<Reason>(), judged(1.0, choice, family).reasons)
         }
     }
+
+    @Test
+    fun `verdicts and reasons print and compare`() {
+        fun reason(change: Int = -1) = Reason(
+            if (change == 0) "other" else "glare",
+            if (change == 1) "Other." else "Something shines.",
+            if (change == 2) "Other." else "Turn the chart.",
+            if (change == 3) null else 2.0,
+            if (change == 4) null else 1.0,
+        )
+        assertEquals("glare: Something shines. Turn the chart.", "${reason()}")
+        assertEquals(reason(), reason())
+        assertEquals(reason().hashCode(), reason().hashCode())
+        assertTrue((0..4).none { reason(it) == reason() || reason(it).hashCode() == reason().hashCode() })
+        val doubtful = Verdict(Status.DOUBTFUL, listOf(reason(), reason(0)))
+        assertEquals("doubtful: glare, other", "$doubtful")
+        assertEquals("accepted", "${Verdict(Status.ACCEPTED, emptyList())}")
+        assertEquals(doubtful, Verdict(Status.DOUBTFUL, listOf(reason(), reason(0))))
+        assertEquals(31 * Status.DOUBTFUL.hashCode() + doubtful.reasons.hashCode(), doubtful.hashCode())
+        val others = listOf(Verdict(Status.REFUSED, doubtful.reasons), Verdict(Status.DOUBTFUL, listOf(reason())), "")
+        assertTrue(others.none { doubtful == it })
+    }
 }

@@ -1,5 +1,6 @@
 package org.camssf.verdict
 
+import org.camssf.Rules
 import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertFalse
 import org.junit.jupiter.api.Assertions.assertTrue
@@ -38,5 +39,13 @@ class LightTest {
             assertEquals(14.0, found.threshold)
             assertTrue("probability of 100%" in found.message, found.message)
         }
+    }
+
+    @Test
+    fun `rival lamps, their prior and the most shots are those of the rules`() {
+        assertEquals(Rules.shipped.rivals, Light.RIVALS)
+        assertEquals(18, Light.RIVALS.size)
+        assertEquals(Rules.shipped.number("verdict.narrow"), Light.NARROW)
+        assertEquals(Rules.shipped.whole("verdict.most_shots_compared"), Light.MOST_SHOTS_COMPARED)
     }
 }

@@ -22,6 +22,7 @@ import org.camssf.photo.LensShading
 import org.camssf.photo.MeasuredCapture
 import org.camssf.photo.MeasuredShot
 import org.camssf.photo.Normalise
+import org.camssf.photo.PatchMask
 import org.camssf.photo.Photo
 import org.camssf.photo.Signals
 import org.camssf.recovery.Engine
@@ -108,9 +109,10 @@ internal class Captures(private val forms: Forms, private val frames: Statistics
         val table = capture.chart
         val signals = Normalise.all(capture.shots.map { it.means }, table.patches, table.white)
         val fit = CaptureFit(engines, capture, signals, settings(case))
-        val ssf = fit.curves(signals.used, settings(case).gamma?.let { doubleArrayOf(it) })
-        val found = Rivals.of(fit, ssf, signals.used) { }
         val k = capture.shots.size
+        val used = PatchMask(k, table.patches.size, signals.used)
+        val ssf = fit.curves(used, settings(case).gamma?.let { doubleArrayOf(it) })
+        val found = Rivals.of(fit, ssf, used) { }
         return mapOf("gains" to Tensor(found.map { it.gain }.toDoubleArray(), k, found.size / k))
     }
 

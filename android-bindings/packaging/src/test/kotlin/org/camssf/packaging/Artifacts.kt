@@ -4,8 +4,8 @@ import java.io.File
 
 /** The files that this build ships. */
 internal object Artifacts {
-    /** Modules whose jars apps take. */
-    val SHIPPED = listOf("model", "core", "finder", "camera2", "passport", "testing")
+    /** Modules that apps take: jars, and camera2 an AAR around its jar. */
+    val SHIPPED = listOf("model", "core", "finder", "camera2", "camerax", "passport", "testing")
 
     /** The folder android-bindings. */
     val FOLDER = File(System.getProperty("camssf.root"), "android-bindings")

@@ -28,7 +28,7 @@ class ReleaseTest {
         val modules = elements(File(Artifacts.FOLDER, "pom.xml"), "module").map { it.textContent }
         assertEquals(modules.toSet(), Artifacts.SHIPPED.toSet() + NOT_SHIPPED)
         val there = place.list()!!.map { it.removePrefix("camssf-") }.toSet()
-        assertEquals(Artifacts.SHIPPED.toSet() + setOf("android", "bom"), there)
+        assertEquals(Artifacts.SHIPPED.toSet() + "bom", there)
     }
 
     @TestFactory
@@ -49,7 +49,7 @@ class ReleaseTest {
     fun `code comes with sources and KDoc`(): List<DynamicTest> = Artifacts.SHIPPED.map { name ->
         dynamicTest(name) {
             assertTrue(names(file(name, "-sources.jar")).any { it.endsWith(".kt") })
-            val classes = names(file(name, ".jar")).filter { it.endsWith(".class") && '$' !in it }
+            val classes = names(Artifacts.jar(name)).filter { it.endsWith(".class") && '$' !in it }
             val pages = names(file(name, "-javadoc.jar")).filter { it.endsWith(".html") }.toSet()
             val api = File(Artifacts.FOLDER, "$name/api/$name.api").readLines()
             val declared = Regex("""^public .*?(?:class|interface) (\S+) """)
@@ -87,7 +87,7 @@ class ReleaseTest {
     /** As the JVM's own module finder reads them. */
     @Test
     fun `every jar is a module with a name of its own, and no package is in two`() {
-        val jars = Artifacts.SHIPPED.associateWith { file(it, ".jar") }
+        val jars = Artifacts.SHIPPED.associateWith { Artifacts.jar(it) }
         for ((name, jar) in jars) {
             val said = JarFile(jar).use { it.manifest.mainAttributes.getValue("Automatic-Module-Name") }
             assertEquals("org.camssf.$name", said)
@@ -98,11 +98,12 @@ class ReleaseTest {
     }
 
     @Test
-    fun `no class is in two artefacts`() {
-        val jars = files().filter { it.extension == "jar" && "-sources" !in it.name && "-javadoc" !in it.name }
-        val classes = jars.flatMap { jar -> names(jar).filter { it.endsWith(".class") }.distinct() }
+    fun `no class is in two artefacts, and none of the stubs is in any`() {
+        val classes = Artifacts.SHIPPED.map(Artifacts::jar).flatMap(::names).filter { it.endsWith(".class") }
         assertTrue("org/camssf/camera2/RawFrames.class" in classes)
         assertEquals(emptySet<String>(), classes.groupingBy { it }.eachCount().filterValues { it > 1 }.keys)
+        assertEquals(emptyList<String>(), classes.filterNot { it.startsWith("org/camssf/") })
+        assertEquals(emptyList<String>(), files().filter { it.extension == "pom" && "stubs" in it.readText() })
     }
 
     @Test
@@ -110,7 +111,7 @@ class ReleaseTest {
         val found = versions("bom")
         val runtime = System.getProperty("onnxruntime.version")
         // In brackets: just this version, so that a build that would raise it fails.
-        val wanted = (Artifacts.SHIPPED + "android").associate { "camssf-$it" to version } +
+        val wanted = Artifacts.SHIPPED.associate { "camssf-$it" to version } +
             mapOf("onnxruntime" to "[$runtime]", "onnxruntime-android" to "[$runtime]")
         assertEquals(wanted, found)
     }
@@ -133,20 +134,21 @@ class ReleaseTest {
 
     /** Of what a POM names, all stands in the SBOM, and what that brings along. */
     @TestFactory
-    fun `every artefact has an SBOM`(): List<DynamicTest> = (Artifacts.SHIPPED + "android").map { name ->
+    fun `every artefact has an SBOM`(): List<DynamicTest> = Artifacts.SHIPPED.map { name ->
         dynamicTest(name) {
             val sbom = file(name, "-cyclonedx.json")
             val offline = System.getProperty("camssf.offline") == "offline true"
             assumeFalse(offline && !sbom.exists(), "Maven is offline: no SBOM")
             val said = sbom.readText()
             assertTrue(Regex(""""bomFormat"\s*:\s*"CycloneDX"""").containsMatchIn(said))
-            assertTrue(Regex("pkg:maven/org\\.camssf/camssf-$name@${Regex.escape(version)}").containsMatchIn(said))
+            assertTrue("pkg:maven/org.camssf/camssf-$name@$version" in said)
             for (each in elements(file(name, ".pom"), "dependency")) {
                 val only = text(each, "version").trim('[', ']')
                 val url = "pkg:maven/${text(each, "groupId")}/${text(each, "artifactId")}@$only"
-                if ("android-all" !in url) assertTrue(url in said, url)
+                assertTrue(url in said, url)
             }
             assertTrue("junit" !in said && "robolectric/robolectric" !in said, "what only tests need is in it")
+            assertTrue("camerax-stubs" !in said)
         }
     }
 
@@ -181,7 +183,7 @@ class ReleaseTest {
     private fun text(of: Element, name: String): String = child(of, name).textContent.trim()
 
     private companion object {
-        val NOT_SHIPPED = setOf("golden", "selftest", "packaging")
+        val NOT_SHIPPED = setOf("golden", "camerax-stubs", "sample", "selftest", "packaging")
         const val SITE = "https://github.com/camssf/camssf"
     }
 }

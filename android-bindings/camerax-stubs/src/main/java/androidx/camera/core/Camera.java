@@ -1,0 +1,6 @@
+package androidx.camera.core;
+
+/** A bound camera. */
+public interface Camera {
+    CameraInfo getCameraInfo();
+}

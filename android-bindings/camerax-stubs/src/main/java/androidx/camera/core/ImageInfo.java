@@ -1,0 +1,6 @@
+package androidx.camera.core;
+
+/** About one image. */
+public interface ImageInfo {
+    long getTimestamp();
+}

@@ -1,0 +1,5 @@
+package androidx.camera.core;
+
+/** What a camera is bound for. */
+public abstract class UseCase {
+}

@@ -1,0 +1,6 @@
+package androidx.camera.core;
+
+/** The zoom of a camera. */
+public interface ZoomState {
+    float getZoomRatio();
+}

@@ -1,0 +1,5 @@
+package androidx.lifecycle;
+
+/** What lives and ends. */
+public interface LifecycleOwner {
+}

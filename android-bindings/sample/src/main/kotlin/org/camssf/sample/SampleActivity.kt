@@ -1,0 +1,134 @@
+package org.camssf.sample
+
+import android.Manifest
+import android.content.pm.PackageManager
+import android.graphics.Color
+import android.os.Bundle
+import android.view.Gravity
+import android.widget.FrameLayout
+import android.widget.TextView
+import androidx.activity.ComponentActivity
+import androidx.camera.core.CameraSelector
+import androidx.camera.core.ImageAnalysis
+import androidx.camera.core.ImageCapture
+import androidx.camera.core.Preview
+import androidx.camera.lifecycle.ProcessCameraProvider
+import androidx.camera.view.PreviewView
+import androidx.lifecycle.lifecycleScope
+import kotlinx.coroutines.Dispatchers
+import kotlinx.coroutines.launch
+import kotlinx.coroutines.withContext
+import org.camssf.Calibrated
+import org.camssf.Calibration
+import org.camssf.CalibrationException
+import org.camssf.CalibrationState
+import org.camssf.Channel
+import org.camssf.Refused
+import org.camssf.SsfCalibrator
+import org.camssf.camerax.ChartCamera
+import org.camssf.photo.Capture
+import org.camssf.photo.Corners
+import org.camssf.photo.PhotoSource
+import org.camssf.photo.Shot
+import org.camssf.spectra.ChartTable
+import java.io.File
+import java.util.Locale
+
+/** One screen: the preview with the guide's advice, then the photo, then the result. A tap begins again. */
+class SampleActivity : ComponentActivity() {
+    private lateinit var view: PreviewView
+    private lateinit var text: TextView
+
+    override fun onCreate(savedInstanceState: Bundle?) {
+        super.onCreate(savedInstanceState)
+        view = PreviewView(this)
+        text = TextView(this).apply {
+            textSize = 20f
+            setPadding(32, 32, 32, 96)
+            setTextColor(Color.WHITE)
+            setBackgroundColor(Color.argb(160, 0, 0, 0))
+        }
+        setContentView(
+            FrameLayout(this).apply {
+                addView(view)
+                addView(text, FrameLayout.LayoutParams(MATCH, WRAP, Gravity.BOTTOM))
+            },
+        )
+        if (allowed()) start() else requestPermissions(arrayOf(Manifest.permission.CAMERA), CAMERA)
+    }
+
+    override fun onRequestPermissionsResult(requestCode: Int, permissions: Array<String>, grantResults: IntArray) {
+        super.onRequestPermissionsResult(requestCode, permissions, grantResults)
+        if (allowed()) start() else text.text = "Without the camera there is nothing to calibrate."
+    }
+
+    private fun allowed() = checkSelfPermission(Manifest.permission.CAMERA) == PackageManager.PERMISSION_GRANTED
+
+    private fun start() {
+        val provider = ProcessCameraProvider.getInstance(this)
+        provider.addListener({ bind(provider.get()) }, ::runOnUiThread)
+    }
+
+    private fun bind(provider: ProcessCameraProvider) {
+        val back = CameraSelector.DEFAULT_BACK_CAMERA
+        val camera = ChartCamera(this, provider.getCameraInfo(back))
+        val capture = try {
+            camera.imageCapture()
+        } catch (error: CalibrationException) { // no RAW photos
+            text.text = "${error.message} ${error.advice}"
+            return
+        }
+        val analysis = ImageAnalysis.Builder().build()
+        val preview = Preview.Builder().build()
+        preview.setSurfaceProvider(view.surfaceProvider)
+        provider.bindToLifecycle(this, back, preview, analysis, capture)
+        photograph(camera, analysis, capture)
+    }
+
+    private fun photograph(camera: ChartCamera, analysis: ImageAnalysis, capture: ImageCapture) {
+        text.setOnClickListener(null)
+        lifecycleScope.launch {
+            val file = File(cacheDir, "chart.dng")
+            text.text = try {
+                val corners = camera.awaitChart(analysis) { text.text = it.words }
+                text.text = "Taking the photo …"
+                words(calibrate(camera.takeDng(capture, file), corners))
+            } catch (error: CalibrationException) { // no photo, or no ONNX Runtime
+                "${error.message} ${error.advice}"
+            } finally {
+                file.delete()
+            }
+            text.setOnClickListener { photograph(camera, analysis, capture) }
+        }
+    }
+
+    private suspend fun calibrate(photo: PhotoSource, corners: Corners): Calibration {
+        val calibrator = withContext(Dispatchers.Default) { SsfCalibrator.open() }
+        return calibrator.use {
+            lateinit var found: Calibration
+            it.calibrationFlow(Capture(Shot(photo, corners), ChartTable.read("classic24"))).collect { state ->
+                when (state) {
+                    is CalibrationState.Running -> text.text = "${(100 * state.progress.part).toInt()} %"
+                    is CalibrationState.Finished -> found = state.calibration
+                }
+            }
+            found
+        }
+    }
+
+    private fun words(found: Calibration): String = when (found) {
+        is Calibrated -> Channel.entries.joinToString("\n", "${found.verdict.outcome.word}\n") { channel ->
+            val curve = found.ssf.curve(channel)
+            val peak = 380 + 0.5 * curve.indices.maxByOrNull { curve[it] }!!
+            String.format(Locale.ROOT, "%s: peak at %.0f nm", channel.name.lowercase(Locale.ROOT), peak)
+        }
+
+        is Refused -> "${found.error.message} ${found.error.advice}"
+    }
+
+    private companion object {
+        const val CAMERA = 1
+        const val MATCH = FrameLayout.LayoutParams.MATCH_PARENT
+        const val WRAP = FrameLayout.LayoutParams.WRAP_CONTENT
+    }
+}

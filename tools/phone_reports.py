@@ -1,0 +1,70 @@
+"""Reports of the self-test app as a table: `python -m tools.phone_reports REPORT.json ...`.
+
+The reports of a release's phones are kept in `android-bindings/reports`, and the table is copied to VERIFICATION.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from tools import markdown_table
+
+FORMAT = "camssf-selftest/1"
+HEAD = (
+    "phone, Android",
+    "page size, bytes",
+    "golden cases: ran, failed",
+    "calibration",
+    "its time, ms",
+    "memory after it, MB",
+    "guide: frames, median and slowest twentieth, ms",
+)
+NONE = "not run"
+
+
+def row(report: dict[str, Any]) -> list[str]:
+    """One line of the table: what the report holds, "not run" for what the tester left out.
+
+    Raises:
+        ValueError: the report has another format.
+    """
+    if report.get("format") != FORMAT:
+        raise ValueError(
+            f"The report's format is {report.get('format')!r}, not {FORMAT}: save it from the self-test app."
+        )
+    device, golden, calibration, guide = (report[name] for name in ("device", "golden", "calibration", "guide"))
+    found = [f"{device.get('manufacturer', '')} {device.get('model', '')}, {device.get('android', '')}".strip()]
+    found.append(str(device.get("page_size", "")))
+    found.append(f"{golden['ran']}, {len(golden['faults'])}" if golden else NONE)
+    if calibration:
+        memory = calibration["memory"]
+        found.append(calibration["result"]["verdict"]["status"])
+        found.append(str(calibration["milliseconds"]))
+        found.append(f"{(memory['java'] + memory['native']) / 1e6:.0f}")
+    else:
+        found += [NONE, "", ""]
+    if guide and guide["frames"]:
+        found.append(f"{guide['frames']}, {guide['median_ms']:.1f}, {guide['slowest_twentieth_ms']:.1f}")
+    else:
+        found.append(NONE)
+    return found
+
+
+def table(reports: Iterable[dict[str, Any]]) -> str:
+    """The reports in the order of the phones' names, as a table in Markdown."""
+    return markdown_table(HEAD, sorted(map(row, reports)))
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("report", type=Path, nargs="+", help="JSON that the self-test app saved")
+    print(table(json.loads(path.read_text("utf-8")) for path in parser.parse_args().report))
+
+
+if __name__ == "__main__":
+    main()
