@@ -19,6 +19,7 @@ from camssf.recovery.linear_model import LinearModel, linear_model
 from camssf.recovery.observation import Observation
 from camssf.recovery.onnx_model import Model
 from camssf.spectra import ChartTable, Lamp, Unnamed
+from camssf.spectra.layouts import LAYOUTS
 from golden.compare import optimality
 from golden.contract import words
 from golden.forms import Json, dng, resolve
@@ -138,7 +139,7 @@ def build_table(values: Floats, tolerance: float, white: int) -> ChartTable:
     """The classic chart with these reflectances."""
     names = tuple(f"patch {i + 1}" for i in range(len(values)))
     return ChartTable(
-        name="classic24", table="golden", layout="classic24", patches=names, values=values,
+        name="classic24", table="golden", layout=LAYOUTS["classic24"], patches=names, values=values,
         tolerance=np.full(len(values), tolerance), white=white, source="golden/spectra",
     )  # fmt: skip
 

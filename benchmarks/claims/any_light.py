@@ -45,7 +45,6 @@ from camssf.grid import Floats
 from camssf.learning.training import maker_of
 from camssf.options import Options
 from camssf.photo.capture import Capture, MeasuredShot, Photo
-from camssf.photo.find.layouts import LAYOUTS
 from camssf.photo.find.pose import Pose
 from camssf.photo.patches import FrameMeans, PatchMeans
 from camssf.recovery.basis import Basis, read_basis
@@ -53,6 +52,7 @@ from camssf.recovery.sensitivity import Ssf
 from camssf.recovery.unnamed_light import temperature
 from camssf.spectra import Lamp, Light, Unnamed, read_chart, read_lamp
 from camssf.spectra.families import FAMILIES, LampKind, principal_modes
+from camssf.spectra.layouts import LAYOUTS
 
 LAMPS = {
     "daylight": ("D:4800", "D:5500", "D:6500", "D:7500", "D:10000"),
