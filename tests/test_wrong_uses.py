@@ -156,6 +156,21 @@ TABLES = [
     Wrong(f"{SHOT} --chart classic42", 2, "No chart is called 'classic42'", "Did you mean classic24"),
     Wrong(f"{SHOT} --chart lamp.csv", 2, "lamp.csv is not a table of reflectances", "a line for each patch"),
     Wrong(f"{SHOT} --chart inks23.csv", 2, "inks23.csv holds 23 patches", "one spectrum for each patch"),
+    Wrong(
+        f"{SHOT} --chart card.json",
+        2,
+        "card.json holds a layout, my card, and no reflectances",
+        "as in card.json:mine",
+    ),
+    Wrong(
+        f"{SHOT} --chart card.json:inks.csv", 2, "inks.csv holds 24 patches, my card has 35", "one spectrum for each"
+    ),
+    Wrong(f"{SHOT} --chart card.json:none.csv", 2, "no file none.csv", "Check the path."),
+    Wrong(f"{SHOT} --chart gone.json:inks.csv", 2, "no file gone.json", "Check the path."),
+    Wrong(
+        f"{SHOT} --chart wide.json:inks.csv", 2, "wide.json: the gaps are too wide", "docs/tables.md shows a layout."
+    ),
+    Wrong(f"{SHOT} --chart cut.json:inks.csv", 2, "cut.json is not JSON", "A layout is a JSON object."),
     Wrong(f"{SHOT} --truth lamp.csv", 2, "lamp.csv is not a table of a camera's curves", "Its first line must read"),
     Wrong(f"{SHOT} --truth nobody", 2, "No measured camera is called 'nobody'", "`camssf cameras` lists"),
 ]
@@ -302,6 +317,9 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     inks = np.array([np.interp(nm, WAVELENGTHS, each) for each in read_chart("classic24").values]).T
     spectra(folder / "inks.csv", nm, inks)
     spectra(folder / "inks23.csv", nm, inks[:, 1:])
+    card = {"format": "camssf-layout/1", "name": "my card", "columns": 7, "rows": 5, "patch": 18, "gap": 3}
+    (folder / "card.json").write_text(json.dumps(card), "utf-8")
+    (folder / "wide.json").write_text(json.dumps(card | {"gap": 30}), "utf-8")
     result = calibrated().document()
     for name, document in {
         "result": result,

@@ -21,9 +21,7 @@ PATCHES = (12, 300)
 """Range of the number of patches."""
 NARROWEST = 0.6
 """Smallest edge of a patch in pitches."""
-ADVICE = (
-    'docs/tables.md shows one. "gap" and "patch" are in any unit, across and down: "patch": [18, 18], "gap": [3, 3].'
-)
+ADVICE = 'docs/tables.md shows a layout. "patch" and "gap" may be in any unit: "patch": [18, 18], "gap": [3, 3].'
 
 Point = tuple[float, float]
 
