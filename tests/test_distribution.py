@@ -168,8 +168,9 @@ def test_a_tutorial_runs_in_an_empty_environment(environment: Path, page: Path, 
         script.append(block if kind == "python" else f"subprocess.run(['sh', '-e', '-c', {block!r}], check=True)")
     (tmp_path / "page.py").write_text("\n".join(script), "utf-8")
     path = f"{environment}{os.pathsep}{os.environ['PATH']}"
-    home = f"HOME={tmp_path}"
-    out = run("env", f"PATH={path}", home, "MPLBACKEND=agg", environment / "python", "../page.py", cwd=folder)
+    # From stdin, as pasted into an interpreter: a batch starts processes, which would run a script anew.
+    words = ("env", f"PATH={path}", f"HOME={tmp_path}", "MPLBACKEND=agg", "sh", "-c", "python - < ../page.py")
+    out = run(*words, cwd=folder)
     assert "nan" not in out.split()
     assert list(folder.iterdir())
 
