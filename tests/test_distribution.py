@@ -166,10 +166,9 @@ def test_a_tutorial_runs_in_an_empty_environment(environment: Path, page: Path, 
     script = ["import subprocess"]
     for kind, block in page_blocks(page):
         script.append(block if kind == "python" else f"subprocess.run(['sh', '-e', '-c', {block!r}], check=True)")
-    (tmp_path / "page.py").write_text("\n".join(script), "utf-8")
-    path = f"{environment}{os.pathsep}{os.environ['PATH']}"
-    # From stdin, as pasted into an interpreter: a batch starts processes, which would run a script anew.
-    words = ("env", f"PATH={path}", f"HOME={tmp_path}", "MPLBACKEND=agg", "sh", "-c", "python - < ../page.py")
+    path = f"PATH={environment}{os.pathsep}{os.environ['PATH']}"
+    # As pasted into an interpreter: a batch starts processes, which would run a script's file anew.
+    words = ("env", path, f"HOME={tmp_path}", "MPLBACKEND=agg", environment / "python", "-c", "\n".join(script))
     out = run(*words, cwd=folder)
     assert "nan" not in out.split()
     assert list(folder.iterdir())
