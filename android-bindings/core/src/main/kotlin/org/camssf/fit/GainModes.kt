@@ -48,7 +48,10 @@ internal object GainModes {
 
             framed -> List(k) { emptyList<DoubleArray>() } to 0.0
 
-            else -> capture.shots.map { smooth(it.pose, capture.chart.layout, white, n) } to Rules.shipped.number("gains.own")
+            else -> {
+                val layout = capture.chart.layout
+                capture.shots.map { smooth(it.pose, layout, white, n) } to Rules.shipped.number("gains.own")
+            }
         }
         val g = each[0].size
         val modes = DoubleArray(k * g * n) { each[it / (g * n)][it / n % g][it % n] }

@@ -94,8 +94,8 @@ public class ChartTable internal constructor(
         private val COUNTS = mapOf(24 to "classic24", 140 to "sg140")
         private const val MENU =
             "Charts: classic24, nano24, mini24, passport24 (add :babelcolor or :ohta to fix the table), or a file " +
-                "of measured reflectances by ChartTable.parse; sg140 by such a file only; another chart by its layout " +
-                "(ChartLayout.parse) and such a file."
+                "of measured reflectances by ChartTable.parse; sg140 by such a file only; another chart by its " +
+                "layout (ChartLayout.parse) and such a file."
 
         /** Names that [read] accepts. */
         @JvmStatic
@@ -128,7 +128,8 @@ public class ChartTable internal constructor(
             }
             val (names, values, white) = Bundled.chart(table)
             val tolerance = DoubleArray(names.size) { Bundled.tolerance("public_chart") }
-            return ChartTable(text, table, ChartLayout.of(chart)!!, names, values, tolerance, white, "$table (colour-science)")
+            val layout = ChartLayout.of(chart)!!
+            return ChartTable(text, table, layout, names, values, tolerance, white, "$table (colour-science)")
         }
 
         /**
@@ -168,8 +169,8 @@ public class ChartTable internal constructor(
                     if (layout != null && !layout.shipped) {
                         "Give one spectrum for each patch of the layout."
                     } else {
-                        "classic24, nano24, mini24 and passport24 have 24, sg140 has 140; give one spectrum for each " +
-                            "patch, or the layout of another chart by ChartLayout.parse (docs/tables.md)."
+                        "classic24, nano24, mini24 and passport24 have 24, sg140 has 140; give one spectrum for " +
+                            "each patch, or the layout of another chart by ChartLayout.parse (docs/tables.md)."
                     },
                     count.toDouble(),
                 )

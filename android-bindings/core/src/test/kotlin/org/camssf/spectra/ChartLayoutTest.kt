@@ -18,7 +18,8 @@ class ChartLayoutTest {
 
     private fun parse(vararg changed: Pair<String, String?>): ChartLayout {
         val all = (fields + changed).filterValues { it != null }
-        return ChartLayout.parse("card.json", all.map { "\"${it.key}\": ${it.value}" }.joinToString(",", "{", "}").toByteArray())
+        val text = all.map { "\"${it.key}\": ${it.value}" }.joinToString(",", "{", "}")
+        return ChartLayout.parse("card.json", text.toByteArray())
     }
 
     private fun csv(count: Int, name: (Int) -> String = { "p${it + 1}" }): ByteArray {
@@ -50,7 +51,8 @@ class ChartLayoutTest {
             ("colums" to "6") to "a layout has no field \"colums\"",
             ("rows" to null) to "the field \"rows\" is missing",
             ("name" to "\"SG140\"") to "\"name\" is that of a shipped layout, SG140",
-            ("name" to "\"../card\"") to "\"name\" needs 1 to 64 letters, digits, spaces, dots, hyphens or underscores",
+            ("name" to "\"../card\"") to
+                "\"name\" needs 1 to 64 letters, digits, spaces, dots, hyphens or underscores",
             ("columns" to "6.5") to "\"columns\" must be a whole number from 2 to 30",
             ("columns" to "true") to "\"columns\" must be a whole number from 2 to 30",
             ("rows" to "31") to "\"rows\" must be a whole number from 2 to 30",

@@ -59,16 +59,16 @@ public class ChartKind private constructor(
                 }
         }
 
-        private fun stored(columns: Int, rows: Int, vararg layouts: String) = ChartKind(columns, rows, layouts.toList()) {
-            val kind = FILE.getValue("kinds").jsonObject.getValue(layouts[0]).jsonObject
-            val side = kind.getValue("side").jsonPrimitive.double
-            val patches = kind.getValue("colours").jsonArray
-            Shape(
-                side,
-                side,
-                DoubleArray(3 * patches.size) { patches[it / 3].jsonArray[it % 3].jsonPrimitive.double },
-            )
-        }
+        private fun stored(columns: Int, rows: Int, vararg layouts: String): ChartKind =
+            ChartKind(columns, rows, layouts.toList()) {
+                val kind = FILE.getValue("kinds").jsonObject.getValue(layouts[0]).jsonObject
+                val side = kind.getValue("side").jsonPrimitive.double
+                val patches = kind.getValue("colours").jsonArray
+                val colours = DoubleArray(3 * patches.size) {
+                    patches[it / 3].jsonArray[it % 3].jsonPrimitive.double
+                }
+                Shape(side, side, colours)
+            }
 
         /** The patch edges and colours of the charts; Python uses the same file. */
         private val FILE: JsonObject by lazy {
