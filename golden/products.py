@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -20,7 +21,8 @@ from camssf.recovery.basis import Basis, gaussian_basis, read_basis, widened
 from camssf.recovery.linear_model import LinearModel, linear_model
 from camssf.recovery.observation import Observation
 from camssf.recovery.onnx_model import Model
-from camssf.spectra import ChartTable, Lamp, Unnamed
+from camssf.spectra import ChartTable, Lamp, Unnamed, read_chart
+from camssf.spectra.layouts import LAYOUTS
 from golden.compare import optimality
 from golden.contract import words
 from golden.forms import Json, dng, resolve
@@ -144,7 +146,7 @@ def build_table(values: Floats, tolerance: float, white: int) -> ChartTable:
     """The classic chart with these reflectances."""
     names = tuple(f"patch {i + 1}" for i in range(len(values)))
     return ChartTable(
-        name="classic24", table="golden", layout="classic24", patches=names, values=values,
+        name="classic24", table="golden", layout=LAYOUTS["classic24"], patches=names, values=values,
         tolerance=np.full(len(values), tolerance), white=white, source="golden/spectra",
     )  # fmt: skip
 
@@ -175,3 +177,31 @@ def read_photo(name: str) -> Mosaic:
         path = Path(folder) / name
         path.write_bytes(dng(name))
         return read_dng(path)
+
+
+CARD: Json = {
+    "format": "camssf-layout/1", "name": "garden card", "columns": 7, "rows": 5, "patch": 8, "gap": 2,
+    "white": "p19", "fiducials": [[-10, -10], [78, -10], [78, 58], [-10, 58]],
+}  # fmt: skip
+"""A layout of the user's own."""
+
+
+def own_card() -> Json:
+    """The inputs `layout` and `csv`: CARD and a table of mixtures of the 24 colours, four decimals."""
+    nodes = np.arange(400, 701, 20)
+    known = read_chart("classic24").values[:, 2 * (nodes - 380)]
+    lines = ["patch," + ",".join(str(node) for node in nodes)]
+    for i in range(CARD["columns"] * CARD["rows"]):
+        share = (37 * i) % 100 / 100
+        mixed = (1 - share) * known[i % 24] + share * known[(7 * i + 5) % 24]
+        lines.append(f"p{i + 1}," + ",".join(f"{value:.4f}" for value in mixed))
+    return {"layout": CARD, "csv": "\n".join(lines) + "\n"}
+
+
+def read_card(card: Json) -> ChartTable:
+    """The table of the inputs `layout` and `csv`, read from files."""
+    with TemporaryDirectory() as folder:
+        layout, table = Path(folder, "card.json"), Path(folder, "card.csv")
+        layout.write_text(json.dumps(card["layout"]))
+        table.write_text(card["csv"])
+        return read_chart(f"{layout}:{table}")

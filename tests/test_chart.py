@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from camssf.errors import Blurred, ChartNotFound, InvalidArgument
-from camssf.photo.find.layouts import LAYOUTS
 from camssf.photo.find.picture import codes_of_mosaic
 from camssf.photo.find.pose import Pose, find_chart
 from camssf.photo.find.refine import refine_corners
@@ -18,6 +17,7 @@ from camssf.photo.read.dng import Mosaic, read_dng
 from camssf.simulation.camera import Sensor
 from camssf.simulation.scene import Scene
 from camssf.simulation.shot import Frames
+from camssf.spectra.layouts import LAYOUTS
 from tests.scenes import SIZE, mosaic, semi_gloss, shoot, table
 
 DNG = Path(__file__).parents[1] / "data" / "dng"
@@ -157,19 +157,19 @@ def test_mirrored_chart_is_refused(turn: float) -> None:
 
 @pytest.mark.parametrize("chart", ["nano24", "mini24", "passport24"])
 def test_small_charts(chart: str) -> None:
-    frames = shoot(Scene(layout=chart, size=SMALL, fill=0.4, rotation=-20), None, "D55", chart)
+    frames = shoot(Scene(layout=LAYOUTS[chart], size=SMALL, fill=0.4, rotation=-20), None, "D55", chart)
     assert worst(find_chart(mosaic(frames.chart), table(chart)), frames.pose) < 0.03
 
 
 def test_semi_gloss_chart_is_found() -> None:
-    frames = shoot(Scene(layout="sg140", size=SMALL, fill=0.9, rotation=180), None, "D55", "sg140")
+    frames = shoot(Scene(layout=LAYOUTS["sg140"], size=SMALL, fill=0.9, rotation=180), None, "D55", "sg140")
     pose = find_chart(mosaic(frames.chart), semi_gloss())
     assert worst(pose, frames.pose) < 0.05
     assert pose.quarter_turns == 2
 
 
 def test_semi_gloss_chart_by_corners() -> None:
-    frames = shoot(Scene(layout="sg140", size=SMALL, fill=0.7, tilt=20), None, "D55", "sg140")
+    frames = shoot(Scene(layout=LAYOUTS["sg140"], size=SMALL, fill=0.7, tilt=20), None, "D55", "sg140")
     pose = find_chart(mosaic(frames.chart), semi_gloss(), corners=np.roll(frames.pose.corners, 1, axis=0) + 3)
     assert worst(pose, frames.pose) < 0.05
     assert pose.method == "by hand"
@@ -294,10 +294,10 @@ def test_of_two_charts_the_one_that_agrees() -> None:
     assert "OpenCV's detector found the chart" in detector
 
 
-def test_table_without_layout() -> None:
+def test_table_of_another_layout() -> None:
     _, photo = photo_of(Scene())
-    with pytest.raises(InvalidArgument, match="layout"):
-        find_chart(photo, replace(table(), layout="my-own"))
+    with pytest.raises(InvalidArgument, match="does not fit the layout sg140"):
+        find_chart(photo, replace(table(), layout=LAYOUTS["sg140"]))
 
 
 def test_agreement_knows_no_exposure_and_no_cast() -> None:
@@ -312,7 +312,7 @@ def test_agreement_knows_no_exposure_and_no_cast() -> None:
 @pytest.mark.parametrize("printed", ["classic24", "nano24", "passport24"])
 def test_refine_measures_position_and_gap(printed: str) -> None:
     """A quarter of a pitch off and with another chart's gap, to a hundredth of a pitch."""
-    frames = shoot(Scene(layout=printed, size=SIZE, rotation=10, tilt=15, blur=1.0), None, "D55", printed)
+    frames = shoot(Scene(layout=LAYOUTS[printed], size=SIZE, rotation=10, tilt=15, blur=1.0), None, "D55", printed)
     image = np.sqrt(frames.chart[::2, ::2].astype(float) + frames.chart[1::2, 1::2] - 1000)
     pitch = SIZE[0] * 0.6 / 6 / 2
     guess = frames.pose.corners / 2 + 0.25 * pitch * np.array([[1, 1], [-1, 0], [0, 1], [-1, 1]])

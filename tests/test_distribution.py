@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import os
 import re
@@ -90,7 +91,8 @@ def environment(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterat
     folder = tmp_path_factory.mktemp("environment")
     run(sys.executable, "-m", "venv", folder)
     binaries = folder / ("Scripts" if os.name == "nt" else "bin")
-    run(binaries / "python", "-m", "pip", "install", "-q", "--constraint", ROOT / "constraints.txt", wheel)
+    what = f"{wheel}[{EXTRA}]"
+    run(binaries / "python", "-m", "pip", "install", "-q", "--constraint", ROOT / "constraints.txt", what)
     yield binaries
     shutil.rmtree(folder)
 
@@ -119,6 +121,57 @@ def test_the_wheel_works_in_an_empty_environment(environment: Path, tmp_path: Pa
     assert (tmp_path / "out" / "report.html").stat().st_size > 10_000
     again = run(environment / "camssf", "validate", "out/result.json", "--truth", "out/shots/truth.csv", cwd=tmp_path)
     assert 0 < max(yaml.safe_load(again)["scores"]["rmse"]) < 0.1
+
+
+# -- the tutorials in an empty environment --------------------------------------------------------------------------
+
+EXTRA = "notebook"
+"""What the first tutorial installs in addition to the package."""
+TUTORIALS = [page for page in sorted((ROOT / "docs" / "tutorials").glob("*.md")) if page.stem != "index"]
+
+
+def page_blocks(page: Path) -> list[tuple[str, str]]:
+    """Kind and text of a page's blocks in order, but the installation."""
+    found = re.findall(r"^```(\w+)\n(.*?)^```$", page.read_text("utf-8"), re.MULTILINE | re.DOTALL)
+    return [(kind, block) for kind, block in found if "venv" not in block]
+
+
+@pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
+def test_a_tutorial_needs_nothing_but_what_it_installs(page: Path) -> None:
+    """Its imports and commands; the test below runs it, which installs for minutes."""
+    install = re.findall(r"pip install -e '\.\[(.*)\]'", (ROOT / "docs/tutorials/first-phone.md").read_text("utf-8"))
+    assert install == [EXTRA]
+    needs = [*PROJECT["project"]["dependencies"], *PROJECT["project"]["optional-dependencies"][EXTRA]]
+    there = {Requirement(each).name for each in needs} | {"camssf"} | sys.stdlib_module_names
+    for kind, block in page_blocks(page):
+        if kind == "python":
+            trees = [node for node in ast.walk(ast.parse(block)) if isinstance(node, ast.Import | ast.ImportFrom)]
+            for node in trees:
+                names = [node.module] if isinstance(node, ast.ImportFrom) else [each.name for each in node.names]
+                assert {str(name).partition(".")[0] for name in names} <= there, block
+        else:
+            assert kind == "sh"
+            words = {line.split()[0] for line in block.splitlines() if line[:1].isalpha()}
+            assert words <= {"camssf", "cat", "mkdir"}
+
+
+@pytest.mark.full
+@pytest.mark.requirement("R-RELEASE")
+@pytest.mark.skipif(os.name == "nt", reason="the pages' commands are for a POSIX shell")
+@pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
+def test_a_tutorial_runs_in_an_empty_environment(environment: Path, page: Path, tmp_path: Path) -> None:
+    """Block by block in a folder that holds nothing, by the wheel alone; a page's Python is one process."""
+    folder = tmp_path / "empty"
+    folder.mkdir()
+    script = ["import subprocess"]
+    for kind, block in page_blocks(page):
+        script.append(block if kind == "python" else f"subprocess.run(['sh', '-e', '-c', {block!r}], check=True)")
+    path = f"PATH={environment}{os.pathsep}{os.environ['PATH']}"
+    # As pasted into an interpreter: a batch starts processes, which would run a script's file anew.
+    words = ("env", path, f"HOME={tmp_path}", "MPLBACKEND=agg", environment / "python", "-c", "\n".join(script))
+    out = run(*words, cwd=folder)
+    assert "nan" not in out.split()
+    assert list(folder.iterdir())
 
 
 # -- the container and the conda recipe ------------------------------------------------------------------------------

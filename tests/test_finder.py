@@ -16,7 +16,6 @@ from camssf.errors import ChartNotFound, InvalidArgument
 from camssf.grid import Floats
 from camssf.photo.find.chart_colours import chart_colours
 from camssf.photo.find.lattices import fitted, inverse, mapped
-from camssf.photo.find.layouts import LAYOUTS, ChartLayout
 from camssf.photo.find.picture import codes_of_bytes, codes_of_light, codes_of_mosaic, rgb_of_yuv
 from camssf.photo.find.pose import find_chart
 from camssf.photo.find.search import OPENCV, OWN, SURE, Detector, matches_in, plain_signals
@@ -24,6 +23,7 @@ from camssf.photo.find.sightings import FoundCharts, find_sightings
 from camssf.photo.find.thumbnail import Thumbnail
 from camssf.photo.read.dng import Mosaic, read_dng
 from camssf.simulation.camera import Sensor
+from camssf.spectra.layouts import LAYOUTS, ChartLayout
 from golden.drawing import draw, turned
 from golden.stages.finder import keys_beside
 from tests.scenes import mosaic, table
@@ -164,7 +164,7 @@ def test_the_stored_colours_are_what_their_sources_give(capsys: pytest.CaptureFi
 
 def find_nothing(monkeypatch: pytest.MonkeyPatch, *detectors: Detector) -> None:
     if OWN in detectors:
-        monkeypatch.setattr(searching, "find_sightings", lambda _: FoundCharts((), ("none",)))
+        monkeypatch.setattr(searching, "find_sightings", lambda *_: FoundCharts((), ("none",)))
     if OPENCV in detectors:
         monkeypatch.setattr(opencv, "_quads", lambda *_: [])
 
@@ -202,8 +202,8 @@ def test_opencv_proposes_only_where_the_finder_is_not_sure(agrees: bool, attempt
     drawing = next(d for d in DRAWINGS if d.name == ("40 % wide, checks" if agrees else "shade 0.25, plain"))
     made = []
 
-    def counted(photo: Mosaic, layout: ChartLayout) -> Iterator[tuple[Thumbnail, list[Floats]]]:
-        for attempt in OPENCV.proposals(photo, layout):
+    def counted(photo: Mosaic, layout: ChartLayout, expected: Floats) -> Iterator[tuple[Thumbnail, list[Floats]]]:
+        for attempt in OPENCV.proposals(photo, layout, expected):
             made.append(attempt)
             yield attempt
 

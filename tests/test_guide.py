@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from benchmarks.claims import guide
-from camssf.photo.find.layouts import LAYOUTS
 from camssf.simulation.scene import Scene, project
 from camssf.spectra import read_chart
+from camssf.spectra.layouts import LAYOUTS
 
 ROOT = Path(__file__).parents[1]
 KOTLIN = ROOT / "android-bindings" / "finder" / "src" / "main" / "kotlin" / "org" / "camssf" / "guide"

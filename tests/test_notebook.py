@@ -345,7 +345,7 @@ def test_a_chart_may_be_objects_or_arrays() -> None:
     for given in (table, many, (many.wavelengths, np.asarray(many.values).T)):
         found = read_chart(given)
         assert np.abs(found.values - named.values).max() < 1e-12
-        assert (found.layout, found.white) == ("classic24", named.white)
+        assert (found.layout.name, found.white) == ("classic24", named.white)
         assert found.tolerance[0] == 0.01
     assert read_chart(table).patches == named.patches
     assert read_chart(named) is named

@@ -321,7 +321,7 @@ def test_a_folder_is_no_file(tmp_path: Path) -> None:
 def test_public_tables_are_colour_science_s(spec: str, table: str) -> None:
     colour = colour_science()
     chart = read_chart(spec)
-    assert (chart.table, chart.layout, chart.white) == (table, spec[:-5] if ":" in spec else spec, 18)
+    assert (chart.table, chart.layout.name, chart.white) == (table, spec[:-5] if ":" in spec else spec, 18)
     assert chart.patches[0] == "dark skin"
     assert chart.patches[18] == "white 9.5 (.05 D)"
     assert chart.values.shape == (24, 681)
@@ -344,7 +344,7 @@ def test_public_tables_are_colour_science_s(spec: str, table: str) -> None:
 def test_every_chart_name_reads() -> None:
     assert len(chart_names()) == 8
     for name in chart_names():
-        assert read_chart(name).layout == name.partition(":")[0]
+        assert read_chart(name).layout.name == name.partition(":")[0]
 
 
 @pytest.mark.parametrize(
@@ -425,7 +425,7 @@ def test_chart_files(tmp_path: Path, name: str) -> None:
     table = read_chart(write(tmp_path / name, chart_formats()[name]))
     known = read_chart("classic24")
     np.testing.assert_allclose(table.values, known.values, atol=1e-12)
-    assert (table.layout, table.white, table.table) == ("classic24", 18, name)
+    assert (table.layout.name, table.white, table.table) == ("classic24", 18, name)
     if name != "german.csv":
         assert table.patches == known.patches
     np.testing.assert_array_equal(table.tolerance, 0.01)
@@ -439,8 +439,8 @@ def test_rows_without_names_are_numbered(tmp_path: Path) -> None:
 
 def test_a_file_can_name_its_layout(tmp_path: Path) -> None:
     path = write(tmp_path / "mine.csv", chart_formats()["columns.csv"])
-    assert read_chart(f"nano24:{path}").layout == "nano24"
-    with pytest.raises(InvalidArgument, match="holds 24 patches, sg140 does not"):
+    assert read_chart(f"nano24:{path}").layout.name == "nano24"
+    with pytest.raises(InvalidArgument, match="holds 24 patches, sg140 has 140"):
         read_chart(f"sg140:{path}")
 
 
@@ -520,7 +520,7 @@ def test_sg_by_file(tmp_path: Path, prefix: str) -> None:
     names, rows = sg()
     path = write(tmp_path / "sg.txt", cgats(names, 100 * rows, "nm{}", "\t", "SAMPLE_LOC"))
     table = read_chart(prefix + path)
-    assert table.layout == "sg140"
+    assert table.layout.name == "sg140"
     assert table.patches[:15] == (*(f"{letter}1" for letter in "ABCDEFGHIJKLMN"), "A2")
     assert table.patches[table.white] == "E5"
     np.testing.assert_allclose(table.values[:, 0], [rows[names.index(name), 0] for name in table.patches])

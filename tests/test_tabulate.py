@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.photo.find.layouts import LAYOUTS
 from camssf.spectra import chart_names, colour_science, lamp_names, read_chart, read_lamp
 from camssf.spectra.bundled import bundled, daylight, illuminant, linear, planck, reflectances, sprague
 from camssf.spectra.families import FAMILIES, LampKind, logarithm
+from camssf.spectra.layouts import LAYOUTS
 from tools import tabulate
 
 Json = dict[str, Any]

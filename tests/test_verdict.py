@@ -11,7 +11,6 @@ from scipy.stats import chi2, norm
 
 from camssf.errors import CalibrationError, NotSensorRaw
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.photo.find.layouts import LAYOUTS
 from camssf.photo.find.pose import Pose
 from camssf.photo.find.search import agreement, plain_signals
 from camssf.photo.patches import FrameMeans, PatchMeans
@@ -25,6 +24,7 @@ from camssf.recovery.sensitivity import SolverSettings, Ssf
 from camssf.recovery.unfamiliar_camera import code_length
 from camssf.rules import rules
 from camssf.spectra import ChartTable, Lamp, read_chart, read_lamp
+from camssf.spectra.layouts import LAYOUTS
 from camssf.verdict.checks import Check, Checks
 from camssf.verdict.goodness_of_fit import EXPLANATION, GoodnessOfFit, VerdictInputs, directions, signal_covariance
 from camssf.verdict.judge import judge

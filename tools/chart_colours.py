@@ -12,9 +12,9 @@ import numpy as np
 
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.photo.find.chart_colours import FORMAT
-from camssf.photo.find.layouts import LAYOUTS
 from camssf.photo.find.search import plain_signals
 from camssf.spectra import ChartTable, colour_science, read_chart
+from camssf.spectra.layouts import LAYOUTS
 from tools.tabulate import Json, origin, write_or_check
 
 COMMAND = "python -m tools.chart_colours"
@@ -60,7 +60,9 @@ def semi_gloss() -> ChartTable:
     to_xyz = (bands * light[:, None]).T @ observer / (light @ observer[:, 1])
     values = np.clip(xyz @ np.linalg.inv(to_xyz) @ bands.T, 0.005, 0.95)
     white = names.index("E5")
-    return ChartTable("sg140", "bands", "sg140", tuple(names), values, np.full(140, 0.03), white, "colour-science")
+    return ChartTable(
+        "sg140", "bands", LAYOUTS["sg140"], tuple(names), values, np.full(140, 0.03), white, "colour-science"
+    )
 
 
 if __name__ == "__main__":

@@ -19,12 +19,12 @@ import numpy as np
 
 from camssf.files import write_file
 from camssf.grid import STEP, WAVELENGTHS, Floats
-from camssf.photo.find.layouts import LAYOUTS
 from camssf.spectra import colour_science
 from camssf.spectra.bundled import FORMAT
 from camssf.spectra.charts import MEASURED_CHART, PUBLIC_CHART
 from camssf.spectra.families import DIMMEST, FAMILIES, DrawnKind, Temperature, principal_modes
 from camssf.spectra.lamps import MEASURED_LAMP, NAMED_LAMP, NOISE_BELOW_ZERO
+from camssf.spectra.layouts import LAYOUTS
 from tools.lamp_kinds import drawn_kind
 
 Json: TypeAlias = dict[str, Any]

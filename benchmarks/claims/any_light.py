@@ -51,7 +51,6 @@ from camssf.grid import WAVELENGTHS, Floats
 from camssf.learning.training import maker_of
 from camssf.options import Options
 from camssf.photo.capture import Capture, MeasuredShot, Photo
-from camssf.photo.find.layouts import LAYOUTS
 from camssf.photo.find.pose import Pose
 from camssf.photo.patches import FrameMeans, PatchMeans
 from camssf.photo.read.colour_matrix import ColourMatrix
@@ -60,6 +59,7 @@ from camssf.recovery.sensitivity import Ssf
 from camssf.recovery.unnamed_light import temperature
 from camssf.spectra import Lamp, Light, Unnamed, read_chart, read_lamp
 from camssf.spectra.families import FAMILIES, LampKind, principal_modes
+from camssf.spectra.layouts import LAYOUTS
 from camssf.spectra.sampled import colour_science
 from camssf.spectra.surfaces import observer
 

@@ -25,12 +25,13 @@ import numpy as np
 from benchmarks.claims.finder_drawings import DRAWINGS, EMPTY, Drawing, as_mosaic, as_preview, truth
 from benchmarks.shared import command_parser, console, progress, save, table, versions
 from camssf.grid import Floats
-from camssf.photo.find.layouts import LAYOUTS, block_corners, homography, map_points
+from camssf.photo.find.geometry import block_corners, homography, map_points
 from camssf.photo.find.picture import codes_of_bytes, codes_of_mosaic
 from camssf.photo.find.search import ACCEPT, OPENCV, OWN, Detector, Match, matches_in, plain_signals, refine_closely
 from camssf.photo.find.sightings import FoundCharts, find_sightings
 from camssf.photo.read.dng import Mosaic, read_dng
 from camssf.spectra import read_chart
+from camssf.spectra.layouts import LAYOUTS
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "finder.md"

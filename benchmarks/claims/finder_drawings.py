@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from camssf.grid import Floats
 from camssf.photo.find.chart_colours import chart_colours
-from camssf.photo.find.layouts import LAYOUTS, block_corners, map_points
+from camssf.photo.find.geometry import block_corners, map_points
 from camssf.photo.read.dng import Mosaic
+from camssf.spectra.layouts import LAYOUTS
 
 BLACK, WHITE = 512.0, 16383.0
 CAMERA = np.array([[0.75, 0.18, 0.02], [0.22, 0.70, 0.20], [0.03, 0.12, 0.78]])

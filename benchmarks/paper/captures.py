@@ -24,6 +24,7 @@ from camssf.simulation.camera import Sensor
 from camssf.simulation.frames import simulate
 from camssf.simulation.scene import Scene
 from camssf.spectra import CameraCurves, ChartTable, read_chart, read_lamp
+from camssf.spectra.layouts import LAYOUTS
 
 PHONES = {
     "Arashi Vision Insta360 X5": "1/1.28 inch, an action camera's: a phone's main sensor",
@@ -50,9 +51,8 @@ def large_chart(colours: bytes) -> ChartTable:
     values[:] = np.resize([0.9, 0.2, 0.04], 140)[:, None]
     values[list(INNER)] = np.frombuffer(colours).reshape(96, -1)
     names = tuple(f"{chr(65 + i % 14)}{i // 14 + 1}" for i in range(140))
-    return ChartTable(
-        "sg140", "SG-like", "sg140", names, values, np.full(140, 0.03), 0, "CIE 224:2017's colours in an SG's layout"
-    )
+    source = "CIE 224:2017's colours in an SG's layout"
+    return ChartTable("sg140", "SG-like", LAYOUTS["sg140"], names, values, np.full(140, 0.03), 0, source)
 
 
 def phone(name: str, curves: Floats, basis: Basis, colours: Floats, seed: int) -> dict[str, Any]:

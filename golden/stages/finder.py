@@ -9,17 +9,29 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from camssf.photo.find.chart_colours import chart_colours
+from camssf.photo.find.chart_colours import ChartColours, chart_colours
 from camssf.photo.find.picture import SearchImage, codes_of_bytes, codes_of_light, codes_of_mosaic, rgb_of_yuv
+from camssf.photo.find.search import own_kind, plain_signals
 from camssf.photo.find.sightings import find_sightings
 from camssf.photo.read.dng import Mosaic
 from golden.contract import Call, Keys, Stage, against_stored, always, each, words
 from golden.drawing import BLACK, GAP, TABLE, TILTED, Samples, View, draw, file, photo_case, turned
 from golden.forms import Json
-from golden.products import read_photo
+from golden.products import CARD, own_card, read_card, read_photo
 
 FORMS = ("mosaic", "light", "rgb", "luma", "yuv")
 """Forms to which the photo is converted before the search (README.md)."""
+DAMAGED: dict[str, Json] = {
+    "format": {"format": "camssf-layout/2"},
+    "field": {"colums": 7},
+    "name": {"name": "classic24"},
+    "rows": {"rows": 5.5},
+    "patches": {"columns": 30, "rows": 30},
+    "gap": {"gap": [1, 2, 3]},
+    "wide": {"gap": 20},
+    "fiducials": {"fiducials": CARD["fiducials"][::-1]},
+}
+"""Fields of damaged layouts."""
 WIDE = View((440, 300), (-60 * 8 * 900, 900, 150), (-30 * 8 * 900, -120, 900), (48 * 8 * 900, 30, -12))
 
 
@@ -40,14 +52,20 @@ def cases() -> Iterator[Json]:
     """All cases, each photo in one of FORMS."""
 
     def case(
-        name: str, comment: str, content: tuple[str, Samples], form: str = "mosaic", expect: str = "success"
+        name: str,
+        comment: str,
+        content: tuple[str, Samples],
+        form: str = "mosaic",
+        expect: str = "success",
+        card: Json | None = None,
     ) -> Json:
         photo, samples = content
-        return photo_case(f"finder/{name}", comment, {"dng": photo, "form": form}, {photo: file(samples)}, expect)
+        inputs = {"dng": photo, "form": form} | (card or {})
+        return photo_case(f"finder/{name}", comment, inputs, {photo: file(samples)}, expect)
 
-    upright = ("chart-turned-0.dng", draw(turned(24, 0)))
+    upright_24 = ("chart-turned-0.dng", draw(turned(24, 0)))
     for form in FORMS:
-        yield case(f"form-{form}", f"An upright chart, searched as {form}.", upright, form)
+        yield case(f"form-{form}", f"An upright chart, searched as {form}.", upright_24, form)
     for turns in (1, 2, 3):
         content = (f"chart-turned-{turns}.dng", draw(turned(24, turns)))
         yield case(f"turned-{turns}", f"The chart turned by {90 * turns}° clockwise.", content)
@@ -69,6 +87,14 @@ def cases() -> Iterator[Json]:
     yield case("clutter", "Between keys and tiles.", ("finder-clutter.dng", _cluttered()))
     yield case("keys-beside", "Between keys about as wide as patches.", ("finder-keys.dng", keys_beside()))
     yield case("none", "Keys and tiles alone.", ("finder-none.dng", _clutter((480, 320))))
+    card = own_card()
+    photo = ("finder-card.dng", upright(card_kind(card), 24))
+    yield case("own-layout", "A chart of the user's own layout and table.", photo, card=card)
+    yield case("own-layout-rgb", "The same as a picture for a display.", photo, "rgb", card=card)
+    yield case("own-layout-elsewhere", "A ColorChecker where another chart is searched.", upright_24, card=card)
+    for name, fields in DAMAGED.items():
+        damaged = {"layout": card["layout"] | fields, "csv": ""}
+        yield case(f"error-layout-{name}", "A damaged layout file.", photo, expect="invalid_argument", card=damaged)
     part = draw(turned(24, 0))[:, :120]
     yield case("part", "Half of a chart.", ("finder-part.dng", part))
     yield case(
@@ -78,7 +104,11 @@ def cases() -> Iterator[Json]:
 
 def _semi_gloss(pitch: int) -> Samples:
     """An upright chart of 140 patches, each 0.8 pitch wide."""
-    kind = next(kind for kind in chart_colours() if kind.columns == 14)
+    return upright(next(kind for kind in chart_colours() if kind.columns == 14), pitch)
+
+
+def upright(kind: ChartColours, pitch: int) -> Samples:
+    """An upright chart of this kind with patches 0.8 pitch wide, 30 px from the edges."""
     colours = BLACK + np.rint(12000 * kind.colours).astype(np.int64)
     height, width = (n * pitch + 60 for n in (kind.rows, kind.columns))
     y, x = np.mgrid[0:height, 0:width].astype(np.int64)
@@ -91,6 +121,12 @@ def _semi_gloss(pitch: int) -> Samples:
     colour = np.array([[0, 1], [1, 2]])[y % 2, x % 2]
     noise = (29 * x + 37 * y + x * y) % 7 - 3
     return np.asarray(np.where(inside, colours[patch, colour], GAP) + noise, dtype=np.uint16)
+
+
+def card_kind(card: Json) -> ChartColours:
+    """The kind of chart of a layout and its table."""
+    table = read_card(card)
+    return own_kind(table.layout, plain_signals(table))
 
 
 def _clutter(size: tuple[int, int]) -> Samples:
@@ -127,7 +163,8 @@ def run(call: Call) -> dict[str, Any]:
     """The stage `finder`: charts found in one of the forms of a photo; the points of all charts concatenated."""
     given = call.given
     photo = read_photo(given["dng"])
-    found = find_sightings(_searched(photo, given["form"]))
+    kinds = (card_kind(given),) if "layout" in given else None
+    found = find_sightings(_searched(photo, given["form"]), kinds)
     seen = found.sightings
     return {
         "findings": list(found.findings),
@@ -164,7 +201,10 @@ LIMITS = (
 STAGE = Stage(
     name="finder",
     keys=Keys(
-        words("dng form"), words("corners patches kinds findings mirrored seen confidence"), arrays=frozenset()
+        words("dng form"),
+        words("corners patches kinds findings mirrored seen confidence"),
+        optional=words("layout csv"),
+        arrays=frozenset(),
     ),
     requires=always("finder"),
     cases=cases,

@@ -12,7 +12,9 @@ from camssf.spectra import read_chart
 from golden.contract import Call, Keys, Stage, against_stored, always, each, words
 from golden.drawing import TILTED, draw, file, photo_case, rounded, turned
 from golden.forms import Json
-from golden.products import read_photo
+from golden.products import own_card, read_card, read_photo
+from golden.stages.finder import card_kind
+from golden.stages.finder import upright as drawn_upright
 
 
 def cases() -> Iterator[Json]:
@@ -28,8 +30,9 @@ def cases() -> Iterator[Json]:
         *,
         table: str = "classic24",
         expect: str = "success",
+        card: Json | None = None,
     ) -> Json:
-        inputs = {"dng": photo, "table": table, "corners": corners}
+        inputs = {"dng": photo, "table": table, "corners": corners} | (card or {})
         return photo_case(f"pose/{name}", comment, inputs, {photo: content}, expect)
 
     upright = turned(24, 0)
@@ -78,6 +81,18 @@ def cases() -> Iterator[Json]:
         "kept", "No borders where the corners say: they are kept, since the colours agree.", "chart-turned-0.dng",
         photo, rounded(shrunk),
     )  # fmt: skip
+    card = own_card()
+    own = file(drawn_upright(card_kind(card), 24))
+    block = np.array([[31.5, 31.5], [195.5, 31.5], [195.5, 147.5], [31.5, 147.5]])
+    marks = np.array([[7.9, 7.9], [219.1, 7.9], [219.1, 171.1], [7.9, 171.1]])
+    yield pose(
+        "own-layout", "A chart of the user's own layout; `table` is not read.", "finder-card.dng", own,
+        rounded(block + 1.5), table="", card=card,
+    )  # fmt: skip
+    yield pose(
+        "own-layout-fiducials", "The corners are the layout's fiducials, from the third.", "finder-card.dng", own,
+        rounded(np.roll(marks, -2, axis=0) + 1), table="", card=card,
+    )  # fmt: skip
     nowhere = [[40, 40], [80, 40], [80, 66], [40, 66]]
     yield pose(
         "error-elsewhere", "Corners inside the chart: the colours do not agree.", "chart-turned-0.dng", photo,
@@ -107,7 +122,8 @@ def cases() -> Iterator[Json]:
 def run(call: Call) -> dict[str, Any]:
     """The outputs of a case."""
     given = call.given
-    pose = find_chart(read_photo(given["dng"]), read_chart(given["table"]), corners=given["corners"])
+    table = read_card(given) if "layout" in given else read_chart(given["table"])
+    pose = find_chart(read_photo(given["dng"]), table, corners=given["corners"])
     return {
         "corners": pose.corners,
         "quads": pose.patches,
@@ -127,7 +143,12 @@ LIMITS = (
 
 STAGE = Stage(
     name="pose",
-    keys=Keys(words("dng table corners"), words("corners quads quarter_turns score kept"), arrays=words("corners")),
+    keys=Keys(
+        words("dng table corners"),
+        words("corners quads quarter_turns score kept"),
+        optional=words("layout csv"),
+        arrays=words("corners"),
+    ),
     requires=always("pose"),
     cases=cases,
     run=run,

@@ -11,7 +11,6 @@ import numpy as np
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.photo.capture import Capture, MeasuredShot, Photo, check_alike, check_target
-from camssf.photo.find.layouts import LAYOUTS
 from camssf.photo.find.pose import Pose
 from camssf.photo.patches import LENS_SHADING, FrameMeans, PatchMeans
 from camssf.photo.read.colour_matrix import WHITE_POINTS, ColourMatrix
@@ -19,6 +18,7 @@ from camssf.photo.read.unit import Area, Unit
 from camssf.photo.shot import MOST_SHOTS
 from camssf.spectra import ChartTable, Lamp, Light, Unnamed
 from camssf.spectra.lamps import AUTO
+from camssf.spectra.layouts import LAYOUTS, ChartLayout, layout_from
 from camssf.version import __version__
 
 Json: TypeAlias = dict[str, Any]
@@ -35,7 +35,7 @@ def patches_document(capture: Capture) -> Json:
     return {
         "format": "camssf-patches/1",
         "generator": {"name": "camssf", "version": __version__},
-        "chart": plain(vars(capture.chart)),
+        "chart": _chart_document(capture.chart),
         "white_reflectance": capture.white_reflectance,
         "files": capture.files,
         "shots": [
@@ -68,7 +68,7 @@ def read_patches(document: Json) -> Capture:
         raise InvalidArgument("This is not a camssf-patches/1 document.", "Make one with `camssf patches`.")
     try:
         table = _table_from(document["chart"])
-        shots = tuple(_shot_from(entry, len(table.patches)) for entry in document["shots"])
+        shots = tuple(_shot_from(entry, table) for entry in document["shots"])
         _need(0 < len(shots) <= MOST_SHOTS, "shots", f"must hold 1 to {MOST_SHOTS}")
         files = {_text(key, "files"): _text(value, "files") for key, value in document["files"].items()}
         check_alike(shots)
@@ -83,8 +83,9 @@ def read_patches(document: Json) -> Capture:
         ) from error
 
 
-def _shot_from(entry: Mapping[str, Any], n: int) -> MeasuredShot:
-    """One shot of a patches document with n patches."""
+def _shot_from(entry: Mapping[str, Any], table: ChartTable) -> MeasuredShot:
+    """One shot of a patches document, of the chart of `table`."""
+    n = len(table.patches)
     frames = {name: _means_from(entry["means"][name], name, n) for name in ("chart", "white", "dark")}
     photos = {role: _photo_from(entry[role], role) for role in ("photo", "white", "dark")}
     pose, lamp = entry["pose"], entry["lamp"]
@@ -93,7 +94,7 @@ def _shot_from(entry: Mapping[str, Any], n: int) -> MeasuredShot:
         raise ValueError("a shot has no chart photo")
     for role in ("white", "dark"):
         _need((frames[role] is None) == (photos[role] is None), role, "must be there as a photo and as means, or not")
-    _need(pose["layout"] in LAYOUTS, "pose.layout", "is no layout that camssf knows")
+    _need(pose["layout"] == table.layout.name, "pose.layout", "must be the chart's")
     black, saturation = (
         _numbers(entry["black"], "black", (3,)),
         float(_numbers(entry["saturation"], "saturation", ())),
@@ -137,14 +138,31 @@ def _light_from(entry: Mapping[str, Any]) -> Light:
     )
 
 
+def _chart_document(table: ChartTable) -> Json:
+    """A chart table; `geometry` only for a layout of the user's own."""
+    own = {} if table.layout.shipped else {"geometry": table.layout.document()}
+    return plain(vars(table) | {"layout": table.layout.name}) | own
+
+
+def _layout_from(entry: Mapping[str, Any]) -> ChartLayout:
+    name = _text(entry["layout"], "chart.layout")
+    if "geometry" in entry:
+        layout = layout_from(entry["geometry"], "chart.geometry")
+        _need(layout.name == name, "chart.layout", "must be the name in chart.geometry")
+        count = layout.columns * layout.rows
+        _need(len(entry["patches"]) == count, "chart.patches", f"must hold the {count} of chart.geometry")
+        return layout
+    _need(name in LAYOUTS, "chart.layout", "is no layout that camssf knows, and chart.geometry is missing")
+    return LAYOUTS[name]
+
+
 def _table_from(entry: Mapping[str, Any]) -> ChartTable:
     """The chart table of a patches document."""
     patches = tuple(_text(name, "chart.patches") for name in entry["patches"])
     n = len(patches)
     _need(0 < n <= MOST_PATCHES, "chart.patches", f"must hold 1 to {MOST_PATCHES}")
     white = entry["white"]
-    layout = _text(entry["layout"], "chart.layout")
-    _need(layout in LAYOUTS, "chart.layout", "is no layout that camssf knows")
+    layout = _layout_from(entry)
     _need(isinstance(white, int) and 0 <= white < n, "chart.white", f"must be a number from 0 to {n - 1}")
     return ChartTable(
         _text(entry["name"], "chart.name"),

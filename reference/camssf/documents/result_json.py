@@ -94,7 +94,7 @@ def head_json(record: Record, verdict: Verdict, assumptions: tuple[Assumption, .
         "chart": {
             "name": record.chart,
             "table": table.table if table else "",
-            "layout": table.layout if table else "",
+            "layout": table.layout.name if table else "",
             "source": table.source if table else "",
         },
         "shots": shots,

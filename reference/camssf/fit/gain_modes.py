@@ -6,9 +6,9 @@ import numpy as np
 
 from camssf.grid import Floats
 from camssf.photo.capture import Capture
-from camssf.photo.find.layouts import LAYOUTS
 from camssf.photo.find.pose import Pose
 from camssf.rules import rules
+from camssf.spectra.layouts import ChartLayout
 
 PLANE, BOWL = rules().number("gains.plane"), rules().number("gains.bowl")
 """One standard deviation of the light's linear and quadratic change, from the chart's middle to its edge."""
@@ -38,7 +38,8 @@ def gain_modes(capture: Capture, per_patch: float | None) -> tuple[Floats, float
         return np.repeat(each[None], len(shots), axis=0), 0.0
     if framed:
         return np.zeros((len(shots), 0, n)), 0.0
-    return np.stack([smooth_modes(shot.pose, white) * (not shot.means.evened) for shot in shots]), OWN
+    layout = capture.chart.layout
+    return np.stack([smooth_modes(shot.pose, layout, white) * (not shot.means.evened) for shot in shots]), OWN
 
 
 def patch_modes(n: int, size: float, white: int | None) -> Floats:
@@ -50,14 +51,13 @@ def patch_modes(n: int, size: float, white: int | None) -> Floats:
     return size * each
 
 
-def smooth_modes(pose: Pose, white: int) -> Floats:
+def smooth_modes(pose: Pose, layout: ChartLayout, white: int) -> Floats:
     """(g, n) plane, bowl and the white patch's own level over the patches of one photo, relative to patch `white`.
 
     The level exists only if the white patch is at the chart's edge: inside, plane and bowl describe its light too.
     """
     X, Y = places(pose).T
     ways = [PLANE * X, PLANE * Y, BOWL * X**2, BOWL * X * Y, BOWL * Y**2]
-    layout = LAYOUTS[pose.layout]
     if white % layout.columns in (0, layout.columns - 1) or white // layout.columns in (0, layout.rows - 1):
         ways.append(-CORNER * (np.arange(len(X)) == white))
     modes = np.stack(ways)

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from camssf.errors import CalibrationError, InvalidArgument
-from camssf.fleet.inputs import Stamp, file_in, stamp, stamps
+from camssf.fleet.inputs import Stamp, file_in, layout_in, stamp, stamps
 from camssf.fleet.manifest import Job, Manifest
 from camssf.fleet.outcome import Outcome, Summary
 from camssf.fleet.pools import DEATHS
@@ -106,6 +106,8 @@ def task_of(job: Job, basis: Stamp | None) -> str:
     for specification in job.specifications:
         _, path = file_in(specification)
         found += [None] if path is None else stamps(path)
+        own = layout_in(specification)
+        found += [] if own is None else stamps(own)
     return hashlib.sha256(json.dumps([repr(job), found, __version__]).encode()).hexdigest()
 
 

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.files import local_folder, write_file, write_files
 from camssf.fleet.archive import Archive, unfinished
-from camssf.fleet.inputs import basis_hash, file_hash, file_in
+from camssf.fleet.inputs import basis_hash, file_hash, file_in, layout_in
 from camssf.fleet.manifest import Job, Manifest
 from camssf.fleet.outcome import Outcome, Progress, Summary
 from camssf.fleet.pools import cores, run_dask, run_processes
@@ -214,7 +214,9 @@ def inputs_hash(job: Job) -> str:
     contents = []
     for each in job.specifications:
         layout, path = file_in(each)
-        contents.append(each if path is None else f"{layout}:{photo_hash(path)}")
+        own = layout_in(each)
+        kind = layout if own is None else file_hash(own)
+        contents.append(each if path is None else f"{kind}:{photo_hash(path)}")
     basis = basis_hash(job.basis)
     name = job.basis if basis is None else f"{Path(job.basis).stem}:{basis}"
     options = (len(job.photos), name, job.engine, job.lens_shading)

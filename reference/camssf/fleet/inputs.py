@@ -11,6 +11,7 @@ from camssf.errors import InvalidArgument
 from camssf.files import PHOTO, kind_of, local
 from camssf.photo.read.sidecar import PIECE, sidecar_of
 from camssf.places import Place, check_place, is_remote, place, reached
+from camssf.spectra.charts import layout_file
 
 Stamp: TypeAlias = tuple[int, int]
 """A file's size, bytes, and its modification time, ns."""
@@ -47,13 +48,25 @@ def urls_among(cells: Iterable[str]) -> list[str]:
 
 
 def file_in(specification: str | None, home: Path = Path()) -> tuple[str, Place | None]:
-    """The layout and the file of a specification, as in `nano24:mine.csv`; None if it names no file in `home`."""
-    if is_remote(specification or ""):
-        return "", place(specification or "")
-    for layout, path in (("", specification or ""), (specification or "").partition(":")[::2]):
+    """The layout and the file of a specification, as in `nano24:mine.csv`; None if it names no file in `home`.
+
+    The layout may itself be a file in `home`, as in `card.json:mine.csv`; then its path is returned.
+    """
+    text = specification or ""
+    if is_remote(text):
+        return "", place(text)
+    words, own = layout_file(text), layout_in(text, home)
+    layout, _, table = (str(own or words), "", text[len(words) + 1 :]) if words else text.partition(":")
+    for kind, path in (("", text), (layout, table)):
         if path and is_file(home / path):
-            return layout, home / path
+            return kind, home / path
     return "", None
+
+
+def layout_in(specification: str | None, home: Path = Path()) -> Path | None:
+    """The layout file of a specification, as in `card.json:mine.csv`; None if there is no such file in `home`."""
+    name = layout_file(specification or "")
+    return home / name if name and is_file(home / name) else None
 
 
 def file_hash(path: Place) -> str:

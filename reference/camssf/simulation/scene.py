@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from camssf.errors import InvalidArgument
 from camssf.grid import Floats
-from camssf.photo.find.layouts import LAYOUTS, ChartLayout, block_corners, map_points, patch_corners
+from camssf.photo.find.geometry import block_corners, map_points, patch_corners
 from camssf.photo.find.pose import Pose
 from camssf.simulation.camera import cell, refuse, sites
+from camssf.spectra.layouts import LAYOUTS, ChartLayout
 
 SURROUNDS = {"white": 0.90, "grey": 0.20, "black": 0.02}
 """Spectrally flat reflectance of the surface on which the chart lies."""
@@ -34,7 +35,7 @@ class Scene:
     """Geometry and optics of a simulated photo.
 
     Attributes:
-        layout: key of `camssf.photo.find.layouts.LAYOUTS`.
+        layout: printed geometry of the chart.
         size: (width, height) of the picture, px.
         fill: width of the block of patches, before rotation and tilt, as a share of the picture's width.
         rotation: rotation of the chart in its plane, degrees clockwise as seen in the picture.
@@ -47,7 +48,7 @@ class Scene:
         glare: veiling glare in the chart photo only, as a share of the white signal.
     """
 
-    layout: str = "classic24"
+    layout: ChartLayout = LAYOUTS["classic24"]
     size: tuple[int, int] = (4000, 3000)
     fill: float = 0.6
     rotation: float = 0.0
@@ -103,7 +104,7 @@ def homography(scene: Scene) -> Floats:
 
     The plane's unit is the pitch; the centre of the first patch is (0, 0). Pixels are those of `Pose`.
     """
-    layout = _layout(scene)
+    layout = scene.layout
     width, height = scene.size
     pitch = scene.fill * width / (layout.columns - 1 + layout.side[0])
     middle = np.array([[1, 0, -(layout.columns - 1) / 2], [0, 1, -(layout.rows - 1) / 2], [0, 0, 1.0]])
@@ -119,12 +120,12 @@ def homography(scene: Scene) -> Floats:
 
 def true_pose(scene: Scene) -> Pose:
     """The true pose of the chart in `scene`."""
-    layout = _layout(scene)
+    layout = scene.layout
     to_pixels = homography(scene)
     patches = patch_corners(to_pixels, layout, layout.side)
     corners = map_points(to_pixels, block_corners(layout, layout.side))
     turns = round(scene.rotation / 90) % 4
-    return Pose(scene.layout, corners, patches, turns, "simulated", 1.0, ())
+    return Pose(layout.name, corners, patches, turns, "simulated", 1.0, ())
 
 
 def render_mosaic(scene: Scene, patches: Floats, white: Floats, cfa: str = "RGGB") -> NDArray[np.float32]:
@@ -144,10 +145,10 @@ def render_mosaic(scene: Scene, patches: Floats, white: Floats, cfa: str = "RGGB
     Raises:
         InvalidArgument: the number of patches differs from the layout's, or a name is unknown.
     """
-    layout = _layout(scene)
+    layout = scene.layout
     if patches.shape != (layout.columns * layout.rows, 3):
         raise InvalidArgument(
-            f"{len(patches)} patches do not fit the chart layout {scene.layout}.",
+            f"{len(patches)} patches do not fit the chart layout {layout.name}.",
             f"Give ({layout.columns * layout.rows}, 3) values.",
         )
     width, height = scene.size
@@ -198,15 +199,6 @@ def project(scene: Scene, reflected: Floats, white: Floats, cfa: str) -> ChartPr
     depth = g[2, 0] * x + g[2, 1] * y + g[2, 2]
     u, v = ((g[i, 0] * x + g[i, 1] * y + g[i, 2]) / depth for i in (0, 1))
     return ChartProjection(u.astype(np.float32), v.astype(np.float32), reflected, white, cfa)
-
-
-def _layout(scene: Scene) -> ChartLayout:
-    try:
-        return LAYOUTS[scene.layout]
-    except KeyError:
-        raise InvalidArgument(
-            f"No chart layout is called {scene.layout}.", f"Choose one of {', '.join(LAYOUTS)}."
-        ) from None
 
 
 def _extent(scene: Scene, layout: ChartLayout, halo: int) -> tuple[int, int, int, int]:

@@ -18,6 +18,7 @@ import numpy as np
 from camssf.errors import ChartUnfit, InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra.bundled import bundled, reflectances
+from camssf.spectra.layouts import LAYOUTS, ChartLayout, read_layout
 from camssf.spectra.objects import Name, Pair, Spectra, Spectrum, sampled
 from camssf.spectra.sampled import check_wavelengths, frozen, held, smooth, text_of
 from camssf.spectra.tables import read_spectra
@@ -31,7 +32,7 @@ class ChartTable:
     Attributes:
         name: of the chart as given, for example "classic24".
         table: name of the table, for example "BabelColor Average".
-        layout: printed geometry, a key of `camssf.photo.find.layouts.LAYOUTS`.
+        layout: printed geometry.
         patches: (n) names in reading order from the chart's top left.
         values: (n, 681) reflectance on the grid, 0 to 1.
         tolerance: (n,) one standard deviation of the table's relative error for an individual chart, dimensionless.
@@ -41,7 +42,7 @@ class ChartTable:
 
     name: str
     table: str
-    layout: str
+    layout: ChartLayout
     patches: tuple[str, ...] = field(repr=False)
     values: Floats = field(repr=False)
     tolerance: Floats = field(repr=False)
@@ -94,7 +95,8 @@ MEASURED_CHART = 0.01
 
 _CHART_MENU = (
     "Charts: classic24, nano24, mini24, passport24 (add :babelcolor or :ohta to fix the table), or a file of "
-    "measured reflectances (.csv, CGATS .txt, .cxf); sg140 by such a file only, as in sg140:mine.txt."
+    "measured reflectances (.csv, CGATS .txt, .cxf); sg140 by such a file only, as in sg140:mine.txt; another chart "
+    "by its layout and such a file, as in card.json:mine.csv."
 )
 
 
@@ -113,9 +115,10 @@ def read_chart(spec: ChartLike) -> ChartTable:
 
     `classic24`, `nano24`, `mini24` and `passport24` have the same 24 colours: BabelColor's average of 30 charts, or
     Ohta's table where the signals clearly speak for it (`camssf.fit.chart_table`); `:babelcolor` or `:ohta` fixes the
-    table. A file (CSV, CGATS, CxF) holds 24 or 140 patches in reading order, unless it names
-    them by position (A1 ...); `nano24:mine.csv` states its layout. If a value exceeds 2, all are read as percent. A
-    file must cover 400 to 700 nm in steps of 20 nm at most; reflectance is constant outside, which `source` states.
+    table. A file (CSV, CGATS, CxF) holds 24 or 140 patches in reading order, unless it names them by position
+    (A1 ...); `nano24:mine.csv` states its layout, `card.json:mine.csv` gives one of the user's own
+    (`camssf.spectra.layouts`). If a value exceeds 2, all are read as percent. A file must cover 400 to 700 nm in
+    steps of 20 nm at most; reflectance is constant outside, which `source` states.
 
     An object or a pair of arrays is read like a file, with its patches by their names or in reading order.
 
@@ -147,20 +150,36 @@ def read_chart(spec: ChartLike) -> ChartTable:
         table = tables[tail.casefold() or next(iter(tables))]
         entry, values = bundled()["tables"][table], frozen(reflectances(table))
         patches, tolerance = tuple(entry["patches"]), frozen(np.full(len(values), PUBLIC_CHART))
-        return ChartTable(text, table, chart, patches, values, tolerance, entry["white"], f"{table} (colour-science)")
+        layout, source = LAYOUTS[chart], f"{table} (colour-science)"
+        return ChartTable(text, table, layout, patches, values, tolerance, entry["white"], source)
     if chart == "sg140" and not tail:
         raise InvalidArgument(
             "No table of the ColorChecker Digital SG ships, because its spectra are not published.",
             "Give a file of measured reflectances, 140 patches, as in sg140:mine.txt (CSV, CGATS or CxF).",
         )
     if chart in (*known, "sg140") and tail:
-        return _measured_chart(text, Path(tail), chart)
+        return _measured_chart(text, Path(tail), LAYOUTS[chart])
+    own = layout_file(text)
+    if own:
+        return _measured_chart(text, Path(text[len(own) + 1 :]), read_layout(Path(own)))
+    if text.casefold().endswith(".json"):
+        layout = read_layout(Path(text))
+        raise InvalidArgument(
+            f"{text} holds a layout, {layout.name}, and no reflectances.",
+            f"Add the file of the patches' measured reflectances, as in {text}:mine.csv.",
+        )
     if looks_like_file(text):
         return _measured_chart(text, Path(text), None)
     raise InvalidArgument(
         f"No chart is called {text!r}." if text else "The chart is missing.",
         nearest(text, (*chart_names(), "sg140")) + _CHART_MENU,
     )
+
+
+def layout_file(text: str) -> str:
+    """The layout file of a chart given as `card.json:mine.csv`; "" if the text names none."""
+    found = re.match(r"(.+\.json):.", text, re.IGNORECASE)
+    return found[1] if found else ""
 
 
 def _given_chart(given: Spectra | Mapping[str, Spectrum] | Pair) -> ChartTable:
@@ -174,20 +193,27 @@ def _given_chart(given: Spectra | Mapping[str, Spectrum] | Pair) -> ChartTable:
     return _measured(found.name, Path(found.name), (names, found.wavelengths, found.values), None, found.source)
 
 
-def _measured_chart(name: str, path: Path, layout: str | None) -> ChartTable:
+def _measured_chart(name: str, path: Path, layout: ChartLayout | None) -> ChartTable:
     return _measured(name, path, read_spectra(path), layout, f"file {path.name}")
 
 
 def _measured(
-    name: str, path: Path, spectra: tuple[tuple[str, ...], Floats, Floats], layout: str | None, source: str
+    name: str, path: Path, spectra: tuple[tuple[str, ...], Floats, Floats], layout: ChartLayout | None, source: str
 ) -> ChartTable:
     """Check names, wavelengths and reflectances (n, w) and make a table; `path` is its name in messages."""
     names, wavelengths, table = spectra
     count = len(table)
-    if count not in _COUNTS or (layout and (layout == "sg140") != (count == 140)):
+    if layout is None:
+        layout = LAYOUTS[_COUNTS[count]] if count in _COUNTS else None
+    if layout is None or layout.columns * layout.rows != count:
+        own = layout is not None and not layout.shipped
         raise InvalidArgument(
-            f"{path} holds {count} patches" + (f", {layout} does not." if layout else "."),
-            "classic24, nano24, mini24 and passport24 have 24, sg140 has 140; give one spectrum for each patch.",
+            f"{path} holds {count} patches"
+            + (f", {layout.name} has {layout.columns * layout.rows}." if layout else "."),
+            "Give one spectrum for each patch of the layout."
+            if own
+            else "classic24, nano24, mini24 and passport24 have 24, sg140 has 140; give one spectrum for each patch, "
+            "or the layout of another chart, as in card.json:mine.csv (docs/tables.md).",
             value=count,
         )
     check_wavelengths(wavelengths, path, ChartUnfit)
@@ -202,35 +228,36 @@ def _measured(
             "Give all as 0 to 1, or all in percent; a patch that fluoresces above 1.2 does not serve.",
             value=worst,
         )
-    order = _reading_order(names)
+    order = _reading_order(names, layout)
     values = frozen(np.clip([smooth(wavelengths, table[i]) for i in order], 0.0, 1.2))
-    if count == 24:
+    if layout.shipped and count == 24:
         _check_order(values, path)
     return ChartTable(
         name=name,
         table=path.name,
-        layout=layout or _COUNTS[count],
+        layout=layout,
         patches=tuple(names[i] for i in order),
         values=values,
         tolerance=frozen(np.full(count, MEASURED_CHART)),
-        white=_white(values, path),
+        white=_white(values, tuple(names[i] for i in order), layout, path),
         source=f"{source}{held(wavelengths)}",
     )
 
 
-def _reading_order(names: tuple[str, ...]) -> list[int]:
+def _reading_order(names: tuple[str, ...], layout: ChartLayout) -> list[int]:
     """Indices of the file's rows in reading order if their names are positions, else in the file's order.
 
-    Letters are columns for the SG (A1 to N10) and for 24 patches A1 to F4; they are rows for 24 patches A1 to D6.
+    Letters are columns where their number is the layout's number of columns (A1 to F4), else rows (A1 to D6).
     """
     stand = list(range(len(names)))
-    places = [re.fullmatch(r"([A-N])(\d{1,2})", name.upper()) for name in names]
+    places = [re.fullmatch(r"([A-Z])(\d{1,2})", name.upper()) for name in names]
     cells = [(ord(place[1]), int(place[2])) for place in places if place]
     letters, numbers = ({cell[axis] for cell in cells} for axis in (0, 1))
     shape = len(letters), len(numbers)
-    if len(set(cells)) != len(names) or shape not in ((14, 10), (6, 4), (4, 6)):
+    by_columns = shape == (layout.columns, layout.rows)
+    if len(set(cells)) != len(names) or not (by_columns or shape == (layout.rows, layout.columns)):
         return stand
-    return sorted(stand, key=lambda i: cells[i] if shape == (4, 6) else cells[i][::-1])
+    return sorted(stand, key=lambda i: cells[i][::-1] if by_columns else cells[i])
 
 
 def _check_order(values: Floats, path: Path) -> None:
@@ -254,14 +281,24 @@ def _rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _white(values: Floats, path: Path) -> int:
-    """The brightest neutral patch, or E5 of an SG if none is clearly brighter (its border repeats the white)."""
+def _white(values: Floats, names: tuple[str, ...], layout: ChartLayout, path: Path) -> int:
+    """The layout's white patch; without one the brightest neutral patch, or E5 of an SG if none is clearly brighter.
+
+    The border of an SG repeats the white.
+    """
+    if layout.white:
+        if layout.white not in names:
+            raise InvalidArgument(
+                f"{path} has no patch {layout.white!r}, the white patch of the layout {layout.name}.",
+                'Give its name in the table as "white" of the layout, or leave "white" out.',
+            )
+        return names.index(layout.white)
     visible = values[:, (WAVELENGTHS >= 430) & (WAVELENGTHS <= 700)]
     level = visible.mean(axis=1)
     brightness = np.where(visible.std(axis=1) <= 0.08 * level, level, 0.0)
     if brightness.max() <= 0:
         raise ChartUnfit(f"{path} has no neutral patch.", "Check its columns: a chart's white patch is flat.")
     e5 = 4 * 14 + 4
-    if len(values) == 140 and brightness[e5] >= 0.95 * brightness.max():
+    if layout.name == "sg140" and brightness[e5] >= 0.95 * brightness.max():
         return e5
     return int(np.argmax(brightness))

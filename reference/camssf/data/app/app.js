@@ -116,7 +116,7 @@ class Photo {
     const part = (selector) => this.card.querySelector(selector);
     Object.assign(this, { svg: part("svg"), frame: part("svg g"), outline: part(".outline"), problem: part(".problem"),
       role: part(".role"), lamp: part(".lamp"), side: part(".span"), reflectance: part(".reflectance") });
-    part("h3").textContent = `${number}. ${name}`;
+    part("h3").textContent = name;
     part(".camera").textContent = `${found.camera || "unnamed camera"}, ${found.width} × ${found.height} px`;
     options(this.lamp, lists.lamps.map((lamp) => [lamp, lamp]), [["auto", "unknown (phones only)"]]);
     this.draw(found);

@@ -24,16 +24,16 @@ class ChartColours:
     when the pose is refined on the mosaic.
 
     Attributes:
-        name: name of a layout of this kind.
+        name: name of a layout of this kind, or of the user's own layout.
         columns, rows: number of patches.
-        side: edge of a patch in pitches.
+        side: edge of a patch in pitches, along x and y.
         colours: (n, 3) signals of the camera of `plain_signals`, any unit.
     """
 
     name: str
     columns: int
     rows: int
-    side: float
+    side: tuple[float, float]
     colours: Floats
 
 
@@ -44,6 +44,8 @@ def chart_colours() -> tuple[ChartColours, ...]:
     if stored["format"] != FORMAT:
         raise ValueError("finder.json is of another version")
     return tuple(
-        ChartColours(name, each["columns"], each["rows"], each["side"], np.array(each["colours"], dtype=np.float64))
+        ChartColours(
+            name, each["columns"], each["rows"], (each["side"], each["side"]), np.array(each["colours"], np.float64)
+        )
         for name, each in stored["kinds"].items()
     )

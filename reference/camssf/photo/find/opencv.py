@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camssf.grid import Floats
-from camssf.photo.find.layouts import ChartLayout, convex
+from camssf.photo.find.geometry import convex
 from camssf.photo.find.thumbnail import Thumbnail, thumbnail
 from camssf.photo.read.dng import Mosaic
+from camssf.spectra.layouts import ChartLayout
 
 ATTEMPTS: tuple[tuple[int, int, bool], ...] = ((1000, 0, False), (1000, 1000, False), (1600, 0, True))
 """Longest side of the thumbnail, px; smallest picture for cv2.mcc (it enlarges others); whether contrast is
@@ -20,8 +21,15 @@ SMALLEST = 32
 """Smallest side of a picture for cv2.mcc, px."""
 
 
-def opencv_proposals(mosaic: Mosaic, layout: ChartLayout) -> Iterator[tuple[Thumbnail, list[Floats]]]:
-    """A thumbnail for each attempt, and the quadrilaterals (4, 2) in it that cv2.mcc accepts as such a chart."""
+def opencv_proposals(
+    mosaic: Mosaic, layout: ChartLayout, _expected: Floats
+) -> Iterator[tuple[Thumbnail, list[Floats]]]:
+    """A thumbnail for each attempt, and the quadrilaterals (4, 2) in it that cv2.mcc accepts as such a chart.
+
+    cv2.mcc knows no layout of the user's own.
+    """
+    if not layout.shipped:
+        return
     for longest, smallest, equalise in ATTEMPTS:
         small = thumbnail(mosaic, longest)
         yield small, _quads(_rendered(small.colours, equalise), layout, smallest)

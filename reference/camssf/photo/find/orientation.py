@@ -205,6 +205,7 @@ def placed(grid: Grid, found: OrientedGrid, blobs: list[Blob]) -> tuple[Matrix, 
 
 def outline(h: Matrix, kind: ChartColours) -> list[tuple[float, float]]:
     """The block's four corners: top left, top right, bottom right, bottom left of the chart."""
-    half, last, low = kind.side / 2, kind.columns - 1, kind.rows - 1
-    ends = ((-half, -half), (last + half, -half), (last + half, low + half), (-half, low + half))
+    half, edge = kind.side[0] / 2, kind.side[1] / 2
+    last, low = kind.columns - 1, kind.rows - 1
+    ends = ((-half, -edge), (last + half, -edge), (last + half, low + edge), (-half, low + edge))
     return [mapped(h, u, v) for u, v in ends]

@@ -9,22 +9,14 @@ from numpy.typing import ArrayLike
 
 from camssf.errors import Blurred, ChartNotFound, InvalidArgument
 from camssf.grid import Floats
-from camssf.photo.find.layouts import (
-    LAYOUTS,
-    ChartLayout,
-    area,
-    block_corners,
-    convex,
-    homography,
-    patch_corners,
-    pitch_of,
-)
+from camssf.photo.find.geometry import area, block_corners, convex, homography, map_points, patch_corners, pitch_of
 from camssf.photo.find.refine import refine_corners
 from camssf.photo.find.search import ACCEPT, OWN, Match, matches_in, orient_corners, plain_signals, refine_closely
 from camssf.photo.find.sharpness import WIDEST_EDGE, edge_width
 from camssf.photo.find.thumbnail import brightness, thumbnail_around
 from camssf.photo.read.dng import Mosaic
 from camssf.spectra import ChartTable
+from camssf.spectra.layouts import ChartLayout
 
 ACCEPT_BY_HAND = 0.6
 """As `ACCEPT`, for corners given by hand; lower, because the user has identified the chart."""
@@ -77,21 +69,21 @@ def find_chart(mosaic: Mosaic, table: ChartTable, *, corners: ArrayLike | None =
 
     Args:
         mosaic: the photo.
-        table: table of the chart to find; its layout is a key of LAYOUTS.
-        corners: (4, 2) outer corners of the block of patches, given by hand in order around the block, from any
-            of them; px of the active area, off by half a patch at most. Refined if borders are found nearby,
-            otherwise kept.
+        table: table of the chart to find.
+        corners: (4, 2) outer corners of the block of patches, or the fiducials of its layout, given by hand in
+            order around the block, from any of them; px of the active area, off by half a patch at most. Refined
+            if borders are found nearby, otherwise kept.
 
     Raises:
         Blurred: nothing looks like this chart, and no edge in the photo is sharp.
         ChartNotFound: nothing looks like this chart, it is mirrored, or the photo is too small.
-        InvalidArgument: the table has no known layout, or `corners` are no convex quadrilateral in the photo.
+        InvalidArgument: the table does not fit its layout, or `corners` are no convex quadrilateral in the photo.
     """
-    layout = LAYOUTS.get(table.layout)
-    if layout is None or len(table.values) != layout.columns * layout.rows:
+    layout = table.layout
+    if len(table.values) != layout.columns * layout.rows:
         raise InvalidArgument(
-            f"The chart table {table.table!r} fits no known layout.",
-            f"Use a table of one of these layouts: {', '.join(LAYOUTS)}.",
+            f"The chart table {table.table!r} does not fit the layout {layout.name}.",
+            f"Give a table of {layout.columns * layout.rows} patches.",
         )
     height, width = mosaic.samples.shape
     if min(height, width) < SMALLEST:
@@ -135,10 +127,8 @@ def _by_hand(mosaic: Mosaic, layout: ChartLayout, expected: Floats, corners: Flo
     small = thumbnail_around(mosaic, corners, layout, margin=0.15, extra=8)
     around = corners if area(corners) > 0 else corners[::-1]
     tries = [
-        orient_corners(
-            small, small.from_mosaic(np.roll(around, -first, axis=0)), layout.side, layout, expected, reach=0
-        )
-        for first in (0, 1)
+        orient_corners(small, small.from_mosaic(start), layout.side, layout, expected, reach=0)
+        for start in _starts(around, layout)
     ]
     best = max(tries, key=lambda m: m.score)
     refined, side, locked = refine_corners(brightness(small), best.corners, layout, windows=WINDOWS_BY_HAND)
@@ -160,6 +150,19 @@ def _by_hand(mosaic: Mosaic, layout: ChartLayout, expected: Floats, corners: Flo
     if best.mirrored:
         raise _mirrored(mosaic, best)
     return _pose(best, layout, "by hand", notes)
+
+
+def _starts(around: Floats, layout: ChartLayout) -> list[Floats]:
+    """Corners (4, 2) of the block of patches that the four points may mean, clockwise.
+
+    Either side may run along the columns. Where the layout has fiducials, the points may be these, from any of them.
+    """
+    starts = [np.roll(around, -first, axis=0) for first in (0, 1)]
+    if layout.fiducials:
+        block = block_corners(layout, layout.side)
+        marks = np.array(layout.fiducials)
+        starts += [map_points(homography(marks, np.roll(around, -first, axis=0)), block) for first in range(4)]
+    return starts
 
 
 def _checked(corners: ArrayLike, mosaic: Mosaic) -> Floats:

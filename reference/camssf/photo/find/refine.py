@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from camssf.grid import Floats
-from camssf.photo.find.layouts import ChartLayout, block_corners, convex, homography, map_points
+from camssf.photo.find.geometry import block_corners, convex, homography, map_points
+from camssf.spectra.layouts import ChartLayout
 
 WINDOWS = (0.40, 0.25, 0.15, 0.10, 0.10)
 """Search range of each round of `refine_corners` around the expected place of a border, in pitches."""

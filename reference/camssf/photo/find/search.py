@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.photo.find.layouts import ChartLayout, area, block_corners, homography, map_points
+from camssf.photo.find.chart_colours import ChartColours
+from camssf.photo.find.geometry import area, block_corners, homography, map_points
 from camssf.photo.find.opencv import opencv_proposals
 from camssf.photo.find.picture import codes_of_mosaic
 from camssf.photo.find.refine import WINDOWS, refine_corners
@@ -20,6 +21,7 @@ from camssf.photo.find.sightings import find_sightings
 from camssf.photo.find.thumbnail import Thumbnail, brightness, thumbnail, thumbnail_around
 from camssf.photo.read.dng import Mosaic
 from camssf.spectra import ChartTable
+from camssf.spectra.layouts import ChartLayout
 
 ACCEPT = 0.75
 """Correlation with the table's colours from which a grid of patches is accepted as the chart."""
@@ -52,17 +54,26 @@ class Detector:
     """Proposes grids of patches; the search ends with the first proposals of which one agrees by `enough`."""
 
     name: str
-    proposals: Callable[[Mosaic, ChartLayout], Iterator[tuple[Thumbnail, list[Floats]]]]
+    proposals: Callable[[Mosaic, ChartLayout, Floats], Iterator[tuple[Thumbnail, list[Floats]]]]
     enough: float
 
 
-def own_proposals(mosaic: Mosaic, layout: ChartLayout) -> Iterator[tuple[Thumbnail, list[Floats]]]:
-    """A thumbnail, and in it the corners (4, 2) of the charts with such a grid that camssf's own finder sights."""
+def own_proposals(mosaic: Mosaic, layout: ChartLayout, expected: Floats) -> Iterator[tuple[Thumbnail, list[Floats]]]:
+    """A thumbnail, and in it the corners (4, 2) of the charts with such a grid that camssf's own finder sights.
+
+    A layout of the user's own is searched by the colours `expected`, the shipped ones by those of `finder.json`.
+    """
+    kinds = None if layout.shipped else (own_kind(layout, expected),)
     size = layout.columns * layout.rows
-    corners = [s.corners for s in find_sightings(codes_of_mosaic(mosaic)).sightings if len(s.patches) == size]
+    corners = [s.corners for s in find_sightings(codes_of_mosaic(mosaic), kinds).sightings if len(s.patches) == size]
     if corners:
         small = thumbnail(mosaic, LONGEST)
         yield small, [small.from_mosaic(each) for each in corners]
+
+
+def own_kind(layout: ChartLayout, expected: Floats) -> ChartColours:
+    """The kind of chart of a user's own layout, with the signals (n, 3) of its table (`plain_signals`)."""
+    return ChartColours(layout.name, layout.columns, layout.rows, layout.side, expected)
 
 
 OWN = Detector("camssf", own_proposals, SURE)
@@ -75,7 +86,7 @@ def matches_in(
     """Grids that may be the chart with the colours `expected` (n, 3), best first, from one detector after another."""
     matches: list[Match] = []
     for detector in detectors:
-        for small, quads in detector.proposals(mosaic, layout):
+        for small, quads in detector.proposals(mosaic, layout, expected):
             found = [_refined_match(small, quad, layout, expected) for quad in quads]
             matches += [replace(match, detector=detector.name) for match in found]
             matches.sort(key=lambda m: -m.score)

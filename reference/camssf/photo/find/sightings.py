@@ -8,7 +8,7 @@ import numpy as np
 
 from camssf.grid import Floats
 from camssf.photo.find.blobs import blobs_in
-from camssf.photo.find.chart_colours import chart_colours
+from camssf.photo.find.chart_colours import ChartColours, chart_colours
 from camssf.photo.find.lattices import grids_of, mapped
 from camssf.photo.find.orientation import ACCEPT, ACCEPT_LUMA, orient, outline, placed
 from camssf.photo.find.picture import SMALLEST, SearchImage
@@ -22,7 +22,8 @@ class Sighting:
     """A chart in a picture. Points are px of the picture, where the centre of its first pixel is (0, 0).
 
     Attributes:
-        kind: "classic24", which Classic, Nano, Mini and the Passport's classic page share, or "sg140".
+        kind: "classic24", which Classic, Nano, Mini and the Passport's classic page share, or "sg140",
+            or the name of the user's own layout.
         corners: (4, 2) corners of the block of patches: top left, top right, bottom right, bottom left as printed.
         patches: (n, 2) centres, in the chart's reading order.
         mirrored: True if the colours agree with the chart seen in a mirror.
@@ -46,11 +47,12 @@ class FoundCharts:
     findings: tuple[str, ...]
 
 
-def find_sightings(codes: SearchImage) -> FoundCharts:
-    """Find charts in the picture; if there is none, in the picture at half its size."""
-    sightings = _look(codes)
+def find_sightings(codes: SearchImage, kinds: tuple[ChartColours, ...] | None = None) -> FoundCharts:
+    """Find charts of these kinds (default: the shipped ones); if there is none, in the picture at half its size."""
+    kinds = chart_colours() if kinds is None else kinds
+    sightings = _look(codes, kinds)
     if not sightings and min(codes.values.shape[:2]) >= 2 * SMALLEST:
-        sightings = _look(codes.halved())
+        sightings = _look(codes.halved(), kinds)
     findings = [] if sightings else ["none"]
     if sightings and sightings[0].mirrored:
         findings.append("mirrored")
@@ -59,13 +61,13 @@ def find_sightings(codes: SearchImage) -> FoundCharts:
     return FoundCharts(tuple(sightings), tuple(findings))
 
 
-def _look(codes: SearchImage) -> list[Sighting]:
+def _look(codes: SearchImage, kinds: tuple[ChartColours, ...]) -> list[Sighting]:
     blobs = blobs_in(codes)
     accept = ACCEPT if codes.values.shape[2] == 3 else ACCEPT_LUMA
     sightings: list[Sighting] = []
     for grid in grids_of(blobs)[:MOST_GRIDS]:
         best = None
-        for kind in chart_colours():
+        for kind in kinds:
             match = orient(codes, grid, kind)
             if match is not None and match.score >= accept and (best is None or match.score > best.score):
                 best = match

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camssf.grid import Floats
-from camssf.photo.find.layouts import ChartLayout
 from camssf.photo.read.dng import Mosaic
+from camssf.spectra.layouts import ChartLayout
 
 PATCH = 40
 """Largest size of a patch on the thumbnail of a chart alone, px."""

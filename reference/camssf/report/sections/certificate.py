@@ -143,7 +143,7 @@ def big_numbers(document: Json) -> tuple[tuple[Markup, Markup], ...]:
     scores = document["scores"]
     found = [
         (number(math.fsum(scores["rmsre_percent"]) / 3) + Markup(" %"), "RMSRE: relative error on unseen patches"),
-        (number(scores["delta_e00"], 2), Markup("ΔE<sub>00</sub> of the patch colours")),
+        (number(scores["delta_e00"], 2), Markup("ΔE<sub>00</sub> between measured and predicted patches")),
     ]
     width = curves_of(document).half_width()
     if width is not None:

@@ -144,7 +144,7 @@ internal object ResultJson {
             buildJsonObject {
                 text("name", table.name)
                 text("table", table.table)
-                text("layout", table.layout)
+                text("layout", table.layout.name)
                 text("source", table.source)
             },
         )

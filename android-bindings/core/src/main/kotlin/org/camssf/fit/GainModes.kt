@@ -48,9 +48,12 @@ internal object GainModes {
 
             framed -> List(k) { emptyList<DoubleArray>() } to 0.0
 
-            else -> capture.shots.map { shot ->
-                smooth(shot.pose, white, n).map { if (shot.means.evened) DoubleArray(n) else it }
-            } to Rules.shipped.number("gains.own")
+            else -> {
+                val layout = capture.chart.layout
+                capture.shots.map { shot ->
+                    smooth(shot.pose, layout, white, n).map { if (shot.means.evened) DoubleArray(n) else it }
+                } to Rules.shipped.number("gains.own")
+            }
         }
         val g = each[0].size
         val modes = DoubleArray(k * g * n) { each[it / (g * n)][it / n % g][it % n] }
@@ -70,7 +73,7 @@ internal object GainModes {
     }
 
     /** Plane, bowl and the white patch's own level over the patches of one photo, relative to patch `white`. */
-    private fun smooth(pose: ChartPose, white: Int, n: Int): List<DoubleArray> {
+    private fun smooth(pose: ChartPose, layout: ChartLayout, white: Int, n: Int): List<DoubleArray> {
         val (x, y) = places(pose, n)
         val plane = Rules.shipped.number("gains.plane")
         val bowl = Rules.shipped.number("gains.bowl")
@@ -84,9 +87,7 @@ internal object GainModes {
         )
         // The level exists only if the white patch is at the chart's edge: inside, plane and bowl describe its light
         // too.
-        val layout = ChartLayout.of(pose.layout)
-        val edge = layout == null ||
-            white % layout.columns in setOf(0, layout.columns - 1) ||
+        val edge = white % layout.columns in setOf(0, layout.columns - 1) ||
             white / layout.columns in setOf(0, layout.rows - 1)
         val ways = if (edge) bent + { if (it == white) -corner else 0.0 } else bent
         return ways.map { way -> DoubleArray(n) { way(it) - way(white) } }

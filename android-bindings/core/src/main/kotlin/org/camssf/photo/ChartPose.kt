@@ -51,11 +51,11 @@ public class ChartPose internal constructor(
          * are kept and `notes` says so. The algorithm is that of Python's `find_chart(mosaic, table, corners=...)`.
          *
          * @param mosaic the photo of the chart; its region must hold the part that [region] names.
-         * @param corners of the block of patches in order around it, starting at any of them, px of the active area;
-         *   each is off by half a patch at most.
+         * @param corners of the block of patches, or the fiducials of its layout, in order around it, starting at any
+         *   of them, px of the active area; each is off by half a patch at most.
          * @throws ChartNotFound the colours inside the corners do not agree with the chart, or it is mirrored.
-         * @throws InvalidArgument the corners do not form a convex quadrilateral inside the photo, or the table's
-         *   layout is unknown.
+         * @throws InvalidArgument the corners do not form a convex quadrilateral inside the photo, or the table does
+         *   not fit its layout.
          */
         @JvmStatic
         public fun refine(mosaic: Mosaic, corners: Corners, chart: ChartTable): ChartPose =
@@ -64,11 +64,11 @@ public class ChartPose internal constructor(
         /** As above, for a photo that is read part by part. */
         internal fun refine(photo: Reading, corners: Corners, chart: ChartTable): ChartPose {
             val facts = photo.facts
-            val layout = ChartLayout.of(chart.layout)
-            if (layout == null || chart.patches.size != layout.columns * layout.rows) {
+            val layout = chart.layout
+            if (chart.patches.size != layout.columns * layout.rows) {
                 throw InvalidArgument(
-                    "The chart table '${chart.table}' fits no known layout.",
-                    "Use another.",
+                    "The chart table '${chart.table}' does not fit the layout ${layout.name}.",
+                    "Give a table of ${layout.columns * layout.rows} patches.",
                 )
             }
             if (min(facts.width, facts.height) < SMALLEST) {

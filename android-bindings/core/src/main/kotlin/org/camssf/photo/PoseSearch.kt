@@ -34,8 +34,9 @@ internal class PoseSearch(
     fun pose(): ChartPose {
         // Make the corners clockwise as seen, so that only a chart that is really mirrored counts as mirrored.
         val around = if (Lattice.area(corners) > 0) corners else DoubleArray(8) { corners[6 - it + 2 * (it % 2)] }
-        val tries = listOf(0, 1).map { name(lattice(view.fromMosaic(from(around, it)))) }
-        val start = if (tries[1].score > tries[0].score) tries[1] else tries[0]
+        val start = starts(around).map { name(lattice(view.fromMosaic(it))) }.reduce { best, next ->
+            if (next.score > best.score) next else best
+        }
         var found = start
         var lattice = lattice(start.corners)
         val refined = lattice.refine(view.brightness(), view.width, view.height)
@@ -63,6 +64,17 @@ internal class PoseSearch(
             )
         }
         return finished(view.toMosaic(found.corners), lattice.side, found.score, notes)
+    }
+
+    /**
+     * Corners (4, 2) of the block of patches that the four points may mean, clockwise: either side may run along the
+     * columns, and where the layout has fiducials, the points may be these, from any of them.
+     */
+    private fun starts(around: DoubleArray): List<DoubleArray> {
+        val corners = listOf(0, 1).map { from(around, it) }
+        if (layout.fiducials.isEmpty()) return corners
+        val block = Lattice.block(layout, doubleArrayOf(layout.sideX, layout.sideY))
+        return corners + (0..3).mapNotNull { Homography.of(layout.fiducials, from(around, it))?.map(block) }
     }
 
     private fun finished(corners: DoubleArray, side: DoubleArray, score: Double, notes: List<String>): ChartPose {

@@ -5,6 +5,7 @@ import org.camssf.Grid
 import org.camssf.InvalidArgument
 import org.camssf.flatten
 import org.camssf.frozen
+import org.camssf.photo.Agreement
 import org.camssf.short
 import kotlin.math.sqrt
 
@@ -23,7 +24,7 @@ internal fun faded(reflectance: DoubleArray, amount: Double): DoubleArray {
  *
  * @property name of the chart as given, for example "classic24".
  * @property table name of the table, for example "BabelColor Average".
- * @property layout name of its printed [ChartLayout].
+ * @property layout its printed geometry.
  * @property white index of the white patch.
  * @property source description for the report.
  * @property file name and SHA-256 of its file, or null.
@@ -31,7 +32,7 @@ internal fun faded(reflectance: DoubleArray, amount: Double): DoubleArray {
 public class ChartTable internal constructor(
     public val name: String,
     public val table: String,
-    public val layout: String,
+    public val layout: ChartLayout,
     patches: List<String>,
     internal val sharedValues: DoubleArray,
     internal val sharedTolerance: DoubleArray,
@@ -46,6 +47,12 @@ public class ChartTable internal constructor(
 
     /** (n, 681) reflectance on [Grid], row-major, 0 to 1; a copy at each call (130 kB for 24 patches), so keep it. */
     public val values: DoubleArray get() = sharedValues.copyOf()
+
+    /**
+     * (n, 3) signals of a generic camera (Gaussian curves at 600, 540 and 455 nm, FWHM 90 nm) under a flat lamp,
+     * row-major, any unit; the finder compares pictures with them.
+     */
+    public fun genericSignals(): DoubleArray = Agreement.expected(this)
 
     /** (n) one standard deviation of the table's relative error for an individual chart, 1; a copy at each call. */
     public val tolerance: DoubleArray get() = sharedTolerance.copyOf()
@@ -87,7 +94,8 @@ public class ChartTable internal constructor(
         private val COUNTS = mapOf(24 to "classic24", 140 to "sg140")
         private const val MENU =
             "Charts: classic24, nano24, mini24, passport24 (add :babelcolor or :ohta to fix the table), or a file " +
-                "of measured reflectances by ChartTable.parse; sg140 by such a file only."
+                "of measured reflectances by ChartTable.parse; sg140 by such a file only; another chart by its " +
+                "layout (ChartLayout.parse) and such a file."
 
         /** Names that [read] accepts. */
         @JvmStatic
@@ -120,7 +128,8 @@ public class ChartTable internal constructor(
             }
             val (names, values, white) = Bundled.chart(table)
             val tolerance = DoubleArray(names.size) { Bundled.tolerance("public_chart") }
-            return ChartTable(text, table, chart, names, values, tolerance, white, "$table (colour-science)")
+            val layout = ChartLayout.of(chart)!!
+            return ChartTable(text, table, layout, names, values, tolerance, white, "$table (colour-science)")
         }
 
         /**
@@ -138,37 +147,55 @@ public class ChartTable internal constructor(
         @JvmStatic
         @JvmOverloads
         public fun parse(name: String, content: ByteArray, layout: String? = null): ChartTable {
+            val printed = layout?.let {
+                ChartLayout.of(it) ?: throw InvalidArgument("There is no chart layout '$it'.", MENU)
+            }
+            return measured(name, content, printed)
+        }
+
+        /** As above, for the layout of another chart, as [ChartLayout.parse] reads it. */
+        @JvmStatic
+        public fun parse(name: String, content: ByteArray, layout: ChartLayout): ChartTable =
+            measured(name, content, layout)
+
+        private fun measured(name: String, content: ByteArray, given: ChartLayout?): ChartTable {
             val file = SpectraFile.spectra(name, content)
             val count = file.values.size
-            if (layout != null && ChartLayout.of(layout) == null) {
-                throw InvalidArgument("There is no chart layout '$layout'.", MENU)
-            }
-            if (count !in COUNTS || (layout != null && (layout == "sg140") != (count == 140))) {
+            val layout = given ?: COUNTS[count]?.let { ChartLayout.of(it) }
+            if (layout == null || layout.columns * layout.rows != count) {
+                val has = layout?.let { ", ${it.name} has ${it.columns * it.rows}." } ?: "."
                 throw InvalidArgument(
-                    "$name holds $count patches" + if (layout == null) "." else ", $layout does not.",
-                    "classic24, nano24, mini24 and passport24 have 24, sg140 has 140; give one spectrum for each patch.",
+                    "$name holds $count patches$has",
+                    if (layout != null && !layout.shipped) {
+                        "Give one spectrum for each patch of the layout."
+                    } else {
+                        "classic24, nano24, mini24 and passport24 have 24, sg140 has 140; give one spectrum for " +
+                            "each patch, or the layout of another chart by ChartLayout.parse (docs/tables.md)."
+                    },
                     count.toDouble(),
                 )
             }
             SpectraFile.checkWavelengths(file.wavelengths, name) { message, advice, value, threshold ->
                 ChartUnfit(message, advice, value, threshold)
             }
-            val values = onGrid(file, name)
-            if (count == 24) checkOrder(values, name)
+            val order = readingOrder(file.names, layout)
+            val values = onGrid(file, order, name)
+            if (layout.shipped && count == 24) checkOrder(values, name)
+            val names = order.map { file.names[it] }
             return ChartTable(
-                if (layout == null) name else "$layout:$name",
+                if (given == null) name else "${given.name}:$name",
                 name,
-                layout ?: COUNTS.getValue(count),
-                readingOrder(file.names).map { file.names[it] },
+                layout,
+                names,
                 values.flatten(),
                 DoubleArray(count) { Bundled.tolerance("measured_chart") },
-                white(values, name),
+                white(values, names, layout, name),
                 "file $name${SpectraFile.held(file.wavelengths)}",
                 SourceFile.of(name, content),
             )
         }
 
-        private fun onGrid(file: Spectra, name: String): List<DoubleArray> {
+        private fun onGrid(file: Spectra, order: List<Int>, name: String): List<DoubleArray> {
             if (file.values.any { row -> row.any { !it.isFinite() } }) {
                 throw ChartUnfit("$name has a reflectance that is not a number.", "Measure that patch again.")
             }
@@ -183,7 +210,7 @@ public class ChartTable internal constructor(
                     worst,
                 )
             }
-            return readingOrder(file.names).map { i ->
+            return order.map { i ->
                 val row = file.values[i]
                 val smooth = Interpolation.smooth(file.wavelengths, DoubleArray(row.size) { row[it] / scale })
                 DoubleArray(Grid.SIZE) { smooth[it].coerceIn(0.0, 1.2) }
@@ -192,21 +219,23 @@ public class ChartTable internal constructor(
 
         /**
          * Indices of the file's rows in reading order if their names are positions; otherwise the file's order.
-         * Letters are columns on the SG (A1 to N10) and on 24 patches A1 to F4; they are rows on 24 patches A1 to D6.
+         * Letters are columns where their number is the layout's number of columns (A1 to F4), else rows (A1 to D6).
          */
-        private fun readingOrder(names: List<String>): List<Int> {
+        private fun readingOrder(names: List<String>, layout: ChartLayout): List<Int> {
             val stand = names.indices.toList()
             val cells = names.mapNotNull { name ->
-                Regex("([A-N])([0-9]{1,2})").matchEntire(name.uppercase())?.let {
+                Regex("([A-Z])([0-9]{1,2})").matchEntire(name.uppercase())?.let {
                     it.groupValues[1] to
                         it.groupValues[2].toInt()
                 }
             }
             val shape = cells.map { it.first }.toSet().size to cells.map { it.second }.toSet().size
-            if (cells.toSet().size != names.size || shape !in setOf(14 to 10, 6 to 4, 4 to 6)) return stand
+            val byColumns = shape == layout.columns to layout.rows
+            val placed = byColumns || shape == layout.rows to layout.columns
+            if (cells.toSet().size != names.size || !placed) return stand
             val byLetter = compareBy<Int>({ cells[it].first }, { cells[it].second })
             val byNumber = compareBy<Int>({ cells[it].second }, { cells[it].first })
-            return stand.sortedWith(if (shape == 4 to 6) byLetter else byNumber)
+            return stand.sortedWith(if (byColumns) byNumber else byLetter)
         }
 
         /**
@@ -244,10 +273,18 @@ public class ChartTable internal constructor(
         }
 
         /**
-         * Index of the brightest neutral patch; E5 of an SG unless another is clearly brighter (its border repeats
-         * the white).
+         * Index of the layout's white patch; without one, of the brightest neutral patch, or E5 of an SG unless
+         * another is clearly brighter (its border repeats the white).
          */
-        private fun white(values: List<DoubleArray>, name: String): Int {
+        private fun white(values: List<DoubleArray>, names: List<String>, layout: ChartLayout, name: String): Int {
+            if (layout.white.isNotEmpty()) {
+                val given = names.indexOf(layout.white)
+                if (given >= 0) return given
+                throw InvalidArgument(
+                    "$name has no patch '${layout.white}', the white patch of the layout ${layout.name}.",
+                    "Give its name in the table as \"white\" of the layout, or leave \"white\" out.",
+                )
+            }
             val visible = Grid.WAVELENGTHS.indices.filter { Grid.WAVELENGTHS[it] in 430.0..700.0 }
             val brightness = values.map { row ->
                 val level = visible.sumOf { row[it] } / visible.size
@@ -259,7 +296,7 @@ public class ChartTable internal constructor(
                 throw ChartUnfit("$name has no neutral patch.", "Check its columns: a chart's white patch is flat.")
             }
             val e5 = 4 * 14 + 4
-            if (values.size == 140 && brightness[e5] >= 0.95 * most) return e5
+            if (layout.name == "sg140" && brightness[e5] >= 0.95 * most) return e5
             return brightness.indexOf(most)
         }
     }

@@ -30,7 +30,7 @@ class GainModesTest {
     )
 
     /** Patches 30 px apart across and 20 down, the second shot's half of that; corners unlike about each middle. */
-    private fun capture(white: Int = 18, framed: Boolean = false, layout: String = "classic24"): MeasuredCapture {
+    private fun capture(white: Int = 18, framed: Boolean = false): MeasuredCapture {
         val none = DoubleArray(3 * n)
         val frame = FrameMeans(none, none, LongArray(3 * n), none, none, none, DoubleArray(2 * n))
         val photo = Photo("a", 600, 400, 1, null, null, false, "a", "b", "")
@@ -40,7 +40,7 @@ class GainModesTest {
                 val at = it / 8
                 (if (it % 2 == 0) 100 + 30.0 * (at % 6) else 50 + 20.0 * (at / 6)) * scale + corner[it % 8]
             }
-            val pose = ChartPose(layout, DoubleArray(8), quads, 0, "by hand", 1.0, emptyList())
+            val pose = ChartPose("classic24", DoubleArray(8), quads, 0, "by hand", 1.0, emptyList())
             val means = PatchMeans(frame, frame.takeIf { framed }, null, DoubleArray(3), 1000.0)
             MeasuredShot(Lamp.read("E"), photo, null, null, pose, means, LensShading.AS_STORED)
         }
@@ -82,9 +82,6 @@ class GainModesTest {
         for (white in listOf(7, 10, 13, 16)) {
             assertModes(bent(white), number("own"), GainModes.of(capture(white), null))
         }
-        // Of an unknown layout any patch may stand at the edge.
-        val level = DoubleArray(n) { if (it == 7) 0.0 else number("corner") }
-        assertModes(bent(7) + level, number("own"), GainModes.of(capture(7, layout = "none"), null))
     }
 
     @Test

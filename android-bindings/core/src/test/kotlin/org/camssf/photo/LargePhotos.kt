@@ -2,7 +2,6 @@ package org.camssf.photo
 
 import org.camssf.Calibrated
 import org.camssf.SsfCalibrator
-import org.camssf.spectra.ChartLayout
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
 import java.io.BufferedOutputStream
@@ -24,7 +23,7 @@ internal object LargePhotos {
     }
 
     private fun block(width: Int, height: Int): DoubleArray {
-        val layout = ChartLayout.of(chart.layout)!!
+        val layout = chart.layout
         val pitch = 0.9 * width / (layout.columns - 1 + layout.sideX)
         val high = pitch * (layout.rows - 1 + layout.sideY)
         return doubleArrayOf(0.05 * width, (height - high) / 2, 0.95 * width, (height + high) / 2)
@@ -32,7 +31,7 @@ internal object LargePhotos {
 
     /** A chart on a dark ground, a white card, or a lens cap, each with a little noise. */
     fun write(file: File, kind: String, width: Int, height: Int) {
-        val layout = ChartLayout.of(chart.layout)!!
+        val layout = chart.layout
         val (left, top, right, _) = block(width, height)
         val pitch = (right - left) / (layout.columns - 1 + layout.sideX)
         val signals = Agreement.expected(chart)

@@ -158,7 +158,7 @@ class PoseTest {
     fun `the plain camera's channels fall to a half 45 nm from their middles`() {
         fun seen(nm: Int): DoubleArray {
             val line = DoubleArray(Grid.SIZE) { if (Grid.WAVELENGTHS[it] == nm.toDouble()) 1.0 else 0.0 }
-            return Agreement.expected(ChartTable("one", "one", "one", listOf("a"), line, DoubleArray(1), 0, "test"))
+            return Agreement.expected(ChartTable("one", "one", layout, listOf("a"), line, DoubleArray(1), 0, "test"))
         }
         for ((channel, middle) in listOf(600, 540, 455).withIndex()) {
             val most = seen(middle)[channel]
@@ -167,7 +167,7 @@ class PoseTest {
             assertEquals(1.0 / 16, seen(middle + 90)[channel] / most, 1e-12)
         }
         val grey =
-            ChartTable("one", "one", "one", listOf("a"), DoubleArray(Grid.SIZE) { 0.4 }, DoubleArray(1), 0, "test")
+            ChartTable("one", "one", layout, listOf("a"), DoubleArray(Grid.SIZE) { 0.4 }, DoubleArray(1), 0, "test")
         assertArrayEquals(DoubleArray(3) { 0.4 }, Agreement.expected(grey), 1e-12)
     }
 
@@ -265,14 +265,14 @@ class PoseTest {
     @Test
     fun `a table that fits no layout is refused`() {
         fun table(layout: String, patches: Int) = ChartTable(
-            "odd", "odd table", layout, chart.patches.take(patches), chart.sharedValues, chart.sharedTolerance,
-            18, "test",
+            "odd", "odd table", ChartLayout.of(layout)!!, chart.patches.take(patches), chart.sharedValues,
+            chart.sharedTolerance, 18, "test",
         )
         val photo = mosaic(70, 64) { _, _ -> 100 }
         val corners = Corners.of(5.0, 5.0, 60.0, 5.0, 60.0, 50.0, 5.0, 50.0)
-        for (odd in listOf(table("none", 24), table("classic24", 23))) {
+        for (odd in listOf(table("sg140", 24), table("classic24", 23))) {
             val error = assertThrows(InvalidArgument::class.java) { ChartPose.refine(photo, corners, odd) }
-            assertEquals("The chart table 'odd table' fits no known layout.", error.message)
+            assertEquals("The chart table 'odd table' does not fit the layout ${odd.layout.name}.", error.message)
         }
     }
 

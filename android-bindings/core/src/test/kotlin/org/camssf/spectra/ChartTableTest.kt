@@ -44,7 +44,7 @@ class ChartTableTest {
             assertEquals(0.01, table.tolerance[0])
             assertEquals("mine.csv", table.file!!.name)
         }
-        assertEquals("nano24", ChartTable.parse("mine.csv", csv((0..23).toList()), "nano24").layout)
+        assertEquals("nano24", ChartTable.parse("mine.csv", csv((0..23).toList()), "nano24").layout.name)
     }
 
     @Test

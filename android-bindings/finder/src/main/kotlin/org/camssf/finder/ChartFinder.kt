@@ -2,6 +2,7 @@ package org.camssf.finder
 
 import org.camssf.photo.Corners
 import org.camssf.photo.Point
+import org.camssf.spectra.ChartTable
 import kotlin.math.max
 import kotlin.math.min
 
@@ -11,7 +12,13 @@ import kotlin.math.min
  * Python's `camssf.photo.find` has the same algorithm; docs/finder.md describes it. A finder reuses its buffers from
  * picture to picture, so use one finder per thread. It holds nothing that must be closed.
  */
-public class ChartFinder {
+public class ChartFinder private constructor(private val kinds: List<ChartKind>) {
+    /** A finder of the shipped charts. */
+    public constructor() : this(listOf(ChartKind.CLASSIC_24, ChartKind.SG_140))
+
+    /** A finder of this chart alone, which may have a layout of the user's own. */
+    public constructor(chart: ChartTable) : this(listOf(ChartKind.of(chart)))
+
     private val whole = Codes()
     private val half = Codes()
     private val blobs = Blobs()
@@ -45,7 +52,7 @@ public class ChartFinder {
         val sightings = ArrayList<Sighting>()
         for (grid in lattices.find().take(MOST_GRIDS)) {
             var best: OrientedGrid? = null
-            for (kind in KINDS) {
+            for (kind in kinds) {
                 val match = orientation.orient(codes, grid, kind) ?: continue
                 if (match.score >= accept && match.score > (best?.score ?: -2.0)) best = match
             }
@@ -58,14 +65,15 @@ public class ChartFinder {
 
     private fun sighting(codes: Codes, h: DoubleArray, found: OrientedGrid, seen: Int): Sighting {
         val kind = found.kind
-        val edge = kind.side / 2
-        val last = kind.columns - 1 + edge
+        val half = kind.sideX / 2
+        val edge = kind.sideY / 2
+        val last = kind.columns - 1 + half
         val low = kind.rows - 1 + edge
 
         fun point(u: Double, v: Double): Point =
             Point(codes.toSource(Maps.x(h, u, v), 0), codes.toSource(Maps.y(h, u, v), 1))
         return Sighting(
-            Corners(point(-edge, -edge), point(last, -edge), point(last, low), point(-edge, low)),
+            Corners(point(-half, -edge), point(last, -edge), point(last, low), point(-half, low)),
             kind,
             found.mirrored,
             min(max(found.score, 0.0), 1.0),
@@ -105,6 +113,5 @@ public class ChartFinder {
 
         /** Largest number of lattices that are compared with the charts, those with most blobs first. */
         private const val MOST_GRIDS = 24
-        private val KINDS = ChartKind.entries
     }
 }

@@ -8,6 +8,7 @@ import kotlinx.serialization.json.jsonObject
 import kotlinx.serialization.json.jsonPrimitive
 import org.camssf.InvalidArgument
 import org.camssf.model.Models
+import org.camssf.spectra.ChartTable
 
 /**
  * A kind of chart that the finder can distinguish: a grid of patches and their colours.
@@ -20,31 +21,57 @@ import org.camssf.model.Models
  * @property rows number of patches in a column.
  * @property layouts names of the possible layouts ([org.camssf.spectra.ChartLayout]), the most common one first.
  */
-public enum class ChartKind(public val columns: Int, public val rows: Int, public val layouts: List<String>) {
-    /** 24 patches: Classic, Nano, Mini, Passport. */
-    CLASSIC_24(6, 4, listOf("classic24", "passport24", "nano24", "mini24")),
+public class ChartKind private constructor(
+    public val columns: Int,
+    public val rows: Int,
+    public val layouts: List<String>,
+    shape: () -> Shape,
+) {
+    /** Edge of a patch along x and y in pitches, and the patches' colours (n, 3). */
+    private class Shape(val sideX: Double, val sideY: Double, val colours: DoubleArray)
 
-    /** ColorChecker Digital SG. */
-    SG_140(14, 10, listOf("sg140")),
-    ;
+    private val shape: Shape by lazy(shape)
+    private val coloured: DoubleArray by lazy { Orientation.features(this.shape.colours, 3) }
+    private val grey: DoubleArray by lazy { Orientation.features(this.shape.colours, 1) }
 
-    private val stored: JsonObject by lazy { FILE.getValue("kinds").jsonObject.getValue(layouts[0]).jsonObject }
-    private val coloured: DoubleArray by lazy { Orientation.features(colours(), 3) }
-    private val grey: DoubleArray by lazy { Orientation.features(colours(), 1) }
-
-    /** Edge of a patch in pitches. */
-    internal val side: Double by lazy { stored.getValue("side").jsonPrimitive.double }
+    internal val sideX: Double get() = shape.sideX
+    internal val sideY: Double get() = shape.sideY
 
     internal fun features(channels: Int): DoubleArray = if (channels == 3) coloured else grey
 
-    private fun colours(): DoubleArray {
-        val rows = stored.getValue("colours").jsonArray
-        return DoubleArray(3 * rows.size) { rows[it / 3].jsonArray[it % 3].jsonPrimitive.double }
-    }
+    override fun toString(): String = "ChartKind(${layouts[0]}, $columns × $rows)"
 
-    private companion object {
+    public companion object {
+        /** 24 patches: Classic, Nano, Mini, Passport. */
+        @JvmField
+        public val CLASSIC_24: ChartKind = stored(6, 4, "classic24", "passport24", "nano24", "mini24")
+
+        /** ColorChecker Digital SG. */
+        @JvmField
+        public val SG_140: ChartKind = stored(14, 10, "sg140")
+
+        /** The kind of a chart: one of the above, or that of the table's own layout. */
+        internal fun of(chart: ChartTable): ChartKind {
+            val layout = chart.layout
+            return listOf(CLASSIC_24, SG_140).firstOrNull { layout.name in it.layouts }
+                ?: ChartKind(layout.columns, layout.rows, listOf(layout.name)) {
+                    Shape(layout.sideX, layout.sideY, chart.genericSignals())
+                }
+        }
+
+        private fun stored(columns: Int, rows: Int, vararg layouts: String): ChartKind =
+            ChartKind(columns, rows, layouts.toList()) {
+                val kind = FILE.getValue("kinds").jsonObject.getValue(layouts[0]).jsonObject
+                val side = kind.getValue("side").jsonPrimitive.double
+                val patches = kind.getValue("colours").jsonArray
+                val colours = DoubleArray(3 * patches.size) {
+                    patches[it / 3].jsonArray[it % 3].jsonPrimitive.double
+                }
+                Shape(side, side, colours)
+            }
+
         /** The patch edges and colours of the charts; Python uses the same file. */
-        val FILE: JsonObject by lazy {
+        private val FILE: JsonObject by lazy {
             val text = try {
                 Models.read("finder.json").decodeToString()
             } catch (error: IllegalStateException) {

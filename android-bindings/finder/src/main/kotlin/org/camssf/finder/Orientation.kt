@@ -274,7 +274,8 @@ internal class Orientation(private val blobs: Blobs) {
     }
 
     companion object {
-        private const val MOST_PATCHES = 140
+        /** Largest number of patches of a chart. */
+        private const val MOST_PATCHES = 300
 
         /** Added to every code before its logarithm, so that noise in dark patches has little effect. */
         private const val FLOOR = 20.0

@@ -5,6 +5,7 @@ import org.camssf.finder.ChartFinder
 import org.camssf.finder.Finding
 import org.camssf.finder.Found
 import org.camssf.finder.Picture
+import org.camssf.spectra.ChartTable
 import kotlin.math.log2
 
 /**
@@ -24,10 +25,11 @@ import kotlin.math.log2
  * @param focal focal length of the lens / longer side of the picture on the sensor, for the tilt: 0.75 is the main
  *   camera of an ordinary phone (26 mm on film). In Camera2: LENS_INFO_AVAILABLE_FOCAL_LENGTHS / width of
  *   SENSOR_INFO_PHYSICAL_SIZE.
+ * @param chart the only chart to look for; without it, any of the shipped ones.
  * @throws InvalidArgument the focal length is not between 0.2 and 20.
  */
-public class CaptureGuide @JvmOverloads constructor(focal: Double = 0.75) {
-    private val finder = ChartFinder()
+public class CaptureGuide @JvmOverloads constructor(focal: Double = 0.75, chart: ChartTable? = null) {
+    private val finder = if (chart == null) ChartFinder() else ChartFinder(chart)
     private val meter: FrameMeter
     private val motion = Motion()
 

@@ -131,7 +131,7 @@ internal class Captures(private val forms: Forms, private val frames: Statistics
         val table = ChartTable(
             "classic24",
             "golden",
-            "classic24",
+            ChartTable.read("classic24").layout,
             List(n) { "patch ${it + 1}" },
             reflectance.values,
             DoubleArray(n) { maybe(case, "chart_tolerance")!! },

@@ -8,6 +8,8 @@ import org.camssf.finder.Plane
 import org.camssf.flatten
 import org.camssf.photo.Mosaic
 import org.camssf.recovery.Tensor
+import org.camssf.spectra.ChartLayout
+import org.camssf.spectra.ChartTable
 import kotlin.math.max
 import kotlin.math.sqrt
 
@@ -16,6 +18,7 @@ internal class Finders(private val photos: Photos) {
     private val finder = ChartFinder()
 
     fun finder(case: GoldenCase): Map<String, Any?> {
+        val finder = card(case)?.let { ChartFinder(it) } ?: finder
         val found = finder.find(picture(photos.read(case.inputs.text("dng")), case.inputs.text("form")))
         val seen = found.sightings
         val corners = seen.map { it.corners.toArray() }.flatten()
@@ -75,4 +78,11 @@ internal class Finders(private val photos: Photos) {
     private companion object {
         const val BLACK = 256
     }
+}
+
+/** The chart of the inputs `layout` and `csv`; null where a case has none. */
+internal fun card(case: GoldenCase): ChartTable? {
+    val layout = case.inputs["layout"] ?: return null
+    val printed = ChartLayout.parse("card.json", layout.toString().toByteArray())
+    return ChartTable.parse("card.csv", case.inputs.text("csv").toByteArray(), printed)
 }

@@ -145,6 +145,8 @@ internal class GoldenCase private constructor(val name: String, private val json
             "ssf" to setOf("prior_scale", "gain_modes", "gain_own"),
             "calibrate" to setOf("make", "model", "light_per_patch"),
             "light" to setOf("make", "model", "colour_matrices"),
+            "finder" to setOf("layout", "csv"),
+            "pose" to setOf("layout", "csv"),
             "rivals" to setOf("make", "model"),
             "verdict" to
                 setOf(

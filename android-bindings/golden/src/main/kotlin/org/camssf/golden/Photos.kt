@@ -84,7 +84,7 @@ internal class Photos(private val files: GoldenFiles, private val forms: Forms) 
     }
 
     fun pose(case: GoldenCase): Map<String, Any?> {
-        val chart = ChartTable.read(case.inputs.text("table"))
+        val chart = card(case) ?: ChartTable.read(case.inputs.text("table"))
         val corners = forms.resolve(case.inputs.getValue("corners")).values
         val found = ChartPose.refine(read(case.inputs.text("dng")), Corners.of(*corners), chart)
         return mapOf(

@@ -54,7 +54,7 @@ internal class Weighing(private val forms: Forms, private val frames: Statistics
         val table = ChartTable(
             "classic24",
             "golden",
-            "classic24",
+            ChartTable.read("classic24").layout,
             List(n) { "patch ${it + 1}" },
             given("reflectance").values,
             given("chart_tolerance").values,

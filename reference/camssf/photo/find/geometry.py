@@ -1,44 +1,12 @@
-"""The supported charts and the geometry of their patches: lattice coordinates, corners, homographies."""
+"""The geometry of a chart's patches in a picture: lattice coordinates, corners, homographies."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from camssf.grid import Floats
-
-
-@dataclass(frozen=True)
-class ChartLayout:
-    """The printed geometry of a chart, in units of its patch pitch (centre to centre).
-
-    Attributes:
-        name: key in LAYOUTS.
-        columns, rows: number of patches; patch i lies at column i % columns, row i // columns.
-        side: edge of a patch in pitches, along x and y (the rest is the gap).
-        products: charts sold with this geometry.
-    """
-
-    name: str
-    columns: int
-    rows: int
-    side: tuple[float, float]
-    products: str
-
-
-LAYOUTS: dict[str, ChartLayout] = {
-    layout.name: layout
-    for layout in (
-        ChartLayout("classic24", 6, 4, (0.88, 0.88), "ColorChecker Classic (X-Rite, Calibrite, Macbeth)"),
-        ChartLayout("passport24", 6, 4, (0.83, 0.83), "ColorChecker Passport Photo and Video, classic page"),
-        ChartLayout("nano24", 6, 4, (0.86, 0.86), "ColorChecker Classic Nano"),
-        ChartLayout("mini24", 6, 4, (0.88, 0.88), "ColorChecker Classic Mini"),
-        ChartLayout("sg140", 14, 10, (0.835, 0.836), "ColorChecker Digital SG"),
-    )
-}
-"""The supported charts, by name. `find_chart` measures the gap again in every photo."""
+from camssf.spectra.layouts import ChartLayout
 
 _SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
