@@ -77,7 +77,7 @@ class PreviousResult:
             {key: value for key, value in each.items() if key.startswith(CHART_FILE)}
             for each in (self.document["hashes"]["inputs"], capture.files)
         ]
-        if theirs["name"] != ours.name or theirs["layout"] != ours.layout or files[0] != files[1]:
+        if theirs["name"] != ours.name or theirs["layout"] != ours.layout.name or files[0] != files[1]:
             raise InvalidArgument(
                 f"The previous result {self.name} was measured on the chart {theirs['name']}, not on {ours.name}.",
                 "Photograph the same chart again, and give the same table.",

@@ -66,7 +66,7 @@ internal class PreviousShots(private val name: String, private val document: Jso
         val files = document.part("hashes").part("inputs").filterKeys { it.startsWith(CHART_FILE) }
             .mapValues { it.value.jsonPrimitive.content }
         val own = ours.file?.let { mapOf(CHART_FILE + it.name to it.sha256) }.orEmpty()
-        if (theirs.text("name") == ours.name && theirs.text("layout") == ours.layout && files == own) return
+        if (theirs.text("name") == ours.name && theirs.text("layout") == ours.layout.name && files == own) return
         throw InvalidArgument(
             "The previous result $name was measured on the chart ${theirs.text("name")}, not on ${ours.name}.",
             "Photograph the same chart again, and give the same table.",

@@ -10,7 +10,12 @@ public class ColourMatrix internal constructor(public val light: String, interna
     public val values: DoubleArray get() = sharedValues.copyOf()
 
     /** The camera's white (3) under [light], green 1. */
-    public val white: DoubleArray get() = whiteOf(light, sharedValues).let { white -> DoubleArray(3) { white[it] / white[1] } }
+    public val white: DoubleArray get() = whiteOf(light, sharedValues).let { white ->
+        DoubleArray(3) {
+            white[it] /
+                white[1]
+        }
+    }
 
     /** Correlated colour temperature of [light], K. */
     internal val kelvin: Double get() = correlatedTemperature(xyz(light))

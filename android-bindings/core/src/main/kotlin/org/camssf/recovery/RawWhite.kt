@@ -116,7 +116,8 @@ internal object RawWhite {
             val off = DoubleArray(2) { a -> measured[a] - at[a] + code.indices.sumOf { code[it] * slope[it][a] } }
             gain = slope.map { solve(it) }
             code = DoubleArray(modes.size) { gain[it][0] * off[0] + gain[it][1] * off[1] }
-            factor = DoubleArray(Grid.SIZE) { m -> max(1.0 + modes.indices.sumOf { code[it] * modes[it][m] }, DARKEST) }
+            factor =
+                DoubleArray(Grid.SIZE) { m -> max(1.0 + modes.indices.sumOf { code[it] * modes[it][m] }, DARKEST) }
             val solved = solve(off)
             logDensity = -0.5 * (off[0] * solved[0] + off[1] * solved[1] + ln(4.0 * PI * PI * det))
         }

@@ -152,7 +152,8 @@ internal class Captures(private val forms: Forms, private val frames: Statistics
         )
         val (make, model) = listOf("make", "model").map { (case.inputs[it] as? JsonPrimitive)?.content ?: "golden" }
         val photo = Photo("golden", 600, 400, 1, null, null, false, make, model, "")
-        fun matrices(j: Int) = (case.inputs["colour_matrices"] as? JsonArray)?.get(j)?.jsonArray.orEmpty().map { each ->
+        val stated = case.inputs["colour_matrices"] as? JsonArray
+        fun matrices(j: Int) = stated?.get(j)?.jsonArray.orEmpty().map { each ->
             val values = each.jsonObject.getValue("values").jsonArray.map { it.jsonPrimitive.double }
             ColourMatrix(each.jsonObject.getValue("light").jsonPrimitive.content, values.toDoubleArray())
         }
