@@ -39,7 +39,7 @@ def test_one_temperature_mode_reaches_its_neighbours() -> None:
 @pytest.mark.parametrize(
     ("kind", "name", "limit"),
     [
-        ("daylight", "D:4500", 0.03), ("daylight", "D:12000", 0.03), ("daylight", "D:20000", 0.03),
+        ("daylight", "D:4500", 0.03), ("daylight", "D:12000", 0.03), ("daylight", "D:20000", 0.05),
         ("white-led", "LED-B1", 0.08), ("white-led", "LED-B3", 0.08), ("white-led", "LED-B5", 0.08),
     ],
 )  # fmt: skip
