@@ -127,7 +127,8 @@ internal class CaptureFit(
                     signals.sharedWhite[at] - signals.sharedDark[at]
                 } / own.size
             }
-            shot.under(RawWhite.given(shot.lamp, raw, shot.photo.colourMatrices, white))
+            val matrices = shot.photo.colourMatrices.map { it.kelvin to it.sharedValues }
+            shot.under(RawWhite.given(shot.lamp, raw, matrices, white))
         }
         val other = MeasuredCapture(shots, capture.chart, capture.whiteReflectance, capture.files)
         return CaptureFit(engines, other, signals, settings, priorScale)

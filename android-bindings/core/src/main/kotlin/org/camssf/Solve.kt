@@ -1,6 +1,5 @@
 package org.camssf
 
-import org.camssf.colour.LearnedBasis
 import org.camssf.documents.Predictions
 import org.camssf.documents.Share
 import org.camssf.documents.Solution
@@ -12,6 +11,7 @@ import org.camssf.photo.PatchMask
 import org.camssf.photo.PatchTable
 import org.camssf.photo.Signals
 import org.camssf.recovery.Engine
+import org.camssf.recovery.LearnedBasis
 import org.camssf.recovery.Ssf
 import org.camssf.verdict.CameraWhite
 import org.camssf.verdict.Case

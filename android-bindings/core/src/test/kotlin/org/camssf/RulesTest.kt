@@ -78,7 +78,7 @@ class RulesTest {
         assertTrue("no JSON" in refused(text.dropLast(5)))
         assertTrue("camssf-rules/2" in refused(text.replace("camssf-rules/1", "camssf-rules/2")))
         assertTrue("verdict.goodness_of_fit" in refused(text.replace("\"value\": 3.5", "\"value\": \"3.5\"")))
-        assertTrue("verdict.goodness_of_fit" in refused(text.replace("\"value\": 3.5", "\"value\": -3.5")))
+        assertTrue("verdict.goodness_of_fit" in refused(text.replace("\"value\": 3.5", "\"value\": 0.0")))
         assertTrue("valu" in refused(text.replaceFirst("\"value\": 3.5", "\"valu\": 3.5")))
         assertTrue("placeholder" in refused(text.replace("{amount:percent1}", "{amount:percents}")))
         assertTrue("limits" in refused(text.replaceFirst("[\"explanation\", \"hopeless\"]", "[\"explanations\"]")))

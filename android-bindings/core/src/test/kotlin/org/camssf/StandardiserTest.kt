@@ -92,7 +92,7 @@ class StandardiserTest {
                     assertArrayEquals(one.xyz, own, 0.01 * one.xyz.maxOrNull()!!)
                     Colour.difference(one.lab, lab.copyOfRange(3 * i, 3 * i + 3))
                 }
-                assertTrue(differences.average() < 0.04, "mean ${differences.average()}, ${differences.maxOrNull()}")
+                assertTrue(differences.average() < 0.06, "mean ${differences.average()}, ${differences.maxOrNull()}")
                 val single = FloatArray(all.size) { all[it].toFloat() }
                 found.standardise(single, single) // in place
                 for (i in lab.indices) assertEquals(lab[i], single[i].toDouble(), 1e-3)

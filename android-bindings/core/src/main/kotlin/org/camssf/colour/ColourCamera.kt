@@ -10,6 +10,7 @@ import kotlinx.serialization.json.jsonPrimitive
 import org.camssf.CalibrationException
 import org.camssf.Grid
 import org.camssf.InvalidArgument
+import org.camssf.recovery.LearnedBasis
 import org.camssf.spectra.Directions
 import org.camssf.spectra.Lamp
 import org.camssf.spectra.list

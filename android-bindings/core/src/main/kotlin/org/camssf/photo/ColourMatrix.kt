@@ -1,5 +1,7 @@
 package org.camssf.photo
 
+import org.camssf.spectra.correlatedTemperature
+
 /**
  * One of a file's colour matrices: CIE XYZ to the camera's raw values, made for one illuminant (DNG 1.7, chapter 6).
  *
@@ -84,13 +86,4 @@ public class ColourMatrix internal constructor(public val light: String, interna
             return DoubleArray(3) { row -> (0..2).sumOf { values[3 * row + it] * white[it] } }
         }
     }
-}
-
-/**
- * Correlated colour temperature of XYZ (3), CIE 1931, K: McCamy (Color Res. Appl. 1992, 17, 142), T = -449 n³ + 3525 n² -
- * 6823.3 n + 5520.33, n = (x - 0.3320) / (y - 0.1858).
- */
-internal fun correlatedTemperature(xyz: DoubleArray): Double {
-    val n = (xyz[0] / xyz.sum() - 0.3320) / (xyz[1] / xyz.sum() - 0.1858)
-    return ((-449.0 * n + 3525.0) * n - 6823.3) * n + 5520.33
 }

@@ -3,9 +3,9 @@ package org.camssf.recovery
 import org.camssf.Grid
 import org.camssf.Rules
 import org.camssf.mean
-import org.camssf.photo.correlatedTemperature
 import org.camssf.spectra.Bundled
 import org.camssf.spectra.Directions
+import org.camssf.spectra.correlatedTemperature
 import kotlin.math.max
 
 /**

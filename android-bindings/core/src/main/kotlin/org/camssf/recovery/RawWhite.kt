@@ -3,15 +3,14 @@ package org.camssf.recovery
 import org.camssf.Grid
 import org.camssf.LeastSquares
 import org.camssf.Rules
-import org.camssf.colour.Symmetric
-import org.camssf.photo.ColourMatrix
-import org.camssf.photo.correlatedTemperature
 import org.camssf.spectra.Bundled
 import org.camssf.spectra.Directions
 import org.camssf.spectra.Lamp
+import org.camssf.spectra.correlatedTemperature
 import kotlin.math.PI
 import kotlin.math.ln
 import kotlin.math.max
+import kotlin.math.sqrt
 
 /**
  * Narrows the kinds of an unnamed light by the chromaticity of the raw white (docs/maths.md, "The raw white"). A kind
@@ -37,10 +36,15 @@ internal object RawWhite {
      * The unnamed light with its kinds narrowed by the raw white; as given if the file has no usable matrix.
      *
      * @param white (3) raw values of the white, black level subtracted, any scale.
-     * @param matrices of the file, one or two.
+     * @param matrices of the file, one or two: temperature of the matrix's illuminant, K, and (3, 3) XYZ to raw.
      * @param reflectance (681) of the white.
      */
-    fun given(light: Lamp, white: DoubleArray, matrices: List<ColourMatrix>, reflectance: DoubleArray): Lamp {
+    fun given(
+        light: Lamp,
+        white: DoubleArray,
+        matrices: List<Pair<Double, DoubleArray>>,
+        reflectance: DoubleArray,
+    ): Lamp {
         val measured = chromaticity(white, matrices) ?: return light
         val right = ln(Rules.shipped.number("lamp.matrix_right"))
         val wrong = ln((1.0 - Rules.shipped.number("lamp.matrix_right")) / Rules.shipped.number("lamp.white_area"))
@@ -56,21 +60,21 @@ internal object RawWhite {
      * u'v' (2), CIE 1976, of a raw white (3); null if the matrices give no chromaticity. Two matrices are interpolated
      * by the inverse of the white's own temperature (DNG 1.7, chapter 6), which iteration finds.
      */
-    fun chromaticity(white: DoubleArray, matrices: List<ColourMatrix>): DoubleArray? {
-        val first = matrices.firstOrNull() ?: return null
-        val second = matrices.last()
+    fun chromaticity(white: DoubleArray, matrices: List<Pair<Double, DoubleArray>>): DoubleArray? {
+        val (cool, first) = matrices.firstOrNull() ?: return null
+        val (hot, second) = matrices.last()
         var kelvin = 5000.0
         var xyz = DoubleArray(3)
         repeat(STEPS) {
-            val share = if (first.kelvin == second.kelvin) {
+            val share = if (cool == hot) {
                 1.0
             } else {
-                val part = (1.0 / kelvin - 1.0 / second.kelvin) / (1.0 / first.kelvin - 1.0 / second.kelvin)
+                val part = (1.0 / kelvin - 1.0 / hot) / (1.0 / cool - 1.0 / hot)
                 part.coerceIn(0.0, 1.0)
             }
             val mixed = Array(3) { row ->
                 DoubleArray(3) {
-                    share * first.sharedValues[3 * row + it] + (1.0 - share) * second.sharedValues[3 * row + it]
+                    share * first[3 * row + it] + (1.0 - share) * second[3 * row + it]
                 }
             }
             xyz = LeastSquares.solve(mixed, white) ?: return null
@@ -126,12 +130,24 @@ internal object RawWhite {
                 (if (a == b) 1.0 else 0.0) - (gain[a][0] * slope[b][0] + gain[a][1] * slope[b][1])
             }
         }
-        val root = checkNotNull(Symmetric.root(left)) { "a covariance below zero" }
+        val root = root(left)
         val narrowed = modes.indices.map { b ->
             DoubleArray(Grid.SIZE) { m -> (b until modes.size).sumOf { root[it][b] * modes[it][m] } / factor[m] }
         }
         val power = DoubleArray(Grid.SIZE) { values[it] * factor[it] }
         return Lamp(lamp.name, Bundled.scaled(power), lamp.tolerance, narrowed, lamp.source) to logDensity
+    }
+
+    /** Cholesky factor of a covariance, a lower triangle. */
+    private fun root(covariance: Array<DoubleArray>): Array<DoubleArray> {
+        val rows = Array(covariance.size) { DoubleArray(covariance.size) }
+        for (i in rows.indices) {
+            for (j in 0..i) {
+                val rest = covariance[i][j] - (0 until j).sumOf { rows[i][it] * rows[j][it] }
+                rows[i][j] = if (i == j) sqrt(rest) else rest / rows[j][j]
+            }
+        }
+        return rows
     }
 
     private fun xyz(power: DoubleArray, functions: List<DoubleArray>): DoubleArray =

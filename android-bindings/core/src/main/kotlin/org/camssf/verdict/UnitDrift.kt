@@ -3,8 +3,8 @@ package org.camssf.verdict
 import org.camssf.Grid
 import org.camssf.LeastSquares
 import org.camssf.Rules
-import org.camssf.colour.LearnedBasis
 import org.camssf.recovery.Choice
+import org.camssf.recovery.LearnedBasis
 import kotlin.math.exp
 import kotlin.math.ln
 import kotlin.math.ln1p

@@ -2,6 +2,7 @@ package org.camssf.colour
 
 import org.camssf.Grid
 import org.camssf.Nodes
+import org.camssf.recovery.LearnedBasis
 import org.camssf.spectra.Lamp
 import org.junit.jupiter.api.Assertions.assertArrayEquals
 import org.junit.jupiter.api.Assertions.assertEquals

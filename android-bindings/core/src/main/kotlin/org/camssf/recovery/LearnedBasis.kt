@@ -1,7 +1,6 @@
-package org.camssf.colour
+package org.camssf.recovery
 
 import org.camssf.Nodes
-import org.camssf.recovery.BasisConstants
 
 /**
  * A learned basis of camera curves on the grid.
@@ -9,7 +8,10 @@ import org.camssf.recovery.BasisConstants
  * @property mean mean curves μ of R, G, B.
  * @property dictionary for each channel its r atoms (681).
  */
-internal class LearnedBasis private constructor(val mean: Three, val dictionary: List<Array<DoubleArray>>) {
+internal class LearnedBasis private constructor(
+    val mean: Array<DoubleArray>,
+    val dictionary: List<Array<DoubleArray>>,
+) {
     val atoms: Int get() = dictionary[0].size
 
     companion object {
