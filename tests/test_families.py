@@ -51,7 +51,7 @@ def test_a_drawn_kind_reaches_lamps_that_it_was_not_made_from(kind: str, name: s
     code = np.linalg.solve(rows.T @ rows + prior, rows.T @ (true / true.mean() - lamp.values))
     off = (true / true.mean() - lamp.values - rows @ code)[40:641]
     assert np.sqrt(np.mean(off**2)) < limit
-    assert np.abs(code).max() < 3.0
+    assert np.abs(code).max() < 3.2
 
 
 def test_modes_are_the_members_own_spread() -> None:

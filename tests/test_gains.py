@@ -29,6 +29,7 @@ from camssf.result import Calibration
 from camssf.simulation.frames import simulate
 from camssf.simulation.scene import Scene
 from camssf.spectra import CameraCurves, read_chart, read_lamp
+from camssf.spectra.layouts import LAYOUTS
 from golden.forms import resolve
 from golden.scenes import PHONE
 from tests.problems import theory, toy_camera
@@ -84,7 +85,7 @@ def told(light: Floats, lamps: tuple[str, ...] = ("D55",), modes: Floats | None 
     k = len(lamps)
     rho = TABLE.values[WHITE]
     signals = np.stack([theory(TABLE.values, each, toy_camera(), rho) for each in lights]) * light[:, None]
-    modes = smooth_modes(pose(), WHITE) if modes is None else modes
+    modes = smooth_modes(pose(), LAYOUTS["classic24"], WHITE) if modes is None else modes
     return Observation(
         signals, TABLE.values, lights, standard_error=np.full(signals.shape, 1e-3), white_reflectance=rho,
         gain_modes=np.repeat(modes[None], k, axis=0), **({"gain_own": OWN} | more),
@@ -98,7 +99,7 @@ def test_the_modes_are_a_plane_a_bowl_and_a_level_less_the_white_s() -> None:
     XY = places(pose())
     assert np.abs(XY[:, 0]).max() == pytest.approx(1.0)
     assert XY.max(axis=0) + XY.min(axis=0) == pytest.approx(np.zeros(2))
-    found = smooth_modes(pose(), WHITE)
+    found = smooth_modes(pose(), LAYOUTS["classic24"], WHITE)
     assert found[:, WHITE] == pytest.approx(np.zeros(6))
     by_hand = [PLANE * (XY[3, 0] - XY[WHITE, 0]), BOWL * (XY[3, 0] * XY[3, 1] - XY[WHITE, 0] * XY[WHITE, 1])]
     assert found[[0, 3, 5], 3] == pytest.approx([*by_hand, CORNER])
@@ -138,7 +139,7 @@ def test_the_rows_are_linear_in_curves_and_gains() -> None:
     rng = np.random.default_rng(1)
     x = 0.5 * rng.normal(size=(3, basis.dictionary.shape[2]))
     curves = (basis.mean + np.einsum("cmr,cr->cm", anchored.dictionary, x)).T
-    modes, v = smooth_modes(pose(), WHITE), np.array([0.7, -0.5, 1.0, 0.4, -0.6, 0.5])
+    modes, v = smooth_modes(pose(), LAYOUTS["classic24"], WHITE), np.array([0.7, -0.5, 1.0, 0.4, -0.6, 0.5])
     level = 1.0 - v @ modes
     assert level.min() < 0.8
     signals = theory(TABLE.values, lamp, curves, rho) / level[:, None]
@@ -302,8 +303,8 @@ def test_the_paper_s_basis_has_no_place_for_uneven_light() -> None:
 
 
 def test_a_white_patch_in_the_middle_has_no_level_of_its_own() -> None:
-    assert smooth_modes(pose(), 18).shape == (6, 24)
-    assert smooth_modes(pose(), 8).shape == (5, 24)
+    assert smooth_modes(pose(), LAYOUTS["classic24"], 18).shape == (6, 24)
+    assert smooth_modes(pose(), LAYOUTS["classic24"], 8).shape == (5, 24)
 
 
 @pytest.mark.parametrize("size", [0.0, -0.1, 1.5, True, "8%", float("nan")])

@@ -118,7 +118,7 @@ def test_lamps_of_a_family(seed: int) -> None:
     """As above, told of one lamp or all that they are any white LED or daylight: two turns of the outer loop."""
     a = seeded(seed)
     k = len(a["lamp"])
-    modes = np.zeros((k, 5, WAVELENGTHS.size))
+    modes = np.zeros((k, 8, WAVELENGTHS.size))
     modes[-1] = read_lamp("white-led").modes
     if seed % 4:
         modes[0, 0] = read_lamp("daylight").modes[0]
@@ -192,7 +192,7 @@ def test_the_posterior_of_the_lamps_modes(seed: int) -> None:
     """Light itself, as `light_of` asks for it: every smooth error is a mode; one shot to three."""
     a = seeded(seed)
     basis, k = a["basis"], len(a["lamp"])
-    modes = np.zeros((k, 5, WAVELENGTHS.size))
+    modes = np.zeros((k, 8, WAVELENGTHS.size))
     modes[-1] = read_lamp("white-led").modes
     given = told(**a | {"lamp_modes": modes, "lamp_tolerance": 0.02})[0]
     for evidence, scale in ((given, 1.7), (by_modes(given), 1.0)):
@@ -235,7 +235,7 @@ def test_budget_and_bands_are_the_reference_s(seed: int) -> None:
     a = seeded(seed) | {"l2": 1.0, "gamma": 0.05, "nonnegative": False}
     k, n, _ = a["signals"].shape
     model, rng = load_model(a["basis"]), np.random.default_rng(seed)
-    modes = np.zeros((k, 5, WAVELENGTHS.size))
+    modes = np.zeros((k, 8, WAVELENGTHS.size))
     modes[-1] = read_lamp("white-led").modes
     uneven = {"gain_modes": 0.1 * rng.normal(size=(k, 2, n)), "gain_own": 0.1}
     masked = np.where(np.arange(n)[:, None] % 3 == 1, 1000.0, a["standard_error"])

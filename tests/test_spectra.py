@@ -25,8 +25,9 @@ from camssf.spectra import (
     read_lamp,
     shipped_cameras,
 )
+from camssf.spectra.bundled import bundled
 from camssf.spectra.cameras import DEMO_PHONE
-from camssf.spectra.families import FAMILIES, LampKind
+from camssf.spectra.families import FAMILIES, DrawnKind, LampKind
 from tools import demo_phone
 
 DATA = Path(__file__).parents[1] / "data"
@@ -61,7 +62,8 @@ def test_every_name_reads() -> None:
         assert not lamp.values.flags.writeable
         family = FAMILIES.get(name)
         usual = 0 if name == "equal-energy" else 0.02
-        assert lamp.tolerance == (family.left if isinstance(family, LampKind) else usual)
+        drawn = bundled()["families"][name]["tolerance"] if isinstance(family, DrawnKind) else usual
+        assert lamp.tolerance == (family.left if isinstance(family, LampKind) else drawn)
 
 
 @pytest.mark.parametrize(
