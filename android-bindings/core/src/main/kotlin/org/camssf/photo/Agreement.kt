@@ -1,10 +1,7 @@
 package org.camssf.photo
 
-import org.camssf.Grid
-import org.camssf.spectra.ChartTable
 import kotlin.math.ln
 import kotlin.math.max
-import kotlin.math.pow
 import kotlin.math.sqrt
 
 /** Correlation of measured patch colours with those that a chart table predicts. */
@@ -37,27 +34,6 @@ internal object Agreement {
             val i = it / 4
             val lightness = (logs[3 * i] + logs[3 * i + 1] + logs[3 * i + 2]) / 3
             if (it % 4 == 0) lightness else 2 * (logs[3 * i + it % 4 - 1] - lightness)
-        }
-    }
-
-    /**
-     * Computes the (n, 3) signals of a generic camera (Gaussians at 600, 540, 455 nm, FWHM 90 nm) under a lamp.
-     *
-     * @param power (681) of the lamp; a flat spectrum if null.
-     */
-    fun expected(table: ChartTable, power: DoubleArray? = null): DoubleArray {
-        val grid = Grid.WAVELENGTHS
-        val curves = listOf(600.0, 540.0, 455.0).map { centre ->
-            val curve = DoubleArray(Grid.SIZE) {
-                2.0.pow(-4 * ((grid[it] - centre) / 90).pow(2)) * (power?.get(it) ?: 1.0)
-            }
-            val total = curve.sum()
-            DoubleArray(Grid.SIZE) { curve[it] / total }
-        }
-        val values = table.sharedValues
-        return DoubleArray(3 * table.patches.size) { i ->
-            val from = i / 3 * Grid.SIZE
-            (0 until Grid.SIZE).sumOf { values[from + it] * curves[i % 3][it] }
         }
     }
 }

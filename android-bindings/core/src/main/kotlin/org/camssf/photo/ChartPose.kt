@@ -81,7 +81,7 @@ public class ChartPose internal constructor(
             }
             val rough = corners.toArray()
             check(rough, facts)
-            return PoseSearch(photo, layout, Agreement.expected(chart), rough).pose()
+            return PoseSearch(photo, layout, chart.genericSignals(), rough).pose()
         }
 
         /** The part of a photo that [refine] and the patch measurement read; it may extend beyond the photo. */

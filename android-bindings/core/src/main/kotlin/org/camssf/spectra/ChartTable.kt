@@ -5,8 +5,8 @@ import org.camssf.Grid
 import org.camssf.InvalidArgument
 import org.camssf.flatten
 import org.camssf.frozen
-import org.camssf.photo.Agreement
 import org.camssf.short
+import kotlin.math.pow
 import kotlin.math.sqrt
 
 /**
@@ -52,7 +52,23 @@ public class ChartTable internal constructor(
      * (n, 3) signals of a generic camera (Gaussian curves at 600, 540 and 455 nm, FWHM 90 nm) under a flat lamp,
      * row-major, any unit; the finder compares pictures with them.
      */
-    public fun genericSignals(): DoubleArray = Agreement.expected(this)
+    public fun genericSignals(): DoubleArray = genericSignals(null)
+
+    /** The same under a lamp of this power (681); null for a flat spectrum. */
+    internal fun genericSignals(power: DoubleArray?): DoubleArray {
+        val grid = Grid.WAVELENGTHS
+        val curves = listOf(600.0, 540.0, 455.0).map { centre ->
+            val curve = DoubleArray(Grid.SIZE) {
+                2.0.pow(-4 * ((grid[it] - centre) / 90).pow(2)) * (power?.get(it) ?: 1.0)
+            }
+            val total = curve.sum()
+            DoubleArray(Grid.SIZE) { curve[it] / total }
+        }
+        return DoubleArray(3 * patches.size) { i ->
+            val from = i / 3 * Grid.SIZE
+            (0 until Grid.SIZE).sumOf { sharedValues[from + it] * curves[i % 3][it] }
+        }
+    }
 
     /** (n) one standard deviation of the table's relative error for an individual chart, 1; a copy at each call. */
     public val tolerance: DoubleArray get() = sharedTolerance.copyOf()

@@ -202,7 +202,7 @@ internal object Judge {
      */
     private fun disagreeing(j: Int, inputs: VerdictInputs, checks: Checks): List<Reason> {
         val power = inputs.ssf.sharedLamp
-        val score = Agreement.of(inputs.signals.sharedValues, Agreement.expected(inputs.table, power))
+        val score = Agreement.of(inputs.signals.sharedValues, inputs.table.genericSignals(power))
         checks.note("poor_pose", score, j)
         if (score >= POOR_POSE) return emptyList()
         return listOf(Reasons.because("pose", score, mapOf("shot" to "shot ${j + 1}", "score" to score)))

@@ -34,7 +34,7 @@ internal object LargePhotos {
         val layout = chart.layout
         val (left, top, right, _) = block(width, height)
         val pitch = (right - left) / (layout.columns - 1 + layout.sideX)
-        val signals = Agreement.expected(chart)
+        val signals = chart.genericSignals()
         fun signal(x: Int, y: Int): Double {
             if (kind == "dark") return 0.0
             if (kind == "white") return 0.8
