@@ -35,7 +35,7 @@ import kotlin.math.sqrt
 internal class PreviousShots(private val name: String, private val document: JsonObject) {
     private val entries = document.list("shots").map { it.jsonObject }
 
-    /** `org.camssf.PreviousResult.joined`. */
+    /** Behind `PreviousResult.joined`. */
     fun joined(capture: MeasuredCapture): MeasuredCapture {
         check(capture)
         val table = capture.chart
