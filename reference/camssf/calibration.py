@@ -128,20 +128,27 @@ def solve(
     known = None if truth is None else read_camera(truth)
     if previous is not None:
         return _solve_with(read_previous(previous), capture, options, known, tell)
-    return _solve(capture, options, known, tell)
+    return _solve(capture, options, known, tell, record=record)
 
 
 def _solve(
-    capture: Capture, options: Options, truth: CameraCurves | None, tell: Progress, new: int | None = None
+    capture: Capture,
+    options: Options,
+    truth: CameraCurves | None,
+    tell: Progress,
+    new: int | None = None,
+    record: Record | None = None,
 ) -> Calibration:
     """Compute curves, scores and verdict; `new` is the number of new shots before those of a previous result."""
+    if record is not None:
+        record.note(capture)
     tell("solving", 0.9)
     fit = prepare_fit(capture, options)
     signals = fit.signals
     ssf = recover_fit(fit, signals.used, options.gamma)
     table = likeliest_table(fit, ssf)
     if table is not capture.chart:
-        return _solve(replace(capture, chart=table), options, truth, tell, new)
+        return _solve(replace(capture, chart=table), options, truth, tell, new, record)
     free_fit, fit = fit, fit.conditioned_on(ssf)
     tell("validating", 0.95)
     predicted_std = prediction_bands(fit, signals.used, ssf)
