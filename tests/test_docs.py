@@ -21,7 +21,7 @@ import camssf
 from camssf import recover
 from camssf.cli import BATCH_FAILED, BUG, INTERRUPTED, UNDECIDED, app, main
 from camssf.documents.result_json import document_bytes
-from camssf.errors import CalibrationError, LampUnfit
+from camssf.errors import CalibrationError
 from camssf.recovery.observation import Observation
 from camssf.spectra import read_chart, read_lamp
 
@@ -211,9 +211,8 @@ def test_the_lamp_s_numbers_are_what_the_page_s_commands_give(
     capsys.readouterr()
     (wrong,) = [arguments for arguments in fits if "equal-energy" in arguments]
     at = wrong.index("--basis")
-    assert main(wrong[:at] + wrong[at + 2 :]) == LampUnfit.exit_status
-    assert "lamp_unfit" in (told := capsys.readouterr().err)
-    assert "The light is more like 3500K" in told
+    assert main(wrong[:at] + wrong[at + 2 :]) == 0
+    assert "lamp_unfit" in "".join(capsys.readouterr())
 
 
 def test_pages_tell_the_exit_status_of_a_code_as_it_is() -> None:

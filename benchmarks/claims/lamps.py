@@ -29,7 +29,7 @@ from camssf.recovery.hypotheses import recover
 from camssf.recovery.observation import Observation
 from camssf.recovery.sensitivity import SolverSettings
 from camssf.spectra import read_chart, read_lamp
-from camssf.spectra.families import FAMILIES, LampKind, principal_modes
+from camssf.spectra.families import FAMILIES, DrawnKind, LampKind, principal_modes
 
 SETTINGS = (
     ("daylight",),
@@ -46,6 +46,13 @@ SETTINGS = (
 SEED = 7
 
 
+DRAWN = {
+    "daylight": ("D:4800", "D:5500", "D:6500", "D:7500", "D:10000"),
+    "white-led": (*(f"LED-B{i}" for i in range(1, 6)), "LED-BH1", "LED-V1", "LED-V2"),
+}
+"""Lamps that a drawn kind was not made from."""
+
+
 def draw(kind: str, rng: np.random.Generator) -> tuple[Floats, Floats, Floats]:
     """A true lamp (681,), and what its kind says of it without it: mean (681,) and modes (q, 681)."""
     family = FAMILIES[kind]
@@ -53,6 +60,9 @@ def draw(kind: str, rng: np.random.Generator) -> tuple[Floats, Floats, Floats]:
         name = str(rng.choice(family.members))
         rest = [read_lamp(member).values for member in family.members if member != name]
         power, (mean, modes) = read_lamp(name).values, principal_modes(rest, family.components)
+    elif isinstance(family, DrawnKind):
+        lamp, name = read_lamp(kind), str(rng.choice(DRAWN[kind]))
+        power, mean, modes = read_lamp(name).values, lamp.values, lamp.modes
     else:
         kelvin = family.centre + family.spread * float(np.clip(rng.normal(), -2.0, 2.0))
         power = read_lamp(f"D:{max(kelvin, 4000.0):.0f}" if kind == "daylight" else f"{kelvin:.0f}K").values
@@ -82,6 +92,9 @@ def leave_one_out() -> list[dict[str, Any]]:
                 )
                 for name in family.members
             ]
+        elif isinstance(family, DrawnKind):
+            lamp = read_lamp(kind)
+            cases = [(read_lamp(name).values, (lamp.values, lamp.modes)) for name in DRAWN[kind]]
         else:
             lamp = read_lamp(kind)
             kelvins = [family.centre + side * family.spread for side in (-1.5, -1.0, 1.0, 1.5)]

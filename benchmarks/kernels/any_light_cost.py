@@ -49,7 +49,7 @@ def main(arguments: list[str] | None = None) -> int:
     given = named()
     guesses = [
         LampGuess((kind.name,), replace(given, lamp=kind.values[None], lamp_tolerance=np.array([kind.tolerance]),
-                                    lamp_modes=kind.modes[None]))
+                                    lamp_modes=kind.modes[None]), 0.0)
         for kind in Unnamed().kinds
     ]  # fmt: skip
     spent: list[float] = []
