@@ -136,6 +136,7 @@ def unnamed(case: Case, rng: np.random.Generator) -> Camera:
                     signals, chart(), known.values[None], standard_error=error[None], chart_tolerance=CHART,
                     white_tolerance=WHITE, lamp_tolerance=known.tolerance, lamp_modes=known.modes[None],
                 ),
+                0.0,
             )
         )  # fmt: skip
     answer = recover_in_any_light(guesses, basis=case.basis, settings=SolverSettings(engine="reference"))
