@@ -76,7 +76,9 @@ OWN = {
     "fluorescent": ("F32T8/TL841 (Triphosphor)", "F34/CW/RS/EW (Cool White FL)"),
 }
 """Lights that no kind was made from."""
-KIND_OF = {lamp: kind for group in (LAMPS, OWN) for kind, lamps in group.items() for lamp in lamps}
+KIND_OF = {lamp: kind for kind, lamps in LAMPS.items() for lamp in lamps}
+EVERY = KIND_OF | {lamp: kind for kind, lamps in OWN.items() for lamp in lamps}
+"""The kind of each light, ordinary ones and own."""
 PAIRS = (
     ("D:5500", "2700K"), ("D:6500", "LED-B3"), ("2700K", "LED-B4"), ("D:5500", "FL2"),
     ("D:12000", "Phosphor LED YAG"), ("under a tree", "60 A/W (Soft White)"),
@@ -255,7 +257,7 @@ def of_population(
 ) -> dict[str, list[Taken]]:
     """By what was given, of all devices and lamps."""
     rows: dict[str, list[Taken]] = {}
-    every: list[tuple[str, ...]] = [(lamp,) for lamp in KIND_OF] + [*(PAIRS + TRIPLES if pairs else ())]
+    every: list[tuple[str, ...]] = [(lamp,) for lamp in EVERY] + [*(PAIRS + TRIPLES if pairs else ())]
     for number, device in enumerate(devices):
         basis: Basis = stands_in(device, key)
         with standing_in(basis):
@@ -323,7 +325,7 @@ def row(taken: Sequence[Taken]) -> dict[str, Any]:
 def _reliability(taken: Sequence[Taken]) -> list[tuple[float, float, int]]:
     """Probability of a kind, its share that is right, and their number, in bins of the probability."""
     pairs = np.array([
-        (share, kind == KIND_OF[one.lamps[0]]) for one in taken for kind, share in one.kinds.items()
+        (share, kind == EVERY[one.lamps[0]]) for one in taken for kind, share in one.kinds.items()
     ]).reshape(-1, 2)  # fmt: skip
     bins = np.digitize(pairs[:, 0], BINS)
     own = [pairs[bins == i] for i in range(len(BINS) + 1)]
@@ -331,7 +333,7 @@ def _reliability(taken: Sequence[Taken]) -> list[tuple[float, float, int]]:
 
 
 def _right(one: Taken) -> bool:
-    return max(one.kinds, key=lambda kind: one.kinds[kind]) == KIND_OF[one.lamps[0]]
+    return max(one.kinds, key=lambda kind: one.kinds[kind]) == EVERY[one.lamps[0]]
 
 
 def _mean(values: Sequence[float | None]) -> float | None:
@@ -401,7 +403,7 @@ def main(arguments: list[str] | None = None) -> int:
             if not title.startswith(options.only):
                 continue
             pairs = key in (OTHERS, OTHER_MAKER)
-            task = bar.add_task(title, total=len(devices) * (len(KIND_OF) + pairs * len(PAIRS + TRIPLES)))
+            task = bar.add_task(title, total=len(devices) * (len(EVERY) + pairs * len(PAIRS + TRIPLES)))
             rows = of_population(devices, key, pairs, lambda task=task: bar.advance(task))  # type: ignore[misc]
             document[title] = {word: row(taken) for word, taken in rows.items()}
     show(document)
