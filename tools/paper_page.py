@@ -45,10 +45,10 @@ def head(found: dict[str, Any]) -> str:
 python -m benchmarks.paper
 ```
 
-(in the repository; {found["minutes"]:.0f} minutes in two processes) repeats the paper's experiments and adds some (`docs/paper.json`).{" Sec. 4 and 5 were measured anew after the rest (`--captures`)." if found.get("captures_anew") else ""}
+repeats the paper's experiments and adds some ({found["minutes"]:.0f} minutes in two processes; all numbers: `docs/paper.json`).{" Sec. 4 and 5 were measured anew after the rest (`--captures`)." if found.get("captures_anew") else ""}
 
-- **Cameras.** The paper's camera and phones are not public. Here there are {found["cameras"]} measured cameras: 52 of rawtoaces-data and two of colour-science.
-- **Fairness.** Methods that learn (PCA, Wiener, `cameras`) use no camera of the scored camera's maker. A method with a free parameter gets the value that is best on the other makers' cameras under the same lamp and noise. The solvers use the true lamp unless stated otherwise.
+- **Cameras.** The paper's camera and phones are not public. Here: {found["cameras"]} measured cameras, 52 of rawtoaces-data and two of colour-science.
+- **Fairness.** Methods that learn use no camera of the scored camera's maker. A free parameter has the value that is best on the other makers' cameras. The solvers use the true lamp unless stated otherwise.
 - **Score.** RMSE of the curves at peak 1, 400 to 700 nm, mean of red, green, blue and cameras. Noise of ν means σ = ν √(y² + 0.2²)."""
 
 
@@ -77,17 +77,17 @@ def colours(found: dict[str, Any]) -> str:
     )
     return f"""## Fig. 3a to e: how many colours
 
-All combinations of the 18 chromatic patches, at most 100 random ones (seeded) for each count, D55, {min(runs)} to {max(runs)} runs for each count. Mean (percentiles: `docs/paper.json`):
+At most 100 random combinations of the 18 chromatic patches for each count, D55, {min(runs)} to {max(runs)} runs. Mean:
 
 {markdown_table(["method", "noise", *(f"{count} patches" for count in shown)], body)}
 
 ![RMSE against the number of patches](images/paper-colours.png)
 
-Without noise the error falls little from twelve colours on, the paper's choice. It does not reach the paper's 0.0281 (its camera), since 18 Gaussians of 50 nm cannot represent the curves better. {"No answer was refused." if not refused else f"{refused} answers with few patches were refused for their duality gap."}
+Without noise the error falls little from twelve colours on, the paper's choice. The paper's 0.0281 is not reached: 18 Gaussians of 50 nm cannot represent these curves better. {"No answer was refused." if not refused else f"{refused} answers with few patches were refused for their duality gap."}
 
 ![Curves from 9, 12, 15 and 18 patches](images/paper-curves.png)
 
-One draw of patches with 0.5 % noise, {one["camera"]}; RMSE of l1 on Gaussians and of camssf: {panels}."""
+One draw with 0.5 % noise, {one["camera"]}; RMSE of l1 on Gaussians and of camssf: {panels}."""
 
 
 def correlation(found: dict[str, Any]) -> str:
@@ -99,11 +99,11 @@ def correlation(found: dict[str, Any]) -> str:
 
 {markdown_table(["table, patches", "mean of &#124;r&#124; over pairs"], body)}
 
-The paper has 0.579 for its twelve; the values of patches 7 to 18 lie on either side of it, so this page uses these. The mutual coherence of F Ψ, which the paper does not give:
+The paper has 0.579 for its twelve, so this page uses patches 7 to 18. Mutual coherence of F Ψ:
 
 {markdown_table(["Gaussians", *coherence], [["1 − coherence", *(f"{value:.1e}" for value in coherence.values())]])}
 
-It is so close to 1 that no guarantee of sparse recovery applies.
+No guarantee of sparse recovery applies so close to 1.
 
 ![Correlation of the patches, coherence of the dictionary](images/paper-correlation.png)"""
 
@@ -112,19 +112,16 @@ def methods(found: dict[str, Any]) -> str:
     """Fig. 4."""
     rows = found["figure_4"]
     body = [[name, *(number(row[noise]) for noise in NOISES)] for name, row in rows.items()]
-    best_quiet = min(rows[f"{PINV}: wavelengths, {how}"]["0.0"] for how in ("clipped", "NNLS"))
-    plain = rows[f"{QR}: Gaussians, NNLS"]
     return f"""## Fig. 4: QR, pseudo-inverse, l1
 
-The paper: QR with non-negativity 0.3557, pseudo-inverse with non-negativity 0.1511, l1 0.0281. It does not say whether non-negativity is clipping or non-negative least squares (NNLS), nor whether the unknowns are wavelengths or Gaussians. All variants, 12 patches, D55:
+The paper has 0.3557 for QR with non-negativity, 0.1511 for the pseudo-inverse with it, and 0.0281 for l1. It does not say whether non-negativity is clipping or non-negative least squares (NNLS), nor whether the unknowns are wavelengths or Gaussians. All variants, 12 patches, D55:
 
 {markdown_table(["method", *(noise_word(noise) for noise in NOISES)], body)}
 
 ![The methods of Fig. 4](images/paper-methods.png)
 
-- **With noise the paper's order is confirmed** in the simplest variant (wavelengths, clipped).
-- **Without noise the pseudo-inverse is not worse than l1**: {number(best_quiet)} on wavelengths at best, l1 on Gaussians {number(rows[PAPER]["0.0"])}.
-- **NNLS on the same 18 Gaussians, without l1** ({number(plain["0.005"])} at 0.5 %), is no worse than l1 with γ set from the noise ({number(rows[PAPER]["0.005"])}) and close to l1 at its best γ ({number(rows[TUNED]["0.005"])}). Most of the gain comes from the smooth basis and x ≥ 0.
+- **With noise the paper's order is confirmed** for wavelengths and clipping. Without noise the pseudo-inverse is not worse than l1.
+- **NNLS on the same 18 Gaussians, without l1**, is no worse than l1 with γ set from the noise: most of the gain comes from the smooth basis and x ≥ 0.
 - **A basis learned from other makers' cameras** is best throughout."""
 
 
@@ -142,15 +139,15 @@ def families(found: dict[str, Any]) -> str:
     quiet = rows[first]["0.0"]["D55"]["rmse"]
     return f"""## Table 1's families, in one run
 
-24 patches; each cell has noise 0, 0.5 and 1 %. Each method is a file in `benchmarks/paper/rivals`; PCA is colour-science's `RGB_to_sd_camera_sensitivity_Jiang2013`.
+24 patches; each cell has noise 0, 0.5 and 1 %. Each method is a file in `benchmarks/paper/rivals`.
 
 {markdown_table(["method", *lights], body)}
 
 ![The families](images/paper-rivals.png)
 
-- **With noise camssf is best**, by a factor of {min(ratio):.2f} to {max(ratio):.2f} over Wiener, the best other family: a linear estimate from the same cameras.
-- **Without noise** the best under D55 is "{first}" ({number(quiet)}): a prior adds error to exact signals. Real signals are not exact.
-- **The rank-based method** is made for pictures with an unknown tone curve, which no other method here can use."""
+- **With noise camssf is best**, by a factor of {min(ratio):.2f} to {max(ratio):.2f} over Wiener, the best other family.
+- **Without noise** the best under D55 is "{first}" ({number(quiet)}): a prior adds error to exact signals.
+- **The rank-based method** is for pictures with an unknown tone curve."""
 
 
 def direct(found: dict[str, Any]) -> str:
@@ -171,13 +168,13 @@ def direct(found: dict[str, Any]) -> str:
     ]
     return f"""## Sec. 4: direct measurement
 
-[`camssf direct`](cli.md#camssf-direct) divides the colour camera's frame of a spectrum of sunlight by the mono camera's, Eq. (12). Simulated (`benchmarks/paper/spectrograph.py`): a grating of 150 lines/mm, a slit of 2 nm, two different detectors, tilted lines, photon and read noise. The sun is ASTM G173's AM1.5 spectrum, or CIE daylight with the tabulated Fraunhofer lines. Wavelength errors and residuals of the lines in nm:
+[`camssf direct`](cli.md#camssf-direct) divides the colour camera's frame of a spectrum of sunlight by the mono camera's, Eq. (12). Simulated (`benchmarks/paper/spectrograph.py`) with noise, tilted lines and a slit of 2 nm; the sun is ASTM G173's AM1.5 spectrum, or CIE daylight with the Fraunhofer lines. Wavelengths and residuals in nm:
 
 {markdown_table(["light", "cameras", "RMSE", "worst channel", "worst wavelength: colour", "mono", "residual: colour", "mono", "fewest lines"], body)}
 
 ![Lines and curves of one frame](images/paper-direct.png)
 
-{"No frame was refused." if not refused else f"{refused} pairs of frames were refused."} The bars were 0.01 and 0.5 nm. Scattered light and the second order are not simulated, and no real frame was available."""
+{"No frame was refused." if not refused else f"{refused} pairs of frames were refused."} Scattered light and the second order are not simulated; no real frame was available."""
 
 
 def _phone_cells(answer: dict[str, Any]) -> list[str]:
@@ -207,27 +204,20 @@ def phones(found: dict[str, Any]) -> str:
         for a in w.values()
         for v in a.get("rmsre_percent", [0])
     )
-    floor = max(
-        v
-        for r in rows.values()
-        for w in r["worlds"].values()
-        for a in w.values()
-        for v in a.get("truth_rmsre_percent", [0])
-    )
     sensors = "; ".join(f"{name} ({row['sensor']})" for name, row in rows.items())
     return f"""## Sec. 5, Fig. 5 and 6: three phones, simulated
 
-No measured phone may be published here. These are the three cameras with the smallest sensors: {sensors}. Each is simulated in DNG files (10 bits, small full well, a third of the light lost in the corners, tilted, slightly blurred) and calibrated from one chart photo with its white and dark frame. The test is a photo of 96 other colours (of CIE 224:2017's). "Exact": chart and lamp are those of the solver (BabelColor's table, D55). "Lifelike": the chart has Ohta's reflectances and the light is daylight of 5250 K; the solver uses the same as before, with the lamp's tolerance 300 K and 2 %. "l1": l1 on Gaussians, 12 patches; camssf: 24 patches. Values are for R, G, B.
+No measured phone may be published here. These are the three cameras with the smallest sensors: {sensors}. Each is simulated in DNG files like a phone's and calibrated from one chart photo with white and dark frame. The test is a photo of 96 other colours (of CIE 224:2017's). "Exact": chart and lamp are those of the solver (BabelColor's table, D55). "Lifelike": the chart has Ohta's reflectances and the light is daylight of 5250 K; the solver's lamp has the tolerance 300 K and 2 %. "l1": l1 on Gaussians, 12 patches; camssf: 24 patches. Values are for R, G, B.
 
 {markdown_table(["camera", "world", "l1: RMSRE, %", "mean ΔE00", "RMSE", "camssf: RMSRE, %", "mean ΔE00", "RMSE"], body)}
 
-The paper's three phones have an RMSRE of 7.88 %, 6.95 % and 10.30 %. The largest here is {number(largest, 2)} %, with curves that are wrong by up to {number(max(v for r in rows.values() for w in r["worlds"].values() for a in w.values() for v in a.get("rmse", [0])))}; the true curves have up to {number(floor, 2)} %, all of it noise.
+The paper's three phones have an RMSRE of 7.88 %, 6.95 % and 10.30 %. The largest here is {number(largest, 2)} %, with curves that are wrong by up to {number(max(v for r in rows.values() for w in r["worlds"].values() for a in w.values() for v in a.get("rmse", [0])))}.
 
 ![Curves of the three](images/paper-phones.png)
 
 ![The 96 colours as photographed and as the curves say](images/paper-patches.png)
 
-Fig. 6's pictures, (1) photographed and (2) synthetic, from camssf's curves in the lifelike world."""
+Fig. 6's pictures: photographed (1) and from camssf's curves in the lifelike world (2)."""
 
 
 def lamps(found: dict[str, Any]) -> str:
@@ -246,16 +236,15 @@ def lamps(found: dict[str, Any]) -> str:
     ]
     worst = max(ignored["rmse"] / known["rmse"] for known, ignored in both)
     largest = max(ignored["rmsre_percent"] for _, ignored in both)
-    better = sum(ignored["rmsre_percent"] <= known["rmsre_percent"] for known, ignored in both)
     return f"""## What the paper does not say: the lamp
 
-Eq. (5) divides by white, which does not cancel the lamp. Twelve patches, no noise, solved with the known lamp and with a flat one (the paper's equations as printed); RMSRE over the 96 colours, under the same lamp. Each cell: lamp known, lamp ignored.
+The white frame does not cancel the lamp. Twelve patches, no noise, solved with the known lamp and with a flat one (the paper's equations as printed); RMSRE over the 96 colours. Each cell: lamp known, lamp ignored.
 
 {markdown_table(["lamp", "RMSE: l1 on Gaussians", "RMSE: camssf", "RMSRE, %: l1 on Gaussians", "RMSRE, %: camssf"], body)}
 
 ![The lamp ignored and known](images/paper-lamps.png)
 
-**The curve is wrong by up to {worst:.1f} times as much, and RMSRE stays at {number(largest, 2)} % or less**, in {better} of {len(both)} cases even below that of the right lamp. So RMSRE alone, the paper's validation of its phones, does not detect it."""
+**The curve is wrong by up to {worst:.1f} times as much, and RMSRE stays at {number(largest, 2)} % or less**. So RMSRE alone, the paper's validation of its phones, does not detect a wrong lamp."""
 
 
 def atoms(found: dict[str, Any]) -> str:
@@ -267,11 +256,11 @@ def atoms(found: dict[str, Any]) -> str:
     words = ", ".join(f"{n} with {c}" for c, n in refused.items() if n)
     return f"""## How many Gaussians
 
-The paper does not give their number. 12 patches, D55, {rows["cameras"]} cameras, γ the best of the other makers':
+The paper does not say. 12 patches, D55, {rows["cameras"]} cameras, γ the best of the other makers':
 
 {markdown_table(["noise", *(f"{count} Gaussians" for count in counts)], body)}
 
-With 0.5 % noise nothing is gained beyond 12 to 18. camssf's `gaussian` has 18. {f"Answers refused for their duality gap are left out (a dash where all were): {words}." if words else "No answer was refused."}"""
+With noise nothing is gained beyond 12 to 18. camssf's `gaussian` has 18. {f"Answers refused for their duality gap are left out: {words}." if words else "No answer was refused."}"""
 
 
 def charts(found: dict[str, Any]) -> str:
@@ -294,11 +283,11 @@ def charts(found: dict[str, Any]) -> str:
     diagonal = 1.0 - rows["diagonal"]["foreign"]["D55 + A"] / rows["diagonal"]["foreign"]["D55"]
     return f"""## The chart's table, and a second lamp
 
-24 patches, noise 0.1 %. "Foreign": the patches are Ohta's, the table BabelColor's, as with any public table. "Diagonal": camssf without the correlations of the chart's and the white's errors.
+24 patches, noise 0.1 %. "Foreign": the patches are Ohta's, the table BabelColor's. "Diagonal": camssf without the correlations of the errors.
 
 {markdown_table(["lamps", "l1 on Gaussians, own table", "foreign table", "camssf, own table", "foreign table", "foreign table, diagonal"], body)}
 
-The table is the largest error. A second photo under a bulb cuts camssf's error by {100 * gain:.0f} %, since Σ models that the chart's error is the same under both lamps; with a diagonal Σ by {100 * diagonal:.0f} %. A second photo under the same lamp gains nothing."""
+A second photo under a bulb cuts camssf's error by {100 * gain:.0f} %, since Σ models that the chart's error is the same under both lamps; with a diagonal Σ by {100 * diagonal:.0f} %. A second photo under the same lamp gains nothing."""
 
 
 def rest(found: dict[str, Any]) -> str:

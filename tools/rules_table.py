@@ -15,20 +15,13 @@ BEGIN, END = "<!-- python -m tools.rules_table -->", "<!-- end of the rules -->"
 
 
 def markdown(found: Rules) -> str:
-    """The bounds of the verdict, a quantity a row; then all other numbers by group."""
+    """The bounds of the verdict, a quantity a row."""
     refusing = {f"verdict.{number.refuses}" for number in found.numbers.values() if number.refuses}
     lines = ["| number | limit | `name` |", "|---|---|---|"]
     for number in found.numbers.values():
         if number.makes and number.name not in refusing:
             second = [found.numbers[f"verdict.{number.refuses}"]] if number.refuses else []
             lines.append(_quantity([number, *second]))
-    groups: dict[str, list[str]] = {}
-    for number in found.numbers.values():
-        group, _, name = number.name.partition(".")
-        if not number.makes:
-            groups.setdefault(group, []).append(f"`{name}` {_value(number)}")
-    lines += ["", "The other numbers:", "", "| group | names and values |", "|---|---|"]
-    lines += [f"| `{group}` | {', '.join(each)} |" for group, each in groups.items()]
     return "\n".join(lines)
 
 

@@ -226,11 +226,11 @@ def faults(requirements: Sequence[Requirement], tests: Sequence[Marked], said: S
 
 
 def rows(requirements: Sequence[Requirement], tests: Sequence[Marked]) -> list[tuple[str, str, str, str]]:
-    """Name, text, risk and tests of each requirement."""
+    """Name, text, risk and files with tests of each requirement."""
     table = []
     for each in requirements:
-        own = list(dict.fromkeys(str(test) for test in tests if test.requirement == each.name))
-        table.append((each.name, each.text, each.risk, "<br>".join(own)))
+        files = dict.fromkeys(Path(test.place).name for test in tests if test.requirement == each.name)
+        table.append((each.name, each.text, each.risk, ", ".join(f"`{name}`" for name in files)))
     return table
 
 
