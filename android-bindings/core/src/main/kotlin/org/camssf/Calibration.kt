@@ -55,7 +55,7 @@ public sealed class Calibration {
     public abstract val assumptions: List<Assumption>
 
     /**
-     * The result document, "camssf-result/1", for `camssf report` and `camssf validate`. It has no time stamp: the
+     * The result document, "camssf-result/1", on one line, for `camssf report` and `camssf validate`. No time stamp: the
      * same capture gives the same text.
      */
     public abstract fun toJson(): String
