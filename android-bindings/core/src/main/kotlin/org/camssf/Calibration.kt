@@ -55,8 +55,8 @@ public sealed class Calibration {
     public abstract val assumptions: List<Assumption>
 
     /**
-     * The result document, "camssf-result/1", for `camssf report` and `camssf validate`. It has no time stamp: the
-     * same capture gives the same text.
+     * The result document, "camssf-result/1", on one line, for `camssf report` and `camssf validate`. It has no time
+     * stamp: the same capture gives the same text.
      */
     public abstract fun toJson(): String
 }

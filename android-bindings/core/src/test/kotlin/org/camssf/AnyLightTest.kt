@@ -76,7 +76,7 @@ class AnyLightTest {
         assertEquals("lamp_unfit", found.error.code)
         assertTrue("the light was not named" in found.error.message, found.error.message)
         assertTrue("daylight, bulb, white-led, fluorescent" in found.error.advice, found.error.advice)
-        assertTrue("\"name\": \"auto\"" in found.toJson())
+        assertTrue("\"name\":\"auto\"" in found.toJson())
     }
 
     @Test

@@ -75,10 +75,10 @@ class PreviousResultTest {
 
     @Test
     fun `what cannot be a previous result`() {
-        val lamp = "\"name\": \"E\""
+        val lamp = "\"name\":\"E\""
         for ((changed, words) in listOf(
             text.replace("\"accepted\"", "\"doubtful\"") to "was doubtful",
-            text.replace(lamp, "\"name\": \"auto\"") to "names no lamp",
+            text.replace(lamp, "\"name\":\"auto\"") to "names no lamp",
             text.replace("\"power\"", "\"strength\"") to "older version",
             text.replace("\"classic24\"", "\"nano24\"") to "on the chart nano24",
             text.replace("\"signal\"", "\"signals\"") to "is no result that camssf wrote",
