@@ -50,4 +50,5 @@ def whiten(A: Floats, b: Floats, sigma: Floats) -> tuple[Floats, Floats, float]:
     """Rows of unit covariance, L⁻¹ A and L⁻¹ b with Σ = L Lᵀ, and ln det Σ; Σ⁻¹ would lose twice the digits."""
     L = np.linalg.cholesky(sigma)
     log_det = 2.0 * float(np.log(np.diag(L)).sum())
-    return solve_triangular(L, A, lower=True), solve_triangular(L, b, lower=True), log_det
+    white = solve_triangular(L, np.column_stack([A, b]), lower=True)
+    return white[:, :-1], white[:, -1], log_det

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,10 +10,12 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from camssf.grid import Floats
+from camssf.recovery.basis import Basis
 from camssf.recovery.duality_gap import duality_gap
 from camssf.recovery.elastic_net import ElasticNet, whiten
 from camssf.recovery.layers import DEPTH, LAYERS
-from camssf.recovery.linear_model import LinearModel
+from camssf.recovery.linear_model import LinearModel, linear_models
+from camssf.recovery.observation import Observation
 from camssf.recovery.pivoting import SETTLED, finish_steps
 from camssf.recovery.pivoting import pivot_to_optimum as walk
 
@@ -73,10 +76,13 @@ def solve(
     return Code(*(np.array(each) for each in zip(*found, strict=True)))
 
 
-def log_evidence(linear: LinearModel) -> float:
-    """`Code.log_evidence` of one problem in closed form, without solving it."""
-    rows, target, log_det = whiten(linear.matrix[0], linear.target[0], linear.covariance[0])
-    return _evidence(ElasticNet(rows, target, 1.0, 0.0, False), log_det)
+def log_evidences(observations: Sequence[Observation], basis: Basis) -> Floats:
+    """`Code.log_evidence` of each observation in closed form, without solving it."""
+    found = []
+    for linear in linear_models(observations, basis):
+        rows, target, log_det = whiten(linear.matrix[0], linear.target[0], linear.covariance[0])
+        found.append(_evidence(ElasticNet(rows, target, 1.0, 0.0, False), log_det))
+    return np.array(found)
 
 
 def _evidence(problem: ElasticNet, log_det: float) -> float:
