@@ -148,13 +148,20 @@ def covariance(signals_at: LinearisedSignals, tolerances: Tolerances) -> dict[st
         label[:, None] == label for label in (signals_at.channel, signals_at.shot, signals_at.patch)
     )
     shared = same_patch * np.where(same_channel, 1.0, CHANNEL_SHARE)
-    one = np.eye(noise.shape[-1])
     return {
-        "noise": noise[..., None] * one,
-        "chart": independent[..., None] * one + shared * _outer(tolerances.chart[..., None] * chart),
+        "noise": _diagonal(noise),
+        "chart": _diagonal(independent) + shared * _outer(tolerances.chart[..., None] * chart),
         "white": _outer(white),
         "lamp": same_shot * _outer(lamp),
     }
+
+
+def _diagonal(variance: Floats) -> Floats:
+    """Covariance (..., N, N) of independent errors of variance (..., N)."""
+    found = np.zeros((*variance.shape, variance.shape[-1]))
+    at = np.arange(variance.shape[-1])
+    found[..., at, at] = variance
+    return found
 
 
 def _outer(factors: Floats) -> Floats:

@@ -10,11 +10,11 @@ from dataclasses import dataclass, field, replace
 from functools import reduce
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.recovery.basis import Basis, fold, interpolate
 from camssf.recovery.covariance import EDGE, FLOOR, LinearisedSignals, Tolerances, covariance
+from camssf.recovery.elastic_net import whiten
 from camssf.recovery.observation import Observation
 
 DARKEST = 0.02
@@ -22,7 +22,7 @@ DARKEST = 0.02
 SOURCES = ("noise", "chart", "white", "lamp", "lamp modes", "uneven light")
 
 
-STACK = 10
+STACK = 7
 """Largest number of observations computed in one go: more would not fit into the processor's cache."""
 
 
@@ -184,7 +184,9 @@ def _fold(observations: Sequence[Observation], basis: Basis) -> _Folded:
     def stack(name: str) -> Floats:
         return np.stack([getattr(each, name) for each in observations])
 
-    power, reflectance, rho = stack("lamp") * STEP, stack("reflectance"), stack("white_reflectance")[:, None]
+    charts = [each.reflectance for each in observations]
+    reflectance = np.stack(charts[:1] if all(each is charts[0] for each in charts) else charts)
+    power, rho = stack("lamp") * STEP, stack("white_reflectance")[:, None]
     slope = EDGE * np.gradient(reflectance, STEP, axis=-1)
     white, mean, atoms = fold(power * rho), basis.mean[:, ::10], basis.dictionary[:, ::10]
     first = white[:, :1, None]  # (h, 1, 1, v): the scale is fixed by the first shot's white, as in `anchor`
@@ -260,15 +262,14 @@ def _first_pass(given: _Folded) -> _Expansion:
     rows = _rows(given, _start(given))
     # Whitened by P = L Lᵀ: an explicit P⁻¹ loses twice the digits, and modes may raise P's condition above 1e12.
     spread = reduce(np.add, rows.terms.values()) + _outer(rows.matrix)
-    whitened = _whiten(spread, np.concatenate([rows.matrix, rows.target[..., None], rows.modes, rows.gains], axis=-1))
-    r = rows.matrix.shape[-1]
-    matrix, target, modes = (whitened[..., part] for part in (slice(r), slice(r, r + 1), slice(r + 1, None)))
+    columns, target, _ = whiten(np.concatenate([rows.matrix, rows.modes, rows.gains], axis=-1), rows.target, spread)
+    r, target = rows.matrix.shape[-1], target[..., None]
+    matrix, modes = columns[..., :r], columns[..., r:]
     across = np.swapaxes(modes, -1, -2)
-    one = np.eye(modes.shape[-1])
-    precision = one + across @ modes
-    root = _whiten(precision, np.concatenate([one + 0.0 * precision, across @ target], axis=-1))
-    back, pull = np.swapaxes(root[..., :-1], -1, -2), root[..., -1:]
-    found = back @ pull
+    precision = np.eye(modes.shape[-1]) + across @ modes
+    root, pull, _ = whiten(np.eye(len(precision[0])) + 0.0 * precision, (across @ target)[..., 0], precision)
+    back = np.swapaxes(root, -1, -2)
+    found = back @ pull[..., None]
     (h, k, q, _), lamps = given.modes.shape, rows.modes.shape[-1]
     code = (np.swapaxes(matrix, -1, -2) @ (target - modes @ found)).reshape(h, 3, -1, 1)
     offset, gained = found[:, :lamps, 0], found[:, lamps:, 0]
@@ -282,12 +283,6 @@ def _first_pass(given: _Folded) -> _Expansion:
         _outer(back[:, :lamps]),
         np.eye(r) - np.swapaxes(matrix, -1, -2) @ matrix,
     )
-
-
-def _whiten(covariances: Floats, columns: Floats) -> Floats:
-    """L⁻¹ columns with covariance = L Lᵀ, of each hypothesis."""
-    roots = np.linalg.cholesky(covariances)
-    return np.stack([solve_triangular(L, each, lower=True) for L, each in zip(roots, columns, strict=True)])
 
 
 def _outer(factors: Floats) -> Floats:

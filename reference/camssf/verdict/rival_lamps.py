@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -53,8 +54,7 @@ def weigh(fit: CaptureFit, ssf: Ssf, alone: Sequence[Ssf], new: int | None = Non
         ssf,
         rivals=lambda: weigh_rivals(fit, ssf, new),
         neutrals=[
-            [Neutral(read_lamp(each.light).values, each.white) for each in shot.photo.colour_matrices]
-            for shot in shots
+            [Neutral(_lamp(each.light).values, each.white) for each in shot.photo.colour_matrices] for shot in shots
         ],
         alone=alone,
         family=next(iter(fit.prior_odds), None) if fit.basis == AUTO else None,
@@ -89,10 +89,16 @@ def weigh_rivals(fit: CaptureFit, ssf: Ssf, new: int | None = None) -> tuple[Riv
     if not rivals:
         return ()
     given = fit.given(used)
-    observations = [given, *(_with_lamp(given, j, read_lamp(name)) for j, name in rivals)]
+    observations = [given, *(_with_lamp(given, j, _lamp(name)) for j, name in rivals)]
     nats = np.logaddexp.reduce([log_evidences(observations, basis) + belief
                                 for basis, belief in zip(bases, beliefs, strict=True)])  # fmt: skip
     return tuple(Rival(j, name, float(gain)) for (j, name), gain in zip(rivals, nats[1:] - nats[0], strict=True))
+
+
+@cache
+def _lamp(name: str) -> Lamp:
+    """A rival lamp, read once, because every verdict needs the same ones."""
+    return read_lamp(name)
 
 
 def _with_lamp(observation: Observation, j: int, lamp: Lamp) -> Observation:
