@@ -148,12 +148,16 @@ def covariance(signals_at: LinearisedSignals, tolerances: Tolerances) -> dict[st
         label[:, None] == label for label in (signals_at.channel, signals_at.shot, signals_at.patch)
     )
     shared = same_patch * np.where(same_channel, 1.0, CHANNEL_SHARE)
-    return {
+    terms = {
         "noise": _diagonal(noise),
-        "chart": _diagonal(independent) + shared * _outer(tolerances.chart[..., None] * chart),
+        "chart": _outer(tolerances.chart[..., None] * chart),
         "white": _outer(white),
-        "lamp": same_shot * _outer(lamp),
+        "lamp": _outer(lamp),
     }
+    terms["chart"] *= shared
+    terms["chart"] += _diagonal(independent)
+    terms["lamp"] *= same_shot
+    return terms
 
 
 def _diagonal(variance: Floats) -> Floats:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import reduce
 
 import numpy as np
 
@@ -137,7 +136,7 @@ def _rows_of(observations: Sequence[Observation], basis: Basis) -> Iterator[Line
     rows = _rows(given, point)
     rows.terms["lamp modes"] += _outer(rows.modes)
     rows.terms["uneven light"] += _outer(rows.gains)
-    covariances = reduce(np.add, rows.terms.values())
+    covariances = _total(rows.terms)
     lamps = interpolate(np.swapaxes(point.lamp, -1, -2))
     whites = point.curves @ np.swapaxes(given.white * point.lamp, -1, -2)
     for i, observation in enumerate(observations):
@@ -261,7 +260,8 @@ def _first_pass(given: _Folded) -> _Expansion:
     """
     rows = _rows(given, _start(given))
     # Whitened by P = L Lᵀ: an explicit P⁻¹ loses twice the digits, and modes may raise P's condition above 1e12.
-    spread = reduce(np.add, rows.terms.values()) + _outer(rows.matrix)
+    spread = _total(rows.terms)
+    spread += _outer(rows.matrix)
     columns, target, _ = whiten(np.concatenate([rows.matrix, rows.modes, rows.gains], axis=-1), rows.target, spread)
     r, target = rows.matrix.shape[-1], target[..., None]
     matrix, modes = columns[..., :r], columns[..., r:]
@@ -283,6 +283,14 @@ def _first_pass(given: _Folded) -> _Expansion:
         _outer(back[:, :lamps]),
         np.eye(r) - np.swapaxes(matrix, -1, -2) @ matrix,
     )
+
+
+def _total(terms: dict[str, Floats]) -> Floats:
+    """Sum of the terms, in place: a new stack of matrices for each sum would cost more than the sum."""
+    total = np.zeros_like(terms["noise"])
+    for term in terms.values():
+        total += term
+    return total
 
 
 def _outer(factors: Floats) -> Floats:
