@@ -548,6 +548,16 @@ def test_what_an_unnamed_light_costs(results: Path, capsys: pytest.CaptureFixtur
     assert status == ("MISSED" in capsys.readouterr().out)
 
 
+def test_what_judging_costs(results: Path) -> None:
+    """No speed is judged; the status says whether every bar was held."""
+    from benchmarks.kernels import judging
+
+    status = judging.main(["--runs", "1"])
+    rows = json.loads((results / "judging.json").read_text())["rows"]
+    assert [row[0] for row in rows] == ["cameras", "auto"]
+    assert status == any(ratio > bar for *_, ratio, bar, _ in rows)
+
+
 def test_the_pictures_of_colour_and_their_numbers_on_the_page(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

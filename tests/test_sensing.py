@@ -11,9 +11,9 @@ import pytest
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.recovery.basis import NODES, interpolate, read_basis
 from camssf.recovery.covariance import CHART_CORRELATION, smooth_errors
-from camssf.recovery.linear_model import LinearModel, anchor, linear_model
+from camssf.recovery.linear_model import STACK, LinearModel, anchor, linear_model
 from camssf.recovery.observation import Observation
-from camssf.recovery.solve import solve
+from camssf.recovery.solve import log_evidences, solve
 from camssf.spectra import read_lamp
 from camssf.spectra.families import principal_modes
 from tests.problems import chart_and_lamp, near, recovered, theory, toy_camera
@@ -32,6 +32,24 @@ def rows(y: Floats, reflectance: Floats, lamp: Floats, **changes: object) -> Lin
     error = arguments.pop("standard_error", np.full(y.shape, 1e-3))
     observation = Observation(y, reflectance, lamp, standard_error=error, **arguments)  # type: ignore[arg-type]
     return linear_model(observation, read_basis(str(basis)))
+
+
+def test_hypotheses_weighed_together_are_those_weighed_alone() -> None:
+    """More lamps than one stack holds, some with modes, in an order that mixes them; two shots."""
+    reflectance, day = chart_and_lamp("D55", slice(0, 24))
+    y = np.stack([theory(reflectance, lamp, read_basis("phones").mean.T) for lamp in (day, day)])
+    modes = np.zeros((2, 2, 681))
+    modes[1] = 0.1 * np.stack([WAVELENGTHS / 550 - 1, (WAVELENGTHS / 550 - 1) ** 2])
+    observations = [
+        Observation(
+            y, reflectance, np.stack([day, read_lamp(f"D:{4000 + 500 * i}").values]),
+            standard_error=np.full(y.shape, 1e-3), lamp_modes=modes * (i % 3 == 1),
+        )
+        for i in range(2 * STACK)
+    ]  # fmt: skip
+    alone = [log_evidences([each], read_basis("cameras"))[0] for each in observations]
+    assert len(set(alone)) == len(alone)
+    assert near(log_evidences(observations, read_basis("cameras")), np.array(alone), rel=1e-12)
 
 
 def test_rows_vanish_at_the_truth_whatever_its_scale() -> None:

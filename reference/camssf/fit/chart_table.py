@@ -7,9 +7,8 @@ import numpy as np
 from camssf.fit.capture_fit import CaptureFit
 from camssf.recovery.basis import basis_of, widened
 from camssf.recovery.hypotheses import CLEAR
-from camssf.recovery.linear_model import linear_model
 from camssf.recovery.sensitivity import Ssf
-from camssf.recovery.solve import log_evidence
+from camssf.recovery.solve import log_evidences
 from camssf.rules import rules
 from camssf.spectra import ChartTable
 
@@ -30,10 +29,7 @@ def likeliest_table(fit: CaptureFit, ssf: Ssf) -> ChartTable:
     posed = fit.conditioned_on(ssf)
     basis = widened(basis_of(posed.basis), posed.prior_scale)
 
-    def evidence(table: ChartTable) -> float:
-        given = posed.with_chart(table.faded(ssf.settings.chart_fading)).given(fit.signals.used)
-        return log_evidence(linear_model(given, basis))
-
-    own, nats = evidence(chart), [evidence(table) for table in others]
+    tables = [table.faded(ssf.settings.chart_fading) for table in (chart, *others)]
+    own, *nats = log_evidences([posed.with_chart(table).given(fit.signals.used) for table in tables], basis)
     best = int(np.argmax(nats))
     return others[best] if nats[best] - own + np.log(OTHER_TABLE) >= np.log(CLEAR) else chart

@@ -46,7 +46,7 @@ class LinearisedSignals:
     """Signals and their derivatives at a linearisation point, curves s under lamps L.
 
     N rows, in any order; v wavelengths. s is the curve of the row's channel, L the lamp of its shot, and
-    W = Σ ρ_w L s dλ.
+    W = Σ ρ_w L s dλ. All but the indices may have leading axes, as a stack of hypotheses.
 
     Attributes:
         channel, shot, patch: (N,) indices of each row.
@@ -74,7 +74,7 @@ class LinearisedSignals:
     @property
     def against_white(self) -> Floats:
         """(R - ŷ ρ_w) L s dλ / W, (N, v): derivative of ŷ with respect to a relative change of L or of s."""
-        return self.patches - self.predicted[:, None] * self.white
+        return self.patches - self.predicted[..., None] * self.white
 
 
 @dataclass(frozen=True)
@@ -82,13 +82,13 @@ class Tolerances:
     """Relative errors of chart, white reference and lamps.
 
     Attributes:
-        chart: (N,) τ of each row's patch.
-        white: of ρ_w, one number.
-        lamp: (N,) of the lamp of each row's shot.
+        chart: (..., N) τ of each row's patch.
+        white: of ρ_w, one number, or (h, 1, 1).
+        lamp: (..., N) of the lamp of each row's shot.
     """
 
     chart: Floats
-    white: float
+    white: float | Floats
     lamp: Floats
 
 
@@ -113,7 +113,7 @@ def _smooth_errors(length: float, wavelengths: bytes) -> Floats:
 
 
 def covariance(signals_at: LinearisedSignals, tolerances: Tolerances) -> dict[str, Floats]:
-    """Covariance of the rows by source, (N, N) each; Σ is their sum.
+    """Covariance of the rows by source, (..., N, N) each; Σ is their sum.
 
         noise     se²                                                  independent
         chart     (τ y / 20)²                                          independent
@@ -135,12 +135,11 @@ def covariance(signals_at: LinearisedSignals, tolerances: Tolerances) -> dict[st
             ABSOLUTE * (signals_at.light @ over_table),
             signals_at.edges @ over_table,
         ],
-        axis=1,
+        axis=-1,
     )
-    white = tolerances.white * signals_at.predicted[:, None] * (signals_at.white @ over_chart)
-    lamp = np.column_stack(
-        [tolerances.lamp[:, None] * (signals_at.against_white @ over_lamp), DRIFT * signals_at.predicted]
-    )
+    drift = DRIFT * signals_at.predicted[..., None]
+    white = tolerances.white * signals_at.predicted[..., None] * (signals_at.white @ over_chart)
+    lamp = np.concatenate([tolerances.lamp[..., None] * (signals_at.against_white @ over_lamp), drift], axis=-1)
     noise = np.maximum(signals_at.standard_error**2, FLOOR**2)
     own = (INDEPENDENT_SHARE * tolerances.chart * signals_at.signal) ** 2
     # max(se² + own, floor²) - noise, without a difference of two large numbers where a signal is masked.
@@ -149,14 +148,26 @@ def covariance(signals_at: LinearisedSignals, tolerances: Tolerances) -> dict[st
         label[:, None] == label for label in (signals_at.channel, signals_at.shot, signals_at.patch)
     )
     shared = same_patch * np.where(same_channel, 1.0, CHANNEL_SHARE)
-    return {
-        "noise": np.diag(noise),
-        "chart": np.diag(independent) + shared * _outer(tolerances.chart[:, None] * chart),
+    terms = {
+        "noise": _diagonal(noise),
+        "chart": _outer(tolerances.chart[..., None] * chart),
         "white": _outer(white),
-        "lamp": same_shot * _outer(lamp),
+        "lamp": _outer(lamp),
     }
+    terms["chart"] *= shared
+    terms["chart"] += _diagonal(independent)
+    terms["lamp"] *= same_shot
+    return terms
+
+
+def _diagonal(variance: Floats) -> Floats:
+    """Covariance (..., N, N) of independent errors of variance (..., N)."""
+    found = np.zeros((*variance.shape, variance.shape[-1]))
+    at = np.arange(variance.shape[-1])
+    found[..., at, at] = variance
+    return found
 
 
 def _outer(factors: Floats) -> Floats:
     """Covariance (N, N) of errors that are factors (N, p) times standard normal numbers."""
-    return np.asarray(factors @ factors.T)
+    return np.asarray(factors @ np.swapaxes(factors, -1, -2))

@@ -46,8 +46,16 @@ class ElasticNet:
         return np.asarray(self.A.T @ (self.b - self.A @ x) - self.l2 * x)
 
 
-def whiten(A: Floats, b: Floats, sigma: Floats) -> tuple[Floats, Floats, float]:
-    """Rows of unit covariance, L⁻¹ A and L⁻¹ b with Σ = L Lᵀ, and ln det Σ; Σ⁻¹ would lose twice the digits."""
+def whiten(A: Floats, b: Floats, sigma: Floats) -> tuple[Floats, Floats, Floats]:
+    """Rows of unit covariance, L⁻¹ A and L⁻¹ b with Σ = L Lᵀ, and ln det Σ; Σ⁻¹ would lose twice the digits.
+
+    Args:
+        A, b, sigma: (..., N, r), (..., N) and (..., N, N); the leading axes stack problems.
+    """
     L = np.linalg.cholesky(sigma)
-    log_det = 2.0 * float(np.log(np.diag(L)).sum())
-    return solve_triangular(L, A, lower=True), solve_triangular(L, b, lower=True), log_det
+    white = np.empty((*A.shape[:-1], A.shape[-1] + 1))
+    white[..., :-1], white[..., -1] = A, b
+    for at in np.ndindex(sigma.shape[:-2]):
+        white[at] = solve_triangular(L[at], white[at], lower=True)
+    log_det = 2.0 * np.log(np.diagonal(L, axis1=-2, axis2=-1)).sum(axis=-1)
+    return white[..., :-1], white[..., -1], log_det

@@ -17,7 +17,6 @@ import numpy as np
 from camssf.grid import STEP, Floats
 from camssf.recovery.basis import Basis, read_basis
 from camssf.recovery.faded_chart import chart_fading
-from camssf.recovery.linear_model import linear_model
 from camssf.recovery.observation import Observation
 from camssf.recovery.sensitivity import (
     SOLVER_DEFAULTS,
@@ -29,7 +28,7 @@ from camssf.recovery.sensitivity import (
     answer,
     predict_signals,
 )
-from camssf.recovery.solve import log_evidence
+from camssf.recovery.solve import log_evidences
 from camssf.recovery.unfamiliar_camera import WIDER, family_test
 from camssf.rules import rules
 
@@ -80,7 +79,7 @@ def recover(
 
     def evidence(fading: float) -> float:
         given = observation.faded(fading)
-        nats = np.array([log_evidence(linear_model(given, read_basis(name))) for name in FAMILIES])
+        nats = np.array([log_evidences([given], read_basis(name))[0] for name in FAMILIES])
         return float(np.logaddexp.reduce(nats + beliefs))
 
     def wider(name: str, fading: float) -> Ssf:

@@ -5,19 +5,24 @@ Letters as in the paper: R reflectance, L lamp, Ψ basis, x code, y signals. ρ_
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.recovery.basis import Basis, fold, interpolate
 from camssf.recovery.covariance import EDGE, FLOOR, LinearisedSignals, Tolerances, covariance
+from camssf.recovery.elastic_net import whiten
 from camssf.recovery.observation import Observation
 
 DARKEST = 0.02
 """Lower limit of the factors by which lamp modes and gain modes change the light."""
 SOURCES = ("noise", "chart", "white", "lamp", "lamp modes", "uneven light")
+
+
+STACK = 7
+"""Largest number of observations computed in one go: more would not fit into the processor's cache."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +71,11 @@ def anchor(basis: Basis, white: Floats) -> Basis:
 
 
 def linear_model(observation: Observation, basis: Basis) -> LinearModel:
+    """The linear model of one observation; see `linear_models`."""
+    return linear_models([observation], basis)[0]
+
+
+def linear_models(observations: Sequence[Observation], basis: Basis) -> list[LinearModel]:
     """The rows and their covariance (docs/maths.md, "The rows" and "What the rows' errors have in common").
 
     Without a mean (the paper's basis, one shot): F s = y with F = R L dλ, L scaled so that Σ ρ_w L dλ = 1;
@@ -101,53 +111,64 @@ def linear_model(observation: Observation, basis: Basis) -> LinearModel:
 
         gains     D_jq = y_cij φ_jq(i),   b += D v̂,   covariance D Dᵀ
                   κ² D Dᵀ within a channel: gains that differ a little from channel to channel
+
+    Observations with equal shapes, as hypotheses on the lamps of one capture, are computed in one go.
     """
     if not basis.mean.any():
-        return _paper_rows(observation, basis)
-    basis = anchor(basis, observation.white_reflectance * observation.lamp[0])
-    power = observation.lamp * STEP
-    reflectance = observation.reflectance
-    given = _Folded(
-        observation, observation.errors(basis), observation.lamp_modes[:, :, ::10],
-        basis.mean[:, ::10], basis.dictionary[:, ::10],
-        fold(power[:, None, :] * reflectance),
-        fold(power[:, None, :] * EDGE * np.gradient(reflectance, STEP, axis=1)),
-        fold(power * observation.white_reflectance),
-        fold(power),
-    )  # fmt: skip
+        return [_paper_rows(observation, basis) for observation in observations]
+    found: dict[int, LinearModel] = {}
+    alike: dict[tuple[object, ...], list[int]] = {}
+    for i, each in enumerate(observations):
+        adjusted = bool(each.lamp_modes.any() or each.gain_modes.any())
+        shapes = each.signals.shape, each.lamp_modes.shape, each.gain_modes.shape, adjusted
+        alike.setdefault(shapes, []).append(i)
+    for group in alike.values():
+        for start in range(0, len(group), STACK):
+            some = group[start : start + STACK]
+            found |= zip(some, _rows_of([observations[i] for i in some], basis), strict=True)
+    return [found[i] for i in range(len(observations))]
+
+
+def _rows_of(observations: Sequence[Observation], basis: Basis) -> Iterator[LinearModel]:
+    """The linear models of observations with equal shapes, all with modes or all without."""
+    given = _fold(observations, basis)
     point = _first_pass(given) if given.modes.any() or given.gains.any() else _start(given)
     rows = _rows(given, point)
-    terms = {source: rows.terms[source][None] for source in SOURCES}
-    terms["lamp modes"] = terms["lamp modes"] + rows.modes @ rows.modes.T
-    terms["uneven light"] = terms["uneven light"] + rows.gains @ rows.gains.T
-    return LinearModel(
-        rows.matrix[None],
-        rows.target[None],
-        np.sum(list(terms.values()), axis=0),
-        terms,
-        observation.lamp * interpolate(point.lamp.T).T,
-        point.curves @ (given.white * point.lamp).T,
-        rows.modes,
-        rows.gains,
-    )
+    rows.terms["lamp modes"] += _outer(rows.modes)
+    rows.terms["uneven light"] += _outer(rows.gains)
+    covariances = _total(rows.terms)
+    lamps = interpolate(np.swapaxes(point.lamp, -1, -2))
+    whites = point.curves @ np.swapaxes(given.white * point.lamp, -1, -2)
+    for i, observation in enumerate(observations):
+        terms = {source: rows.terms[source][i : i + 1] for source in SOURCES}
+        yield LinearModel(
+            rows.matrix[i : i + 1], rows.target[i : i + 1], covariances[i : i + 1], terms,
+            observation.lamp * lamps[i].T, whites[i], rows.modes[i], rows.gains[i],
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class _Folded:
-    """The observation with every integral over the grid folded onto the v nodes.
+    """A stack of h observations with every integral over the grid folded onto the v nodes.
 
     Attributes:
-        observation: as given.
-        standard_error: (k, n, 3), MASKED_STANDARD_ERROR for masked signals.
-        modes: (k, q, v) lamp modes.
-        mean, atoms: (3, v) μ and (3, v, r) Ψ.
-        patches, edges: (k, n, v) R L dλ and 70 nm · dR/dλ L dλ.
-        white, light: (k, v) ρ_w L dλ and L dλ.
+        signals, standard_error: (h, 3, k, n), MASKED_STANDARD_ERROR for masked signals.
+        chart_tolerance, lamp_tolerance, white_tolerance: (h, n), (h, k) and (h, 1, 1).
+        modes: (h, k, q, v) lamp modes.
+        gains, gain_own: (h, k, g, n) gain modes, and (h, 1, 1).
+        mean, atoms: (3, v) μ and (h, 3, v, r) Ψ, anchored.
+        patches, edges: (h, k, n, v) R L dλ and 70 nm · dR/dλ L dλ.
+        white, light: (h, k, v) ρ_w L dλ and L dλ.
     """
 
-    observation: Observation
+    signals: Floats
     standard_error: Floats
+    chart_tolerance: Floats
+    lamp_tolerance: Floats
+    white_tolerance: Floats
     modes: Floats
+    gains: Floats
+    gain_own: Floats
     mean: Floats
     atoms: Floats
     patches: Floats
@@ -155,24 +176,50 @@ class _Folded:
     white: Floats
     light: Floats
 
-    @property
-    def gains(self) -> Floats:
-        """(k, g, n) the gain modes."""
-        return self.observation.gain_modes
+
+def _fold(observations: Sequence[Observation], basis: Basis) -> _Folded:
+    """Stack and fold observations with equal shapes."""
+
+    def stack(name: str) -> Floats:
+        return np.stack([getattr(each, name) for each in observations])
+
+    charts = [each.reflectance for each in observations]
+    reflectance = np.stack(charts[:1] if all(each is charts[0] for each in charts) else charts)
+    power, rho = stack("lamp") * STEP, stack("white_reflectance")[:, None]
+    slope = EDGE * np.gradient(reflectance, STEP, axis=-1)
+    white, mean, atoms = fold(power * rho), basis.mean[:, ::10], basis.dictionary[:, ::10]
+    first = white[:, :1, None]  # (h, 1, 1, v): the scale is fixed by the first shot's white, as in `anchor`
+    errors = np.stack([each.errors(basis) for each in observations])
+    return _Folded(
+        np.moveaxis(stack("signals"), -1, 1),
+        np.moveaxis(errors, -1, 1),
+        stack("chart_tolerance"),
+        stack("lamp_tolerance"),
+        stack("white_tolerance")[:, None, None],
+        stack("lamp_modes")[..., ::10],
+        stack("gain_modes"),
+        stack("gain_own")[:, None, None],
+        mean,
+        atoms - mean[..., None] * ((first @ atoms) / (first @ mean[..., None])),
+        fold(power[:, :, None] * reflectance[:, None]),
+        fold(power[:, :, None] * slope[:, None]),
+        white,
+        fold(power),
+    )
 
 
 @dataclass(frozen=True)
 class _Expansion:
-    """The linearisation point of the rows: curves, lamps and gains, with the covariances of lamp modes and code.
+    """The linearisation points of h hypotheses: curves, lamps and gains, with the covariances of modes and code.
 
     Attributes:
-        curves: (3, v) s₀.
-        lamp: (k, v) 1 + Σ û m.
-        level: (k, n) 1 - ĥ.
-        offset: (k q,) û.
-        gained: (k g,) v̂.
-        mode_covariance: (k q, k q) covariance of u.
-        code_covariance: (3 r, 3 r) covariance of x.
+        curves: (h, 3, v) s₀.
+        lamp: (h, k, v) 1 + Σ û m.
+        level: (h, k, n) 1 - ĥ.
+        offset: (h, k q) û.
+        gained: (h, k g) v̂.
+        mode_covariance: (h, k q, k q) covariance of u.
+        code_covariance: (h, 3 r, 3 r) covariance of x.
     """
 
     curves: Floats
@@ -186,7 +233,7 @@ class _Expansion:
 
 @dataclass(frozen=True)
 class _Rows:
-    """The linear model at a point: A, b, D of lamps (N, k q) and of gains (N, k g), and Σ by source without D Dᵀ."""
+    """The models at points: A, b, D of lamps (h, N, k q) and of gains (h, N, k g), and Σ by source without D Dᵀ."""
 
     matrix: Floats
     target: Floats
@@ -197,10 +244,11 @@ class _Rows:
 
 def _start(given: _Folded) -> _Expansion:
     """The linearisation point at the prior means: μ, the lamp as given, even light; u and x ~ N(0, I)."""
-    (k, q, v), (_, g, n) = given.modes.shape, given.gains.shape
+    (h, k, q, v), (_, _, g, n), r = given.modes.shape, given.gains.shape, given.atoms.shape[-1]
+    one = np.ones((h, 1, 1))
     return _Expansion(
-        given.mean, np.ones((k, v)), np.ones((k, n)), np.zeros(k * q), np.zeros(k * g), np.eye(k * q),
-        np.eye(3 * given.atoms.shape[2]),
+        one * given.mean, np.ones((h, k, v)), np.ones((h, k, n)), np.zeros((h, k * q)), np.zeros((h, k * g)),
+        one * np.eye(k * q), one * np.eye(3 * r),
     )  # fmt: skip
 
 
@@ -212,128 +260,135 @@ def _first_pass(given: _Folded) -> _Expansion:
     """
     rows = _rows(given, _start(given))
     # Whitened by P = L Lᵀ: an explicit P⁻¹ loses twice the digits, and modes may raise P's condition above 1e12.
-    spread = np.sum(list(rows.terms.values()), axis=0) + rows.matrix @ rows.matrix.T
-    columns = np.concatenate([rows.matrix, rows.target[:, None], rows.modes, rows.gains], axis=1)
-    whitened = _whiten(spread, columns)
-    r = rows.matrix.shape[1]
-    matrix, target, modes = (whitened[:, part] for part in (slice(r), r, slice(r + 1, None)))
-    precision = np.eye(modes.shape[1]) + modes.T @ modes
-    root = _whiten(precision, np.column_stack([np.eye(len(precision)), modes.T @ target]))
-    back, pull = root[:, :-1], root[:, -1]
-    found = back.T @ pull
-    code = (matrix.T @ (target - modes @ found)).reshape(3, -1)
-    (k, q, _), lamps = given.modes.shape, rows.modes.shape[1]
-    offset, gained = found[:lamps], found[lamps:]
-    bend = 1.0 + np.einsum("kq,kqv->kv", offset.reshape(k, q), given.modes)
+    spread = _total(rows.terms)
+    spread += _outer(rows.matrix)
+    columns, target, _ = whiten(np.concatenate([rows.matrix, rows.modes, rows.gains], axis=-1), rows.target, spread)
+    r, target = rows.matrix.shape[-1], target[..., None]
+    matrix, modes = columns[..., :r], columns[..., r:]
+    across = np.swapaxes(modes, -1, -2)
+    precision = np.eye(modes.shape[-1]) + across @ modes
+    root, pull, _ = whiten(np.eye(len(precision[0])) + 0.0 * precision, (across @ target)[..., 0], precision)
+    back = np.swapaxes(root, -1, -2)
+    found = back @ pull[..., None]
+    (h, k, q, _), lamps = given.modes.shape, rows.modes.shape[-1]
+    code = (np.swapaxes(matrix, -1, -2) @ (target - modes @ found)).reshape(h, 3, -1, 1)
+    offset, gained = found[:, :lamps, 0], found[:, lamps:, 0]
+    bend = 1.0 + (offset.reshape(h, k, 1, q) @ given.modes)[:, :, 0]
     return _Expansion(
-        given.mean + np.einsum("cvr,cr->cv", given.atoms, code),
+        given.mean + (given.atoms @ code)[..., 0],
         np.maximum(bend, DARKEST),
-        levels(gained.reshape(k, -1), given.gains),
+        levels(gained.reshape(h, k, -1), given.gains),
         offset,
         gained,
-        back[:, :lamps].T @ back[:, :lamps],
-        np.eye(r) - matrix.T @ matrix,
+        _outer(back[:, :lamps]),
+        np.eye(r) - np.swapaxes(matrix, -1, -2) @ matrix,
     )
 
 
-def _whiten(covariance: Floats, columns: Floats) -> Floats:
-    """L⁻¹ columns with covariance = L Lᵀ."""
-    return np.asarray(solve_triangular(np.linalg.cholesky(covariance), columns, lower=True))
+def _total(terms: dict[str, Floats]) -> Floats:
+    """Sum of the terms, in place: a new stack of matrices for each sum would cost more than the sum."""
+    total = np.zeros_like(terms["noise"])
+    for term in terms.values():
+        total += term
+    return total
+
+
+def _outer(factors: Floats) -> Floats:
+    """D Dᵀ of each hypothesis."""
+    return np.asarray(factors @ np.swapaxes(factors, -1, -2))
 
 
 def _rows(given: _Folded, point: _Expansion) -> _Rows:
-    """The rows at a point. A has ŷ in place of y if the shot's lamp has modes, since y is not linear in them."""
-    k, n, _ = given.observation.signals.shape
-    measured, se = (
-        np.moveaxis(each, -1, 0) for each in (given.observation.signals, given.standard_error)
-    )  # (3, k, n)
-    y = measured * point.level
+    """The rows at points. A has ŷ in place of y if the shot's lamp has modes, since y is not linear in them."""
+    h, _, k, n = given.signals.shape
+    y = given.signals * point.level[:, None]
     curve = point.curves
-    white = curve @ (given.white * point.lamp).T  # (3, k) W
-    per_white = (point.lamp / white[:, :, None])[:, :, None]  # (3, k, 1, v)
-    patches = given.patches * per_white  # (3, k, n, v) R L dλ / W
-    seen_white = given.white[:, None] * per_white  # (3, k, 1, v)
-    expected = np.einsum("cknv,cv->ckn", patches, curve)  # ŷ
-    lamp_has_modes = np.any(given.modes, axis=(1, 2))[:, None]
+    white = curve @ np.swapaxes(given.white * point.lamp, -1, -2)  # (h, 3, k) W
+    per_white = (point.lamp[:, None] / white[..., None])[:, :, :, None]  # (h, 3, k, 1, v)
+    patches = given.patches[:, None] * per_white  # (h, 3, k, n, v) R L dλ / W
+    seen_white = given.white[:, None, :, None] * per_white  # (h, 3, k, 1, v)
+    expected = (patches @ curve[:, :, None, :, None])[..., 0]  # ŷ
+    lamp_has_modes = np.any(given.modes, axis=(2, 3))[:, None, :, None]
     about = np.where(lamp_has_modes, expected, y)
     a = patches - about[..., None] * seen_white
-    matrix = np.einsum("cknv,cvr->cknr", a, given.atoms)
-    target = (y - about) - np.einsum("cknv,cv->ckn", a, given.mean)
+    matrix = a @ given.atoms[:, :, None]
+    target = (y - about) - (a @ given.mean[:, None, :, None])[..., 0]
 
-    s = curve[:, None, None]
+    s = curve[:, :, None, None]
     channel, shot, patch = (index.ravel() for index in np.indices((3, k, n)))
-    each_row = np.ones((1, 1, n, 1))
     seen = LinearisedSignals(
-        channel, shot, patch, y.ravel(), expected.ravel(), (se * point.level).ravel(),
-        *((part * s * each_row).reshape(3 * k * n, -1) for part in (
-            patches, given.edges * per_white, given.light[:, None] * per_white, seen_white,
+        channel, shot, patch,
+        *(part.reshape(h, -1) for part in (y, expected, given.standard_error * point.level[:, None])),
+        *(np.broadcast_to(part * s, patches.shape).reshape(h, 3 * k * n, -1) for part in (
+            patches, given.edges[:, None] * per_white, given.light[:, None, :, None] * per_white, seen_white,
         )),
     )  # fmt: skip
-    known = Tolerances(
-        given.observation.chart_tolerance[patch],
-        given.observation.white_tolerance,
-        given.observation.lamp_tolerance[shot],
-    )
+    known = Tolerances(given.chart_tolerance[:, patch], given.white_tolerance, given.lamp_tolerance[:, shot])
     terms = covariance(seen, known)
-    modes, bent = _bend(given, point, patches - expected[..., None] * seen_white, seen_white)
-    spread = bent @ point.code_covariance
-    spread = np.einsum("Nqr,qp->Npr", spread, point.mode_covariance)
-    terms["lamp modes"] = spread.reshape(len(shot), -1) @ bent.reshape(len(shot), -1).T
-    gains = gain_rows(measured, given.gains)
-    own = channel[:, None] == channel
-    terms["uneven light"] = own * (given.observation.gain_own**2 * (gains @ gains.T))
-    target = target.ravel() + modes @ point.offset + gains @ point.gained
-    return _Rows(_by_channel(matrix.reshape(3, k * n, -1)), target, modes, gains, terms)
+    relative = (patches - expected[..., None] * seen_white) / point.lamp[:, None, :, None]
+    modes, terms["lamp modes"] = _bend(given, point, relative, seen_white / point.lamp[:, None, :, None])
+    gains = gain_rows(given.signals, given.gains)
+    terms["uneven light"] = (channel[:, None] == channel) * (given.gain_own**2 * _outer(gains))
+    target = target.reshape(h, -1) + (modes @ point.offset[..., None] + gains @ point.gained[..., None])[..., 0]
+    return _Rows(_by_channel(matrix.reshape(h, 3, k * n, -1)), target, modes, gains, terms)
 
 
 def _bend(given: _Folded, point: _Expansion, a: Floats, white: Floats) -> tuple[Floats, Floats]:
-    """D = ∂y / ∂u (N, k q) of the lamp modes, and B = ∂²y / ∂u ∂x (N, k q, 3 r).
+    """D = ∂y / ∂u (h, N, k q) of the lamp modes, and the covariance (h, N, N) of the curvature B = ∂²y / ∂u ∂x.
 
-    a is (R - ŷ ρ_w) L dλ / W, (3, k, n, v); white is ρ_w L dλ / W, (3, k, 1, v).
+    a is (R - ŷ ρ_w) L dλ / W, (h, 3, k, n, v), and white ρ_w L dλ / W, (h, 3, k, 1, v), of the lamps as given.
     """
-    curve, modes = point.curves[:, None, None], given.modes
-    if not modes.shape[1]:  # the usual case: a lamp without modes
-        rows, r = a.size // a.shape[-1], given.atoms.shape[2]
-        return np.zeros((rows, 0)), np.zeros((rows, 0, 3 * r))
-    relative = a / point.lamp[:, None]  # the modes are relative to the lamp as given
-    steps = np.einsum("cknv,kqv->cknq", relative * curve, modes)
+    (h, k, q, _), (*_, n, _), r = given.modes.shape, a.shape, given.atoms.shape[-1]
+    N = 3 * k * n
+    if not q:  # the usual case: a lamp without modes
+        return np.zeros((h, N, 0)), np.zeros((h, N, N))
+    curve, modes = point.curves[:, :, None, None], given.modes[:, None]  # (h, 3, 1, 1, v) and (h, 1, k, q, v)
+    lamp, atoms = point.lamp[:, None, :, None], given.atoms[:, :, None]
+    steps = (a * curve) @ np.swapaxes(modes, -1, -2)  # (h, 3, k, n, q)
     # ∂²y / ∂u ∂x, where y is a quotient N / D and D = 1: ∂²N - ∂D ∂y - ∂y ∂D
-    bent = np.einsum("cknv,kqv,cvr->cknqr", relative, modes, given.atoms, optimize=True)
-    off = np.einsum("cknv,kqv->cknq", white / point.lamp[:, None] * curve, modes)
-    bent -= off[..., None] * np.einsum("cknv,cvr->cknr", a, given.atoms)[:, :, :, None]
-    bent -= steps[..., None] * np.einsum("cknv,cvr->cknr", white, given.atoms)[:, :, :, None]
-    return np.concatenate(_by_shot(steps[..., None])[..., 0]), _by_channel(_by_shot(bent))
+    bent = (a[..., None, :] * modes[:, :, :, None]) @ atoms[:, :, :, None]  # (h, 3, k, n, q, r)
+    bent -= ((white * curve) @ np.swapaxes(modes, -1, -2))[..., None] * ((a * lamp) @ atoms)[..., None, :]
+    bent -= steps[..., None] * ((white * lamp) @ atoms)[..., None, :]
+    B = _by_shot(bent)  # (h, 3, k n, k q, r)
+    # Of C ⊗ X, rows of two channels have the block of X between these channels in common.
+    X = np.swapaxes(point.code_covariance.reshape(h, 3, r, 3, r), 2, 3)  # (h, 3, 3, r, r)
+    left = point.mode_covariance[:, None, None] @ B  # (h, 3, k n, k q, r)
+    left = (left.reshape(h, 3, 1, -1, r) @ X).reshape(h, 3, 3, k * n, -1)
+    across = np.swapaxes(B.reshape(h, 1, 3, k * n, -1), -1, -2)
+    spread = np.swapaxes(left @ across, 2, 3).reshape(h, N, N)
+    return _by_shot(steps[..., None]).reshape(h, N, k * q), spread
 
 
 def levels(code: Floats, modes: Floats) -> Floats:
-    """1 - ĥ (k, n) from v̂ (k, g) and gain modes (k, g, n), at least DARKEST; ones if v̂ is empty."""
+    """1 - ĥ (..., k, n) from v̂ (..., k, g) and gain modes (..., k, g, n), at least DARKEST; ones if v̂ is empty."""
     if not code.size:
-        return np.ones((len(modes), modes.shape[2]))
-    return np.asarray(np.maximum(1.0 - np.einsum("kg,kgn->kn", code, modes), DARKEST))
+        return np.ones((*modes.shape[:-2], modes.shape[-1]))
+    return np.asarray(np.maximum(1.0 - (code[..., None, :] @ modes)[..., 0, :], DARKEST))
 
 
 def gain_rows(signals: Floats, modes: Floats) -> Floats:
-    """D (3 k n, k g) of gain modes φ (k, g, n) and measured signals y (3, k, n): y φ, zero between shots."""
-    steps = signals[..., None] * np.swapaxes(modes, 1, 2)  # (3, k, n, g)
-    return np.asarray(np.concatenate(_by_shot(steps[..., None])[..., 0]))
+    """D (h, 3 k n, k g) of gain modes φ (h, k, g, n) and measured signals y (h, 3, k, n): y φ, zero between shots."""
+    h, k, g, n = modes.shape
+    steps = signals[..., None] * np.swapaxes(modes, -1, -2)[:, None]  # (h, 3, k, n, g)
+    return _by_shot(steps[..., None]).reshape(h, 3 * k * n, k * g)
 
 
 def _by_channel(factors: Floats) -> Floats:
-    """Factors (3, rows, ..., r) as one block a channel: (3 rows, ..., 3 r), zero between channels."""
-    _, rows, *between, r = factors.shape
-    blocks = np.zeros((3, rows, *between, 3, r))
+    """Factors (h, 3, rows, r) as one block a channel: (h, 3 rows, 3 r), zero between channels."""
+    h, _, rows, r = factors.shape
+    blocks = np.zeros((h, 3, rows, 3, r))
     for c in range(3):
-        blocks[c, ..., c, :] = factors[c]
-    return blocks.reshape(3 * rows, *between, 3 * r)
+        blocks[:, c, :, c] = factors[:, c]
+    return blocks.reshape(h, 3 * rows, 3 * r)
 
 
 def _by_shot(factors: Floats) -> Floats:
-    """Factors (3, k, n, q, p) as one block a shot: (3, k n, k q, p), zero between shots."""
-    _, k, n, q, p = factors.shape
-    blocks = np.zeros((3, k, n, k, q, p))
+    """Factors (h, 3, k, n, q, p) as one block a shot: (h, 3, k n, k q, p), zero between shots."""
+    h, _, k, n, q, p = factors.shape
+    blocks = np.zeros((h, 3, k, n, k, q, p))
     for j in range(k):
-        blocks[:, j, :, j] = factors[:, j]
-    return blocks.reshape(3, k * n, k * q, p)
+        blocks[:, :, j, :, j] = factors[:, :, j]
+    return blocks.reshape(h, 3, k * n, k * q, p)
 
 
 def _paper_rows(observation: Observation, basis: Basis) -> LinearModel:

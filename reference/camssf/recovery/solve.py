@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
 
 from camssf.grid import Floats
+from camssf.recovery.basis import Basis
 from camssf.recovery.duality_gap import duality_gap
 from camssf.recovery.elastic_net import ElasticNet, whiten
 from camssf.recovery.layers import DEPTH, LAYERS
-from camssf.recovery.linear_model import LinearModel
+from camssf.recovery.linear_model import LinearModel, linear_models
+from camssf.recovery.observation import Observation
 from camssf.recovery.pivoting import SETTLED, finish_steps
 from camssf.recovery.pivoting import pivot_to_optimum as walk
 
@@ -69,23 +71,28 @@ def solve(
         z = LAYERS[layers](problem).unroll(depth)
         before = duality_gap(problem, z)[1]
         x, taken = walk(problem, z, steps) if steps and before > SETTLED else (z, 0)
-        found.append((x, *duality_gap(problem, x), before, taken, problem.H, _evidence(problem, log_det)))
+        evidence = _evidences(rows, target, log_det)
+        found.append((x, *duality_gap(problem, x), before, taken, problem.H, evidence))
     return Code(*(np.array(each) for each in zip(*found, strict=True)))
 
 
-def log_evidence(linear: LinearModel) -> float:
-    """`Code.log_evidence` of one problem in closed form, without solving it."""
-    rows, target, log_det = whiten(linear.matrix[0], linear.target[0], linear.covariance[0])
-    return _evidence(ElasticNet(rows, target, 1.0, 0.0, False), log_det)
+def log_evidences(observations: Sequence[Observation], basis: Basis) -> Floats:
+    """`Code.log_evidence` of each observation in closed form, without solving it."""
+    models = linear_models(observations, basis)
+    matrix, target, covariance = (
+        np.concatenate([getattr(each, name) for each in models]) for name in ("matrix", "target", "covariance")
+    )
+    return _evidences(*whiten(matrix, target, covariance))
 
 
-def _evidence(problem: ElasticNet, log_det: float) -> float:
-    """-½ (bᵀ P⁻¹ b + ln det P) from whitened rows: P = L (I + A Aᵀ) Lᵀ, Σ = L Lᵀ.
+def _evidences(A: Floats, b: Floats, log_det: Floats) -> Floats:
+    """-½ (bᵀ P⁻¹ b + ln det P) from whitened rows (..., N, r): P = L (I + A Aᵀ) Lᵀ, Σ = L Lᵀ.
 
     With K = H + I and the posterior mean x̂ = K⁻¹ g, bᵀ P⁻¹ b = ‖b - A x̂‖² + ‖x̂‖², which an error of x̂ changes in
     second order only, and ln det P = ln det Σ + ln det K.
     """
-    root = cho_factor(problem.H + np.eye(problem.g.size))
-    x = cho_solve(root, problem.g)
-    r = problem.b - problem.A @ x
-    return float(-0.5 * (r @ r + x @ x + log_det) - np.log(np.diag(root[0])).sum())
+    across, b = np.swapaxes(A, -1, -2), b[..., None]
+    K = across @ A + np.eye(A.shape[-1])
+    x = np.linalg.solve(K, across @ b)
+    squares = np.sum((b - A @ x) ** 2, axis=(-2, -1)) + np.sum(x**2, axis=(-2, -1))
+    return np.asarray(-0.5 * (squares + log_det + np.linalg.slogdet(K)[1]))

@@ -14,10 +14,9 @@ from dataclasses import replace
 import numpy as np
 
 from camssf.recovery.basis import Basis, read_basis
-from camssf.recovery.linear_model import linear_model
 from camssf.recovery.observation import Observation
 from camssf.recovery.sensitivity import FamilyTest, Ssf
-from camssf.recovery.solve import log_evidence
+from camssf.recovery.solve import log_evidences
 from camssf.rules import rules
 
 _NUMBER = rules().number
@@ -60,7 +59,7 @@ def lamp_residual(observation: Observation, basis: Basis, log_evidence_: float, 
     """
     declared = observation.lamp_tolerance
     loose = np.where(named, np.maximum(declared, LAMP_ERROR), declared)
-    return log_evidence(linear_model(replace(observation, lamp_tolerance=loose), basis)) - log_evidence_
+    return float(log_evidences([replace(observation, lamp_tolerance=loose)], basis)[0]) - log_evidence_
 
 
 def longest_code(basis: str, *, named: bool) -> float:

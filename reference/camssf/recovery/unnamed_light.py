@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -41,7 +42,7 @@ from camssf.recovery.sensitivity import (
     half_width_of,
     predict_signals,
 )
-from camssf.recovery.solve import log_evidence
+from camssf.recovery.solve import log_evidences
 from camssf.recovery.unfamiliar_camera import WIDER, family_test
 from camssf.rules import rules
 from camssf.spectra.charts import faded
@@ -97,11 +98,6 @@ class LampHypothesis:
         return widened(basis_of(self.basis), self.scale)
 
     @property
-    def log_evidence(self) -> float:
-        """ln of the marginal likelihood of the signals, up to a constant common to all hypotheses."""
-        return log_evidence(linear_model(self.guess.observation, self.widened_basis))
-
-    @property
     def log_prior(self) -> float:
         """ln of its prior odds: of the kinds of light, times those of the basis."""
         return self.guess.belief + self.belief
@@ -153,7 +149,8 @@ def recover_in_any_light(
         return found, family_test(best.observation, learned, [not kind for kind in best.kinds])
 
     def evidence(fading: float) -> float:
-        return float(np.logaddexp.reduce([each.log_evidence + each.log_prior for each in hypotheses(fading)]))
+        given = hypotheses(fading)
+        return float(np.logaddexp.reduce(_evidences(given) + [each.log_prior for each in given]))
 
     def wider(name: str, fading: float) -> Ssf:
         return solved([replace(each, scale=WIDER) for each in hypotheses(fading) if each.basis == name], fading)
@@ -164,7 +161,7 @@ def recover_in_any_light(
 def likely_kinds(guesses: Sequence[LampGuess], basis: str | Basis, prior: Mapping[str, float]) -> list[str]:
     """The kinds of one shot's light that are probable enough to be combined with those of other shots."""
     hypotheses = _hypotheses(guesses, basis, prior)
-    likely = probabilities(np.array([each.log_evidence + each.log_prior for each in hypotheses]))
+    likely = probabilities(_evidences(hypotheses) + [each.log_prior for each in hypotheses])
     share = dict.fromkeys((guess.kinds[0] for guess in guesses), 0.0)
     for each, probability in zip(hypotheses, likely, strict=True):
         share[each.guess.kinds[0]] += float(probability)
@@ -184,6 +181,17 @@ def _hypotheses(
         belief = prior_belief(name, prior or {}) if basis == AUTO else 0.0
         found += [LampHypothesis(guess, each, scale * prior_scale, belief) for guess in guesses]
     return found
+
+
+def _evidences(hypotheses: Sequence[LampHypothesis]) -> Floats:
+    """ln of the marginal likelihood of the signals under each hypothesis, up to a common constant.
+
+    `_hypotheses` lists the guesses of one basis after those of another; each basis is weighed in one go.
+    """
+    by_basis = (list(own) for _, own in groupby(hypotheses, key=lambda each: (each.name, each.scale)))
+    return np.concatenate(
+        [log_evidences([each.guess.observation for each in own], own[0].widened_basis) for own in by_basis]
+    )
 
 
 def _answer(hypothesis: LampHypothesis, settings: SolverSettings) -> Ssf:
@@ -216,7 +224,7 @@ def _recover(hypotheses: Sequence[LampHypothesis], of: Floats | None, settings: 
             f"The {without.name} basis has no prior, so the light cannot be estimated.",
             "Name the lamp, or choose the basis phones.",
         )
-    nats = np.array([each.log_evidence for each in hypotheses])
+    nats = _evidences(hypotheses)
     likely = probabilities(nats + [each.log_prior for each in hypotheses])
     weighed = tuple(
         Hypothesis(each.name, float(size), float(share), each.guess.kinds)

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
 from camssf.fit.capture_fit import CaptureFit
 from camssf.recovery.basis import basis_of, widened
 from camssf.recovery.hypotheses import AUTO, MAKERS_OF
-from camssf.recovery.linear_model import linear_model
+from camssf.recovery.observation import Observation
 from camssf.recovery.sensitivity import Ssf
-from camssf.recovery.solve import log_evidence
+from camssf.recovery.solve import log_evidences
 from camssf.rules import rules
-from camssf.spectra import read_lamp
+from camssf.spectra import Lamp, read_lamp
 from camssf.verdict.goodness_of_fit import VerdictInputs
 from camssf.verdict.judge import judge
 from camssf.verdict.lamp import MOST_SHOTS_COMPARED, RIVALS, Neutral, Rival
@@ -53,8 +54,7 @@ def weigh(fit: CaptureFit, ssf: Ssf, alone: Sequence[Ssf], new: int | None = Non
         ssf,
         rivals=lambda: weigh_rivals(fit, ssf, new),
         neutrals=[
-            [Neutral(read_lamp(each.light).values, each.white) for each in shot.photo.colour_matrices]
-            for shot in shots
+            [Neutral(_lamp(each.light).values, each.white) for each in shot.photo.colour_matrices] for shot in shots
         ],
         alone=alone,
         family=next(iter(fit.prior_odds), None) if fit.basis == AUTO else None,
@@ -85,17 +85,26 @@ def weigh_rivals(fit: CaptureFit, ssf: Ssf, new: int | None = None) -> tuple[Riv
     bases = [widened(basis_of(each), scale) for each in families]
     beliefs = [np.log(fit.prior_odds.get(MAKERS_OF[basis.name], 1.0)) if len(bases) > 1 else 0.0 for basis in bases]
 
-    def weighed(posed: CaptureFit) -> float:
-        given = posed.given(used)
-        return float(np.logaddexp.reduce([
-            log_evidence(linear_model(given, basis)) + belief for basis, belief in zip(bases, beliefs, strict=True)
-        ]))  # fmt: skip
+    rivals = [(j, name) for j in range(len(capture.shots[:new])) if named[j] for name in RIVALS]
+    if not rivals:
+        return ()
+    given = fit.given(used)
+    observations = [given, *(_with_lamp(given, j, _lamp(name)) for j, name in rivals)]
+    nats = np.logaddexp.reduce([log_evidences(observations, basis) + belief
+                                for basis, belief in zip(bases, beliefs, strict=True)])  # fmt: skip
+    return tuple(Rival(j, name, float(gain)) for (j, name), gain in zip(rivals, nats[1:] - nats[0], strict=True))
 
-    given = weighed(fit) if any(named) else 0.0
-    found = []
-    for j, shot in enumerate(capture.shots[:new]):
-        for name in RIVALS if named[j] else ():
-            shots = (*capture.shots[:j], replace(shot, lamp=read_lamp(name)), *capture.shots[j + 1 :])
-            other = replace(fit, capture=replace(capture, shots=shots))
-            found.append(Rival(j, name, weighed(other) - given))
-    return tuple(found)
+
+@cache
+def _lamp(name: str) -> Lamp:
+    """A rival lamp, read once, because every verdict needs the same ones."""
+    return read_lamp(name)
+
+
+def _with_lamp(observation: Observation, j: int, lamp: Lamp) -> Observation:
+    """The observation with another lamp, without modes, of shot j."""
+    power, tolerance, modes = (
+        array.copy() for array in (observation.lamp, observation.lamp_tolerance, observation.lamp_modes)
+    )
+    power[j], tolerance[j], modes[j] = lamp.values, lamp.tolerance, 0.0
+    return replace(observation, lamp=power, lamp_tolerance=tolerance, lamp_modes=modes)

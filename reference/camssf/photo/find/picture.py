@@ -48,11 +48,14 @@ def codes_of_mosaic(mosaic: Mosaic) -> SearchImage:
     factor = _factor(rows, columns)
     rows, columns = rows // factor, columns // factor
     light = np.zeros((rows, columns, 3))
-    for place in range(4):
-        row, column = divmod(place, 2)
-        plane = mosaic.samples[row::2, column::2][: rows * factor, : columns * factor]
-        total = _sums(plane, factor)
-        light[:, :, "RGB".index(mosaic.cfa[place])] += total - factor * factor * float(mosaic.black[row, column])
+    for row in (0, 1):
+        lines = np.zeros((rows, width), dtype=np.uint32)
+        for v in range(factor):
+            lines += mosaic.samples[row + 2 * v :: 2 * factor][:rows]
+        for column in (0, 1):
+            total = sum(lines[:, column + 2 * u :: 2 * factor][:, :columns] for u in range(factor))
+            colour = "RGB".index(mosaic.cfa[2 * row + column])
+            light[:, :, colour] += total - factor * factor * float(mosaic.black[row, column])
     return SearchImage(_roots(light), 2 * factor)
 
 
@@ -105,15 +108,6 @@ def _factor(height: int, width: int) -> int:
             f"Give one of {SMALLEST} px a side at least, better 640 × 480.",
         )
     return max(1, -(-max(height, width) // LONGEST))
-
-
-def _sums(plane: NDArray[Any], factor: int) -> NDArray[np.int64]:
-    """Sums of factor × factor whole numbers."""
-    total = np.zeros((plane.shape[0] // factor, plane.shape[1] // factor), dtype=np.int64)
-    for v in range(factor):
-        for u in range(factor):
-            total += plane[v::factor, u::factor][: total.shape[0], : total.shape[1]]
-    return total
 
 
 def _blocks(values: NDArray[np.int64], factor: int) -> NDArray[np.int64]:

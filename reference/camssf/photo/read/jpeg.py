@@ -244,14 +244,19 @@ def _scan(
     return predictor, shift, tuple(_codes(tuple(sorted(defined[n].items()))) for n in which)
 
 
+@lru_cache(1)
+def _categories() -> NDArray[np.intp]:
+    """(65536,) category of each difference modulo 2^16: the bits of its size."""
+    differences = np.abs((np.arange(65536) + 32767) % 65536 - 32767)
+    return np.searchsorted(1 << np.arange(17), differences, side="right")
+
+
 @lru_cache(16)
 def _codes(of: tuple[tuple[int, str], ...]) -> HuffmanCodes:
-    differences = np.abs((np.arange(65536) + 32767) % 65536 - 32767)
-    category = np.searchsorted(1 << np.arange(17), differences, side="right")
     bits = np.zeros(17, np.uint8)
     for n, code in of:
         bits[n] = len(code) + n % 16  # category 16 is only 32768, without extra bits
-    return HuffmanCodes(dict(of), bits[category])
+    return HuffmanCodes(dict(of), bits[_categories()])
 
 
 def _segments(tiff: Tiff, data: bytes, start: int, count: int) -> list[tuple[int, int]]:

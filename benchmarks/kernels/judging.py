@@ -1,0 +1,61 @@
+"""What does judging cost, in fits of the capture? `python -m benchmarks.kernels.judging`
+
+One small simulated photo under D55, the lamp named: the verdict, which weighs all rival lamps, and a fit of the same
+signals (one run of the model) take turns. On the basis cameras, and where the signals choose the basis. One thread,
+medians of the ratios pair by pair. Before the rivals were weighed in one go judging took 11 fits on the basis cameras
+and 18 where the signals choose; the goal is a third of that. Exit status 1 where a bar is missed.
+"""
+
+from __future__ import annotations
+
+import statistics
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from benchmarks.shared import command_parser, console, one_thread, save, table, versions
+from camssf import Options
+from camssf.fit.capture_fit import prepare_fit
+from camssf.fit.solutions import recover_fit
+from camssf.photo.capture import measure
+from camssf.simulation.frames import simulate
+from camssf.simulation.scene import Scene
+from camssf.verdict.rival_lamps import weigh
+
+BARS = {"cameras": (6.5, 3.6), "auto": (11.0, 6.0)}
+"""Judging on a basis, in fits on the basis cameras: bar and goal."""
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Measure; 1 where a bar is missed."""
+    parser = command_parser(__spec__, __doc__)
+    parser.add_argument("--runs", type=int, default=31)
+    runs = parser.parse_args(arguments).runs
+    with tempfile.TemporaryDirectory() as folder:
+        made = simulate("Nikon 5100 (NPL)", "D55", Path(folder), scene=Scene(size=(900, 675)))
+        capture = measure(made.shots[0].chart, "D55")
+    single = prepare_fit(capture, Options(basis="cameras"))
+    rows = []
+    for basis in BARS:
+        fit = prepare_fit(capture, Options(basis=basis))
+        ssf = recover_fit(fit, fit.signals.used, None)
+        times = []
+        for _ in range(runs):
+            start = time.perf_counter()
+            recover_fit(single, fit.signals.used, None)
+            middle = time.perf_counter()
+            weigh(fit, ssf, [])
+            times.append((middle - start, time.perf_counter() - middle))
+        one, whole = (round(1e3 * statistics.median(each), 1) for each in zip(*times, strict=True))
+        ratio = round(statistics.median(b / a for a, b in times), 2)
+        rows.append((basis, one, whole, ratio, *BARS[basis]))
+    head = ["basis", "a fit, ms", "judging, ms", "ratio", "bar", "goal"]
+    console().print(table(f"Judging one photo, {runs} pairs", head, rows))
+    print(f"written: {save('judging', {'rows': rows, 'runs': runs, 'versions': versions()})}")
+    return int(any(ratio > bar for *_, ratio, bar, _ in rows))
+
+
+if __name__ == "__main__":
+    one_thread(__spec__)
+    sys.exit(main())
