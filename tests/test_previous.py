@@ -316,5 +316,7 @@ def test_the_torch_s_spectrum_is_measured_against_a_named_lamp() -> None:
     document = found.document()
     check_document(document, "result.json")
     assert document["shots"][0]["light"]["power"] == light.power.tolist()
-    again = read_previous(accepted(found)).joined(later("A"))
+    (shot,) = later("A").shots
+    new = replace(later("A"), shots=(replace(shot, photo=replace(shot.photo, sha256="2" * 64)),))
+    again = read_previous(accepted(found)).joined(new)
     assert [shot.lamp.name for shot in again.shots] == ["auto", "D55"]  # the torch's shot identifies no curves
