@@ -255,7 +255,7 @@ def test_a_phone_in_any_light(lamp: str, kind: str) -> None:
     if kind == "white-led":
         (reason,) = done.verdict.reasons
         assert reason.value == done.ssf.band_ratio > rules().number("verdict.band_ratio")
-        assert "little more than the curves of a typical phone" in reason.message
+        assert "the limit is 65%" in reason.message
         assert "another kind of light" in reason.advice
     else:
         assert done.verdict.status == "accepted"

@@ -21,13 +21,14 @@ from camssf.errors import CalibrationError, InvalidArgument, UnitDiffers
 from camssf.fit.capture_fit import prepare_fit
 from camssf.grid import Floats
 from camssf.options import Options
-from camssf.photo.capture import Capture
+from camssf.photo.capture import Capture, MeasuredShot
+from camssf.photo.patches import FrameMeans, PatchMeans
 from camssf.photo.shot import Shot
 from camssf.photo.signals import normalise
 from camssf.result import Calibration
 from camssf.rules import rules
 from camssf.spectra import Unnamed, read_lamp
-from camssf.spectra.lamps import with_tolerance
+from camssf.spectra.lamps import read_light, with_tolerance
 from camssf.verdict.unit_drift import STEPS, moves
 from golden.forms import resolve
 from golden.scenes import PHONE
@@ -262,3 +263,60 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert "previous one by itself" in capsys.readouterr().err
     with pytest.raises(InvalidArgument, match="cannot be read"):
         calibrate(Shot(photo), previous=tmp_path / "none.json")
+
+
+# -- the torch -----------------------------------------------------------------------------------------------------
+
+
+def torch_shot(dark: bool = False) -> MeasuredShot:
+    """The chart under a LED torch and half as much fluorescent light, which the frame with the torch off subtracts.
+
+    With `dark`: by the torch alone, in a dark room. Noise of both frames: hypot(0.1 % of the signal, 0.0002).
+    """
+    phone, chart = resolve(PHONE), TABLE.values
+    torch, room = (read_lamp(name).values for name in ("LED-B3", "FL2"))
+    on = (chart * torch) @ phone
+    span, noise = on.max(), np.random.default_rng(3 + dark)
+    off = 0.0 * on if dark else 0.5 * (chart * room) @ phone * np.linspace(0.3, 1.0, 24)[:, None]  # uneven
+    (shot,) = later("A").shots
+
+    def frame(signal: Floats) -> FrameMeans:
+        y = signal / span
+        error = np.hypot(0.001 * y, 0.0002)
+        mean, still = 512.0 + 9000.0 * (y + error * noise.normal(size=y.shape)), np.zeros_like(y)
+        return FrameMeans(mean, 9000.0 * error, np.full(y.shape, 36), still, still, still, mean[:, [1, 1]])
+
+    means = PatchMeans(frame(on + off), None, frame(off), np.full(3, 512.0), 16383.0)
+    return replace(shot, lamp=read_light("torch"), white=None, means=means)
+
+
+def under_torch(shot: MeasuredShot) -> Capture:
+    return replace(later("A"), shots=(shot,))
+
+
+def test_on_minus_off_is_the_torch_alone() -> None:
+    """Whatever light was there as well: the signals agree within their errors, and the errors of both are in it."""
+    pair, alone = (normalise([torch_shot(dark).means], TABLE) for dark in (False, True))
+    off = (pair.values - alone.values)[pair.used] / np.hypot(pair.standard_error, alone.standard_error)[pair.used]
+    assert 0.6 < np.mean(off**2) < 1.5
+    assert (pair.standard_error > alone.standard_error)[pair.used].mean() > 0.95
+
+
+def test_the_torch_s_spectrum_is_measured_against_a_named_lamp() -> None:
+    """Together with a calibration in daylight: found within its band, and more certain than by the torch alone."""
+    true = read_lamp("LED-B3").values
+    alone, found = (solve(under_torch(torch_shot()), previous=each) for each in (None, previous()))
+    assert [shot.lamp.name for shot in found.capture.shots] == ["torch", "D55"]
+    light, other = (each.ssf.light.lights[0] for each in (found, alone))
+    assert light is not None
+    assert other is not None
+    assert light.kinds["white-led"] > 0.9
+    assert (np.abs(light.power - true / true.mean()) <= 1.96 * light.std)[SEEN].mean() >= 0.9
+    assert light.std[SEEN].mean() < other.std[SEEN].mean()
+    document = found.document()
+    check_document(document, "result.json")
+    assert document["shots"][0]["light"]["power"] == light.power.tolist()
+    (shot,) = later("A").shots
+    new = replace(later("A"), shots=(replace(shot, photo=replace(shot.photo, sha256="2" * 64)),))
+    again = read_previous(accepted(found)).joined(new)
+    assert [shot.lamp.name for shot in again.shots] == ["auto", "D55"]  # the torch's shot identifies no curves

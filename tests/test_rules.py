@@ -112,7 +112,7 @@ def test_placeholders() -> None:
 def test_every_reason_can_be_said(name: str) -> None:
     known = {"shot": "shot 1", "patch": "a", "rival": "A", "lamp": "B", "left": 3, "all": 24}
     shares = ["amount", "exponent", "size", "length", "bound", "level", "share", "grain", "texture", "score", "width"]
-    shares += ["probability", "ratio"]
+    shares += ["probability", "ratio", "limit"]
     words = dict.fromkeys(shares, 0.5) | known | {"basis": "phones"}
     reason = reasons.because(name, 1.0, words)
     assert "{" not in reason.message + reason.advice

@@ -197,6 +197,12 @@ def cases() -> Iterator[Json]:
     ):  # fmt: skip
         yield case(f"unnamed-{name}", f"Nobody named the light, and a phone it is with {phone:.0%}: {outcome}.", y,
                    choice=[["phones", phone], ["cameras", 1.0 - phone]], family=maker, unnamed=True)  # fmt: skip
+    for name, std, outcome in (
+        ("one-light", 0.046, "doubtful, add a photo in another light"),
+        ("typical", 0.062, "doubtful, little more than a typical phone"),
+    ):
+        yield case(f"band-ratio-{name}", f"An unnamed light and a band of ±{1.96 * std:.3f}: {outcome}.", y,
+                   std=std, choice=[["phones", 1.0]], unnamed=True)  # fmt: skip
     # rule 6 and the rest
     yield case("grain", "Half the noise that light must have: not_sensor_raw.", y, noise=0.5)
     yield case("texture", "Patches that vary inside: blurred.", y, texture=0.04)

@@ -16,8 +16,8 @@ from camssf.photo.patches import LENS_SHADING, FrameMeans, PatchMeans
 from camssf.photo.read.colour_matrix import WHITE_POINTS, ColourMatrix
 from camssf.photo.read.unit import Area, Unit
 from camssf.photo.shot import MOST_SHOTS
-from camssf.spectra import ChartTable, Lamp, Light, Unnamed
-from camssf.spectra.lamps import AUTO
+from camssf.spectra import ChartTable, Lamp, Light
+from camssf.spectra.lamps import AUTO, TORCH, unnamed_light
 from camssf.spectra.layouts import LAYOUTS, ChartLayout, layout_from
 from camssf.version import __version__
 
@@ -123,9 +123,9 @@ def _lamp_document(lamp: Light) -> Json:
 
 
 def _light_from(entry: Mapping[str, Any]) -> Light:
-    """A shot's lamp; an unnamed light has only the field `name`, with the value AUTO."""
-    if entry.keys() == {"name"} and entry["name"] == AUTO:
-        return Unnamed()
+    """A shot's lamp; an unnamed light has only the field `name`, with the value AUTO or TORCH."""
+    if entry.keys() == {"name"} and entry["name"] in (AUTO, TORCH):
+        return unnamed_light(entry["name"])
     modes = np.asarray(entry["modes"], float).reshape(-1, WAVELENGTHS.size)
     kelvin = entry.get("tolerance_kelvin")
     return Lamp(

@@ -15,12 +15,14 @@ from camssf.photo.patches import FrameMeans, PatchMeans
 from camssf.photo.signals import normalise
 from camssf.spectra import ChartTable, Lamp
 from camssf.spectra.families import FAMILIES
-from camssf.spectra.lamps import AUTO, read_lamp, with_tolerance
+from camssf.spectra.lamps import AUTO, TORCH, read_lamp, with_tolerance
 
 Json: TypeAlias = dict[str, Any]
 
 CHART_FILE = "chart table: "
 """Start of the key under which a document has the hash of the chart's file."""
+UNNAMED = (AUTO, TORCH)
+"""Names of lamps whose shots identify no curves by themselves."""
 AGAIN = "Give the result of an accepted calibration of this unit, under a lamp that you named."
 
 
@@ -49,7 +51,7 @@ class PreviousResult:
         """
         self._check(capture)
         table = capture.chart
-        named = [shot for shot in self.document["shots"] if shot["lamp"]["name"] != AUTO]
+        named = [shot for shot in self.document["shots"] if shot["lamp"]["name"] not in UNNAMED]
         shots = tuple(evened(shot, table) for shot in capture.shots)
         stored = tuple(_shot(entry, table, self.document["camera"]) for entry in named)
         return replace(capture, shots=shots + stored, white_reflectance=None)
@@ -59,7 +61,7 @@ class PreviousResult:
         if status != "accepted":
             why = reasons[0]["message"] if reasons else ""
             raise InvalidArgument(f"The previous result {self.name} was {status}: {why}", AGAIN)
-        if all(shot["lamp"]["name"] == AUTO for shot in self.document["shots"]):
+        if all(shot["lamp"]["name"] in UNNAMED for shot in self.document["shots"]):
             raise InvalidArgument(f"The previous result {self.name} names no lamp.", AGAIN)
         self._check_chart(capture)
         self._check_unit(capture.shots[0].photo)

@@ -51,6 +51,8 @@ class Lamp:
 
 AUTO = "auto"
 """Name of an unnamed light."""
+TORCH = "torch"
+"""Name of a phone's own torch: an unnamed light whose only kind is the white LED."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ class Unnamed:
     """An unnamed light: it has no spectrum yet, only its possible kinds.
 
     Attributes:
-        name: "auto".
+        name: "auto", or "torch".
         kinds: the possible kinds, each as a lamp.
         log_prior: ln of the prior probability of each kind.
         source: description for the report.
@@ -70,6 +72,13 @@ class Unnamed:
         repr=False, default_factory=lambda: tuple(math.log(rules().number(f"lamp.{kind}")) for kind in FAMILIES)
     )
     source: str = "not named: daylight, bulb, white LED or fluorescent, as the signals say"
+
+
+def unnamed_light(name: str) -> Unnamed:
+    """The unnamed light "auto", or "torch", whose only kind is the white LED."""
+    if name != TORCH:
+        return Unnamed()
+    return Unnamed(TORCH, (_family("white-led"),), (0.0,), "the phone's torch, a white LED, as the signals say")
 
 
 Light: TypeAlias = Lamp | Unnamed
@@ -98,7 +107,7 @@ _LAMP_MENU = (
     "LED-B1 to LED-B5, LED-BH1, LED-RGB1, LED-V1, LED-V2; not known but by kind: daylight, bulb, white-led, "
     "fluorescent; flat E, equal-energy (the paper's assumption); a "
     "file of wavelength and power (two columns, .spdx, Argyll's .sp, a Sekonic's or UPRtek's export); "
-    "or auto for a phone's photo under whatever light."
+    "torch for the phone's own; or auto for a phone's photo under whatever light."
 )
 
 
@@ -153,7 +162,7 @@ def read_lamp(spec: LampLike) -> Lamp:
             "and no photo of a chart tells lamp from camera. Taking a bulb (A) for flat light costs an RMSE of 0.10, "
             f"more than the curve of an average camera does (0.08). {_LAMP_MENU}",
         )
-    if key == AUTO:
+    if key in (AUTO, TORCH):
         raise InvalidArgument(
             "A light that is not named has no spectrum.", f"Only a chart's photo can tell it. {_LAMP_MENU}"
         )
@@ -186,14 +195,15 @@ def read_lamp(spec: LampLike) -> Lamp:
 
 
 def read_light(spec: LightLike) -> Light:
-    """Read a lamp with `read_lamp`; `auto` gives an unnamed light.
+    """Read a lamp with `read_lamp`; `auto` and `torch` give an unnamed light.
 
     Raises:
         InvalidArgument, LampUnfit: as `read_lamp`.
     """
     if isinstance(spec, Unnamed):
         return spec
-    return Unnamed() if isinstance(spec, str) and text_of(spec).casefold() == AUTO else read_lamp(spec)
+    name = text_of(spec).casefold() if isinstance(spec, str) else ""
+    return unnamed_light(name) if name in (AUTO, TORCH) else read_lamp(spec)
 
 
 def with_tolerance(lamp: Lamp, text: str) -> Lamp:

@@ -52,7 +52,7 @@ POOR_POSE, VAGUE = _NUMBER("verdict.poor_pose"), _NUMBER("verdict.vague")
 OTHER_MAKERS = _NUMBER("verdict.other_makers")
 UNNAMED, UNNAMEABLE = _NUMBER("verdict.unnamed"), _NUMBER("verdict.unnameable")
 FADING = _NUMBER("verdict.chart_fading")
-BAND_RATIO = _NUMBER("verdict.band_ratio")
+BAND_RATIO, BAND_RATIO_TYPICAL = _NUMBER("verdict.band_ratio"), _NUMBER("verdict.band_ratio_typical")
 UNIT_DRIFT, UNIT_DRIFT_UNNAMED = _NUMBER("verdict.unit_drift"), _NUMBER("verdict.unit_drift_unnamed")
 PHONES = "phones"
 """The only cameras that are similar enough to each other to estimate an unnamed light."""
@@ -235,7 +235,11 @@ def _typical(ssf: Ssf, checks: Checks) -> list[Reason]:
     if ratio is None or (ssf.family_test is not None and not ssf.family_test.passed):
         return []
     checks.note("band_ratio", ratio)
-    return [because("typical", ratio, {"ratio": ratio})] if ratio > BAND_RATIO else []
+    if ratio <= BAND_RATIO:
+        return []
+    if ratio <= BAND_RATIO_TYPICAL:
+        return [because("one_light", ratio, {"ratio": ratio, "limit": BAND_RATIO})]
+    return [because("typical", ratio, {"ratio": ratio, "limit": BAND_RATIO_TYPICAL})]
 
 
 def _drifted(drift: float, unnamed: bool, checks: Checks) -> list[Reason]:

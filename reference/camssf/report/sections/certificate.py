@@ -53,6 +53,7 @@ CHECK_SENTENCES = {
     "unnamed": _PHONE,
     "unnameable": _PHONE,
     "band_ratio": ("The photo has narrowed the band.", "The photo has narrowed the band too little."),
+    "band_ratio_typical": ("The photo has narrowed the band.", "The photo has hardly narrowed the band."),
     "improbable_curves": _LIKE,
     "unusual_phone": _LIKE,
     "unusual_phone_unnamed": _LIKE,

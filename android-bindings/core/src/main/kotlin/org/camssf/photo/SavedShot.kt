@@ -107,9 +107,8 @@ internal object SavedShot {
 
     private fun lampOf(entry: JsonObject): Lamp {
         if (entry.keys == setOf("name")) {
-            val unnamed = Lamp.auto()
-            require(entry.text("name") == unnamed.name) { "no lamp" }
-            return unnamed
+            val unnamed = listOf(Lamp.auto(), Lamp.torch())
+            return requireNotNull(unnamed.firstOrNull { it.name == entry.text("name") }) { "no lamp" }
         }
         val values = entry.numbers("values", Grid.SIZE)
         require(values.all { it >= 0 } && values.max() > 0) { "a lamp without power" }

@@ -114,10 +114,13 @@ public class Lamp internal constructor(
                 "temperature; bulb A, or 2856K for any temperature; fluorescent FL1 to FL12, FL3.1 to FL3.15; " +
                 "discharge HP1 to HP5; LED-B1 to LED-B5, LED-BH1, LED-RGB1, LED-V1, LED-V2; not known but by " +
                 "kind: daylight, bulb, white-led, fluorescent; flat E, equal-energy (the paper's assumption); " +
-                "a measured spectrum by Lamp.parse; or Lamp.auto() for a phone's photo under whatever light."
+                "a measured spectrum by Lamp.parse; Lamp.torch(); or Lamp.auto() for a phone's photo under whatever light."
 
         /** The name of an unnamed light. */
         internal const val AUTO = "auto"
+
+        /** The name of a phone's torch. */
+        internal const val TORCH = "torch"
 
         /**
          * An unnamed light, for photos taken with a phone. The calibration infers its kind (daylight, bulb, white LED
@@ -133,6 +136,18 @@ public class Lamp internal constructor(
             emptyList(),
             "not named: daylight, bulb, white LED or fluorescent, as the signals say",
             kinds = Bundled.families.map { read(it) },
+        )
+
+        /** The phone's own torch: an unnamed light whose only kind is the white LED. */
+        @JvmStatic
+        public fun torch(): Lamp = Lamp(
+            TORCH,
+            null,
+            Double.NaN,
+            emptyList(),
+            "the phone's torch, a white LED, as the signals say",
+            kinds = listOf(read("white-led")),
+            logPrior = listOf(0.0),
         )
 
         private fun nameless() = InvalidArgument(
@@ -167,7 +182,7 @@ public class Lamp internal constructor(
                         "and no photo of a chart tells lamp from camera. $MENU",
                 )
             }
-            if (key == AUTO) throw nameless()
+            if (key == AUTO || key == TORCH) throw nameless()
             if (plain(text) == "equalenergy") {
                 return Lamp(text, DoubleArray(Grid.SIZE) { 1.0 }, 0.0, emptyList(), "equal energy, by definition")
             }

@@ -107,6 +107,7 @@ public class Calibrate private constructor() : Closeable {
             return when {
                 file.isFile -> Lamp.parse(file.name, file.readBytes())
                 name == AUTO -> Lamp.auto()
+                name == "torch" -> Lamp.torch()
                 else -> Lamp.read(name)
             }
         }

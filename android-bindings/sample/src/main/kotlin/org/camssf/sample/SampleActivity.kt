@@ -117,7 +117,7 @@ class SampleActivity : ComponentActivity() {
     }
 
     private fun words(found: Calibration): String = when (found) {
-        is Calibrated -> Channel.entries.joinToString("\n", "${found.verdict.outcome.word}\n") { channel ->
+        is Calibrated -> Channel.entries.joinToString("\n", "${found.verdict.outcome.word}\n", advice(found)) { channel ->
             val curve = found.ssf.curve(channel)
             val peak = 380 + 0.5 * curve.indices.maxByOrNull { curve[it] }!!
             String.format(Locale.ROOT, "%s: peak at %.0f nm", channel.name.lowercase(Locale.ROOT), peak)
@@ -125,6 +125,9 @@ class SampleActivity : ComponentActivity() {
 
         is Refused -> "${found.error.message} ${found.error.advice}"
     }
+
+    /** What to do next, for example one more photo in another light; empty if the answer was accepted. */
+    private fun advice(found: Calibrated) = found.verdict.reasons.joinToString("") { "\n${it.advice}" }
 
     private companion object {
         const val CAMERA = 1
