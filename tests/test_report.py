@@ -549,10 +549,10 @@ def test_page_without_bands_says_so() -> None:
     page = Page(html_of(made))
     assert "so there is no band" in page.text
     assert "width of" not in page.text
-    assert "band's width" not in page.text
+    assert "half-width" not in page.text
     assert "lopsided" not in page.text
     assert not [a for _, a in page.tags if (a.get("class") or "").startswith("band")]
-    assert "half of the 95 % band's width" in Page(html_of(document())).text
+    assert "mean half-width of the 95 % band" in Page(html_of(document())).text
 
 
 def test_curves_are_drawn_to_scale() -> None:
