@@ -542,7 +542,7 @@ def test_page_says_what_the_curves_are_worth_for_colour() -> None:
 
 def test_page_without_bands_says_so() -> None:
     made = document()
-    made["ssf_std"] = None
+    made["ssf_std"] = made["uncertainty"] = None
     made["verdict"]["checks"] = [
         each for each in made["verdict"]["checks"] if each["name"] not in ("vague", "band_ratio")
     ]
