@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from benchmarks.shared import chart
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.photo.read.colour_matrix import ColourMatrix
 from camssf.recovery.basis import Basis
 from camssf.recovery.elastic_net import ElasticNet as Convex
 from camssf.recovery.layers import DEPTH, LAYERS
@@ -18,10 +20,15 @@ from camssf.recovery.linear_model import LinearModel, anchor, linear_model
 from camssf.recovery.observation import Observation
 from camssf.recovery.onnx_model import onnx_runtime
 from camssf.recovery.pivoting import finish_steps, pivot_to_optimum
+from camssf.spectra import read_lamp
+from camssf.spectra.surfaces import observer
 
 Long: TypeAlias = NDArray[np.longdouble]
 
 
+MUNSELL = Path(__file__).parents[1] / "data" / "surfaces" / "vhrel_munsell.csv"
+MATRIX_ERROR = 0.03
+"""Relative error of a maker's colour matrices."""
 WIEN = 1.438776877e7
 """Planck's second constant, nm K: ln L of a hot body falls by WIEN / (λ T)."""
 
@@ -256,3 +263,16 @@ def open_model(content: bytes) -> Any:
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.add_session_config_entry("mlas.disable_kleidiai", "1")
     return runtime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+
+
+def makers_matrices(curves: Floats, seed: int) -> tuple[ColourMatrix, ...]:
+    """Colour matrices for A and D65 as a maker may fit them to a camera (681, 3)."""
+    table = np.loadtxt(MUNSELL, delimiter=",", skiprows=1)
+    surfaces = np.stack([np.interp(WAVELENGTHS, table[:, 0], column) for column in table.T[1:]])
+    error = np.eye(3) + MATRIX_ERROR * np.random.default_rng([11, seed]).normal(size=(3, 3))
+    found = []
+    for light in ("A", "D65"):
+        lit = surfaces * read_lamp(light).values
+        to_raw = np.linalg.lstsq(lit @ observer("1931"), lit @ curves, rcond=None)[0].T
+        found.append(ColourMatrix(light, tuple((error @ to_raw).ravel().tolist())))
+    return tuple(found)

@@ -542,17 +542,17 @@ def test_page_says_what_the_curves_are_worth_for_colour() -> None:
 
 def test_page_without_bands_says_so() -> None:
     made = document()
-    made["ssf_std"] = None
+    made["ssf_std"] = made["uncertainty"] = None
     made["verdict"]["checks"] = [
         each for each in made["verdict"]["checks"] if each["name"] not in ("vague", "band_ratio")
     ]
     page = Page(html_of(made))
     assert "so there is no band" in page.text
     assert "width of" not in page.text
-    assert "band's width" not in page.text
+    assert "half-width" not in page.text
     assert "lopsided" not in page.text
     assert not [a for _, a in page.tags if (a.get("class") or "").startswith("band")]
-    assert "half of the 95 % band's width" in Page(html_of(document())).text
+    assert "mean half-width of the 95 % band" in Page(html_of(document())).text
 
 
 def test_curves_are_drawn_to_scale() -> None:

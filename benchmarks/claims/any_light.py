@@ -22,7 +22,6 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -30,6 +29,7 @@ import numpy as np
 from benchmarks.claims.accuracy import LOW, SEEN
 from benchmarks.claims.phones import OTHER_MAKER, OTHERS, Device
 from benchmarks.claims.wrong_lamps import populations, stands_in
+from benchmarks.problems import makers_matrices
 from benchmarks.shared import (
     TABLE,
     command_parser,
@@ -61,7 +61,6 @@ from camssf.spectra import Lamp, Light, Unnamed, read_chart, read_lamp
 from camssf.spectra.families import FAMILIES, LampKind, principal_modes
 from camssf.spectra.layouts import LAYOUTS
 from camssf.spectra.sampled import colour_science
-from camssf.spectra.surfaces import observer
 
 LAMPS = {
     "daylight": ("D:4800", "D:5500", "D:6500", "D:7500", "D:10000"),
@@ -85,10 +84,7 @@ PAIRS = (
 )  # fmt: skip
 TRIPLES = (("D:5500", "2700K", "LED-B3"), ("D:12000", "PHOS-4", "FL2"))
 NAMED, AUTO, MATRICES = "named", "auto", "matrices"
-MATRIX_ERROR = 0.03
-"""Relative error of a maker's colour matrices."""
 SOURCES = colour_science().SDS_LIGHT_SOURCES
-MUNSELL = Path(__file__).parents[2] / "data" / "surfaces" / "vhrel_munsell.csv"
 BLACK, SPAN = 512.0, 15000.0
 HARM = 0.06
 """RMSE above which an accepted answer of no phone is a failure."""
@@ -142,19 +138,6 @@ def power(lamp: str) -> Floats:
     else:
         found = read_lamp(lamp).values
     return np.asarray(found / found.mean())
-
-
-def makers_matrices(curves: Floats, seed: int) -> tuple[ColourMatrix, ...]:
-    """Colour matrices for A and D65 as a maker may fit them to a camera (681, 3)."""
-    table = np.loadtxt(MUNSELL, delimiter=",", skiprows=1)
-    surfaces = np.stack([np.interp(WAVELENGTHS, table[:, 0], column) for column in table.T[1:]])
-    error = np.eye(3) + MATRIX_ERROR * np.random.default_rng([11, seed]).normal(size=(3, 3))
-    found = []
-    for light in ("A", "D65"):
-        lit = surfaces * read_lamp(light).values
-        to_raw = np.linalg.lstsq(lit @ observer("1931"), lit @ curves, rcond=None)[0].T
-        found.append(ColourMatrix(light, tuple((error @ to_raw).ravel().tolist())))
-    return tuple(found)
 
 
 def unnamed(lamp: str) -> Unnamed:

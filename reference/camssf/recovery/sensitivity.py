@@ -362,8 +362,13 @@ def prior_std(basis: Basis) -> Floats:
 
 def half_width_of(std: Floats) -> float:
     """Mean half-width of the 95 % band, 400 to 700 nm, of standard deviations (681, 3)."""
+    return float(half_widths_of(std).mean())
+
+
+def half_widths_of(std: Floats) -> Floats:
+    """The mean half-width of each channel, (3,)."""
     visible = (WAVELENGTHS >= 400.0) & (WAVELENGTHS <= 700.0)
-    return float(1.96 * std[visible].mean())
+    return np.asarray(1.96 * std[visible].mean(axis=0))
 
 
 def _run(model: Model, observation: Observation, basis: Basis, settings: FitSettings, nonnegative: bool) -> Ssf:

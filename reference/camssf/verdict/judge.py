@@ -260,6 +260,7 @@ def _vague(ssf: Ssf, checks: Checks) -> list[Reason]:
     """Check that the 95 % band is narrow enough to tell cameras apart; an unfamiliar camera's is wide anyway."""
     if ssf.std is None or (ssf.family_test is not None and not ssf.family_test.passed):
         return []
-    width = float(1.96 * np.mean(ssf.std / ssf.values.max(axis=0)))
+    width = ssf.half_width
+    assert width is not None
     checks.note("vague", width)
     return [because("vague", width, {"width": width})] if width > VAGUE else []

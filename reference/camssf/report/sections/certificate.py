@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from camssf.grid import WAVELENGTHS
+from camssf.grid import WAVELENGTHS, columns
 from camssf.photo.read.unit import Unit
+from camssf.recovery.sensitivity import half_widths_of
 from camssf.report.provenance import Provenance
 from camssf.report.sections.curves import curves_of
 from camssf.report.sections.text import Json, brief, camera_name, number
@@ -146,10 +147,9 @@ def big_numbers(document: Json) -> tuple[tuple[Markup, Markup], ...]:
         (number(math.fsum(scores["rmsre_percent"]) / 3) + Markup(" %"), "RMSRE: relative error on unseen patches"),
         (number(scores["delta_e00"], 2), Markup("ΔE<sub>00</sub> between measured and predicted patches")),
     ]
-    width = curves_of(document).half_width()
-    if width is not None:
-        text = Markup("± ") + number(float(width.mean()), 2)
-        found.insert(0, (text, "half of the 95 % band's width, mean of 400 to 700 nm"))
+    if document.get("uncertainty"):
+        text = Markup(f"± {document['uncertainty']['half_width']:.3f}")
+        found.insert(0, (text, "mean half-width of the 95 % band, 400 to 700 nm"))
     if scores["rmse"] is not None:
         found.insert(0, (number(math.fsum(scores["rmse"]) / 3, 2), "RMSE against the truth (peak = 1)"))
     return tuple((Markup(value), Markup(text)) for value, text in found)
@@ -265,8 +265,9 @@ def channels_of(document: Json) -> tuple[str, tuple[tuple[str, tuple[Markup, ...
         ("Channel gain, relative to green", [number(v, 4) for v in document["channel_gain"]]),
         ("Penalty γ (l1)", [brief(v) for v in document["gamma"]]),
     ]
-    width = curves.half_width()
-    if width is not None:
-        rows.insert(1, ("Half of the 95 % band's width, 400 to 700 nm", [number(float(v), 2) for v in width]))
+    if document.get("ssf_std"):
+        std = columns(document["ssf_std"]) / columns(document["ssf"]).max(axis=0)
+        widths = [Markup(f"{width:.3f}") for width in half_widths_of(std)]
+        rows.insert(1, ("Mean half-width of the 95 % band, 400 to 700 nm", widths))
     caption = f"Unseen patches: {scores['unseen']}. Quadratic penalty λ₂ = {brief(document['l2'])}."
     return caption, tuple((name, tuple(cells)) for name, cells in rows)

@@ -82,13 +82,6 @@ class DrawnCurves:
         assert ssf is not None
         return DrawnCurves(ssf, low, high, self.truth)
 
-    def half_width(self) -> Floats | None:
-        """Mean half-width of the band in each channel, (3,), over 400 to 700 nm."""
-        if self.low is None or self.high is None:
-            return None
-        visible = (WAVELENGTHS >= 400) & (WAVELENGTHS <= 700)
-        return np.asarray((self.high - self.low)[visible].mean(axis=0) / 2)
-
 
 def curves_of(document: Json) -> DrawnCurves:
     """A document's curves, bands and truth."""

@@ -216,7 +216,7 @@ internal object Judge {
      */
     private fun vague(ssf: Ssf, checks: Checks): List<Reason> {
         if (ssf.sharedStd == null || ssf.familyTest?.passed == false) return emptyList()
-        val width = (0..2).sumOf { ssf.band(it)!!.average() } / 3
+        val width = ssf.halfWidth
         checks.note("vague", width)
         return if (width > VAGUE) listOf(Reasons.because("vague", width, mapOf("width" to width))) else emptyList()
     }
