@@ -874,7 +874,7 @@ def test_a_line_is_drawn_within_its_band() -> None:
 
 
 def test_drawn_and_told_bands_are_those_that_can_be() -> None:
-    """In the page, its table and the readouts; the document keeps the Gaussian."""
+    """In the page, its table and the readouts; the document and the mean half-width keep the Gaussian."""
     made = document()
     made["ssf_std"]["red"] = [0.3] * 681
     result = report(made)
@@ -895,8 +895,7 @@ def test_drawn_and_told_bands_are_those_that_can_be() -> None:
     assert cells[3:5] == [f"{low[140]:.4f}", f"{high[140]:.4f}"]
     assert f" ({low[140]:.3f} to {high[140]:.3f})" in result.html
     width = next(cells for label, cells in certificate.channels_of(made)[1] if "band" in label)
-    seen = (WAVELENGTHS >= 400) & (WAVELENGTHS <= 700)
-    assert float(width[0]) == pytest.approx(float((high - low)[seen].mean() / 2), rel=0.05)
+    assert float(width[0]) == pytest.approx(1.96 * 0.3, abs=5e-4)
 
 
 # Light, noise, linearity, another result
