@@ -54,9 +54,9 @@ def choice_of(document: Json) -> Chosen | None:
 
 def band_in_words(uncertainty: Json) -> str:
     """The band's mean half-width, 400 to 700 nm, and that without a photo if the result has it."""
-    found = f"mean half-width, 400 to 700 nm, {uncertainty['half_width']:.3f} of the peak"
+    found = f"± {uncertainty['half_width']:.3f} of the peak on average, 400 to 700 nm"
     without = uncertainty.get("half_width_without_photo")
-    return found if without is None else f"{found}; of a typical camera, without a photo, {without:.3f}"
+    return found if without is None else f"{found}; of a typical camera, without a photo, ± {without:.3f}"
 
 
 def hypothesis_in_words(each: Json) -> str:

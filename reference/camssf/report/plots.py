@@ -143,7 +143,7 @@ def _budget(document: Json, ax: Any, shot: int) -> None:
     ax.invert_yaxis()
     ax.set_xlim(0, 100)
     ax.set_xlabel("share of the curves' variance, %")
-    _title(ax, f"95 % band: mean half-width, 400 to 700 nm, {uncertainty['half_width']:.3f} of the peak")
+    _title(ax, f"95 % band ± {uncertainty['half_width']:.3f} of the peak on average, 400 to 700 nm")
     ax.legend(frameon=False, ncols=3, loc="upper center", bbox_to_anchor=(0.5, -0.18))
 
 

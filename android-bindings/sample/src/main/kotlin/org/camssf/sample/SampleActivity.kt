@@ -117,13 +117,14 @@ class SampleActivity : ComponentActivity() {
     }
 
     private fun words(found: Calibration): String = when (found) {
-        is Calibrated -> Channel.entries.joinToString("\n", "${found.verdict.outcome.word}\n", advice(found)) { channel ->
-            val curve = found.ssf.curve(channel)
-            val peak = 380 + 0.5 * curve.indices.maxByOrNull { curve[it] }!!
-            String.format(Locale.ROOT, "%s: peak at %.0f nm", channel.name.lowercase(Locale.ROOT), peak)
-        }
-
+        is Calibrated -> "${found.verdict.outcome.word}\n${peaks(found)}${advice(found)}"
         is Refused -> "${found.error.message} ${found.error.advice}"
+    }
+
+    private fun peaks(found: Calibrated) = Channel.entries.joinToString("\n") { channel ->
+        val curve = found.ssf.curve(channel)
+        val peak = 380 + 0.5 * curve.indices.maxByOrNull { curve[it] }!!
+        String.format(Locale.ROOT, "%s: peak at %.0f nm", channel.name.lowercase(Locale.ROOT), peak)
     }
 
     /** What to do next, for example one more photo in another light; empty if the answer was accepted. */
