@@ -98,7 +98,7 @@ def test_the_pages_with_python_are_seen() -> None:
 NOT_RUN = {
     "camssf calibrate first.dng": "a unit's two photos: tests/test_previous.py makes them and runs both commands",
     "camssf calibrate later.dng": "likewise",
-    "camssf calibrate on.dng": "likewise",
+    "camssf calibrate on.dng": "a torch, on and off: tests/test_previous.py solves the means of such photos",
     "camssf app": "it serves until Ctrl-C: tests/test_app.py runs it",
     "camssf direct rgb.dng": "frames of a spectrograph: tests/test_direct.py makes them and runs the command",
     "camssf calibrate photo.dng --lamp D55 --corners": "corners of another photo: tests/test_cli.py gives its own",
