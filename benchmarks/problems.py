@@ -272,7 +272,7 @@ def makers_matrices(curves: Floats, seed: int) -> tuple[ColourMatrix, ...]:
     error = np.eye(3) + MATRIX_ERROR * np.random.default_rng([11, seed]).normal(size=(3, 3))
     found = []
     for light in ("A", "D65"):
-        lit = surfaces * read_lamp(light).values
-        to_raw = np.linalg.lstsq(lit @ observer("1931"), lit @ curves, rcond=None)[0].T
+        reflected = surfaces * read_lamp(light).values
+        to_raw = np.linalg.lstsq(reflected @ observer("1931"), reflected @ curves, rcond=None)[0].T
         found.append(ColourMatrix(light, tuple((error @ to_raw).ravel().tolist())))
     return tuple(found)

@@ -206,8 +206,13 @@ def _document(lamps: tuple[str, ...]) -> Document:
 
 def checks(shots: int, *, unnamed: bool = False) -> list[Document]:
     """One number of each limit of the rules, all held but the clipped patch's: as many as a verdict can weigh."""
-    variants = "unusual_", "lamp_residual_camera", "white_balance_mismatch_unnamed"  # other limits of a check
-    variants += ("chart_fading", "band_ratio_typical")  # weighed for a camera of no family alone
+    variants = (
+        "unusual_",
+        "lamp_residual_camera",
+        "white_balance_mismatch_unnamed",
+        "band_ratio_typical",
+    )  # other limits of a check
+    variants += ("chart_fading",)  # weighed for a camera of no family alone
     variants += () if unnamed else ("unnamed", "band_ratio")
     bounds = {name.partition(".")[2]: each for name, each in rules().numbers.items() if each.makes == "doubtful"}
     bounds = {name: each for name, each in bounds.items() if not name.startswith(variants)}

@@ -17,7 +17,7 @@ from camssf.photo.read.colour_matrix import WHITE_POINTS, ColourMatrix
 from camssf.photo.read.unit import Area, Unit
 from camssf.photo.shot import MOST_SHOTS
 from camssf.spectra import ChartTable, Lamp, Light
-from camssf.spectra.lamps import AUTO, TORCH, unnamed_light
+from camssf.spectra.lamps import UNNAMED, unnamed_light
 from camssf.spectra.layouts import LAYOUTS, ChartLayout, layout_from
 from camssf.version import __version__
 
@@ -123,8 +123,8 @@ def _lamp_document(lamp: Light) -> Json:
 
 
 def _light_from(entry: Mapping[str, Any]) -> Light:
-    """A shot's lamp; an unnamed light has only the field `name`, with the value AUTO or TORCH."""
-    if entry.keys() == {"name"} and entry["name"] in (AUTO, TORCH):
+    """A shot's lamp; an unnamed light has only the field `name`, one of UNNAMED."""
+    if entry.keys() == {"name"} and entry["name"] in UNNAMED:
         return unnamed_light(entry["name"])
     modes = np.asarray(entry["modes"], float).reshape(-1, WAVELENGTHS.size)
     kelvin = entry.get("tolerance_kelvin")

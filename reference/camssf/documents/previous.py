@@ -15,14 +15,12 @@ from camssf.photo.patches import FrameMeans, PatchMeans
 from camssf.photo.signals import normalise
 from camssf.spectra import ChartTable, Lamp
 from camssf.spectra.families import FAMILIES
-from camssf.spectra.lamps import AUTO, TORCH, read_lamp, with_tolerance
+from camssf.spectra.lamps import UNNAMED, read_lamp, with_tolerance
 
 Json: TypeAlias = dict[str, Any]
 
 CHART_FILE = "chart table: "
 """Start of the key under which a document has the hash of the chart's file."""
-UNNAMED = (AUTO, TORCH)
-"""Names of lamps whose shots identify no curves by themselves."""
 AGAIN = "Give the result of an accepted calibration of this unit, under a lamp that you named."
 
 

@@ -150,9 +150,9 @@ def covariance(signals_at: LinearisedSignals, tolerances: Tolerances) -> dict[st
     shared = same_patch * np.where(same_channel, 1.0, CHANNEL_SHARE)
     terms = {
         "noise": _diagonal(noise),
-        "chart": _outer(tolerances.chart[..., None] * chart),
-        "white": _outer(white),
-        "lamp": _outer(lamp),
+        "chart": outer(tolerances.chart[..., None] * chart),
+        "white": outer(white),
+        "lamp": outer(lamp),
     }
     terms["chart"] *= shared
     terms["chart"] += _diagonal(independent)
@@ -168,6 +168,6 @@ def _diagonal(variance: Floats) -> Floats:
     return found
 
 
-def _outer(factors: Floats) -> Floats:
-    """Covariance (N, N) of errors that are factors (N, p) times standard normal numbers."""
+def outer(factors: Floats) -> Floats:
+    """Covariance (..., N, N) of errors that are factors (..., N, p) times standard normal numbers."""
     return np.asarray(factors @ np.swapaxes(factors, -1, -2))

@@ -12,7 +12,7 @@ import numpy as np
 
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.recovery.basis import Basis, fold, interpolate
-from camssf.recovery.covariance import EDGE, FLOOR, LinearisedSignals, Tolerances, covariance
+from camssf.recovery.covariance import EDGE, FLOOR, LinearisedSignals, Tolerances, covariance, outer
 from camssf.recovery.elastic_net import whiten
 from camssf.recovery.observation import Observation
 
@@ -134,8 +134,8 @@ def _rows_of(observations: Sequence[Observation], basis: Basis) -> Iterator[Line
     given = _fold(observations, basis)
     point = _first_pass(given) if given.modes.any() or given.gains.any() else _start(given)
     rows = _rows(given, point)
-    rows.terms["lamp modes"] += _outer(rows.modes)
-    rows.terms["uneven light"] += _outer(rows.gains)
+    rows.terms["lamp modes"] += outer(rows.modes)
+    rows.terms["uneven light"] += outer(rows.gains)
     covariances = _total(rows.terms)
     lamps = interpolate(np.swapaxes(point.lamp, -1, -2))
     whites = point.curves @ np.swapaxes(given.white * point.lamp, -1, -2)
@@ -261,13 +261,15 @@ def _first_pass(given: _Folded) -> _Expansion:
     rows = _rows(given, _start(given))
     # Whitened by P = L Lᵀ: an explicit P⁻¹ loses twice the digits, and modes may raise P's condition above 1e12.
     spread = _total(rows.terms)
-    spread += _outer(rows.matrix)
+    spread += outer(rows.matrix)
     columns, target, _ = whiten(np.concatenate([rows.matrix, rows.modes, rows.gains], axis=-1), rows.target, spread)
     r, target = rows.matrix.shape[-1], target[..., None]
     matrix, modes = columns[..., :r], columns[..., r:]
     across = np.swapaxes(modes, -1, -2)
     precision = np.eye(modes.shape[-1]) + across @ modes
-    root, pull, _ = whiten(np.eye(len(precision[0])) + 0.0 * precision, (across @ target)[..., 0], precision)
+    root, pull, _ = whiten(
+        np.broadcast_to(np.eye(precision.shape[-1]), precision.shape), (across @ target)[..., 0], precision
+    )
     back = np.swapaxes(root, -1, -2)
     found = back @ pull[..., None]
     (h, k, q, _), lamps = given.modes.shape, rows.modes.shape[-1]
@@ -280,7 +282,7 @@ def _first_pass(given: _Folded) -> _Expansion:
         levels(gained.reshape(h, k, -1), given.gains),
         offset,
         gained,
-        _outer(back[:, :lamps]),
+        outer(back[:, :lamps]),
         np.eye(r) - np.swapaxes(matrix, -1, -2) @ matrix,
     )
 
@@ -291,11 +293,6 @@ def _total(terms: dict[str, Floats]) -> Floats:
     for term in terms.values():
         total += term
     return total
-
-
-def _outer(factors: Floats) -> Floats:
-    """D Dᵀ of each hypothesis."""
-    return np.asarray(factors @ np.swapaxes(factors, -1, -2))
 
 
 def _rows(given: _Folded, point: _Expansion) -> _Rows:
@@ -328,7 +325,7 @@ def _rows(given: _Folded, point: _Expansion) -> _Rows:
     relative = (patches - expected[..., None] * seen_white) / point.lamp[:, None, :, None]
     modes, terms["lamp modes"] = _bend(given, point, relative, seen_white / point.lamp[:, None, :, None])
     gains = gain_rows(given.signals, given.gains)
-    terms["uneven light"] = (channel[:, None] == channel) * (given.gain_own**2 * _outer(gains))
+    terms["uneven light"] = (channel[:, None] == channel) * (given.gain_own**2 * outer(gains))
     target = target.reshape(h, -1) + (modes @ point.offset[..., None] + gains @ point.gained[..., None])[..., 0]
     return _Rows(_by_channel(matrix.reshape(h, 3, k * n, -1)), target, modes, gains, terms)
 

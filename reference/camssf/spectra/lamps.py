@@ -53,6 +53,8 @@ AUTO = "auto"
 """Name of an unnamed light."""
 TORCH = "torch"
 """Name of a phone's own torch: an unnamed light whose only kind is the white LED."""
+UNNAMED = (AUTO, TORCH)
+"""Names of unnamed lights; their shots alone identify no curves."""
 
 
 @dataclass(frozen=True)
@@ -162,7 +164,7 @@ def read_lamp(spec: LampLike) -> Lamp:
             "and no photo of a chart tells lamp from camera. Taking a bulb (A) for flat light costs an RMSE of 0.10, "
             f"more than the curve of an average camera does (0.08). {_LAMP_MENU}",
         )
-    if key in (AUTO, TORCH):
+    if key in UNNAMED:
         raise InvalidArgument(
             "A light that is not named has no spectrum.", f"Only a chart's photo can tell it. {_LAMP_MENU}"
         )
@@ -203,7 +205,7 @@ def read_light(spec: LightLike) -> Light:
     if isinstance(spec, Unnamed):
         return spec
     name = text_of(spec).casefold() if isinstance(spec, str) else ""
-    return unnamed_light(name) if name in (AUTO, TORCH) else read_lamp(spec)
+    return unnamed_light(name) if name in UNNAMED else read_lamp(spec)
 
 
 def with_tolerance(lamp: Lamp, text: str) -> Lamp:

@@ -43,7 +43,7 @@ internal class PreviousShots(private val name: String, private val document: Jso
         return MeasuredCapture(capture.shots.map { evened(it, table) } + named, table, null, capture.files)
     }
 
-    private fun unnamed(entry: JsonObject) = entry.part("lamp").text("name") in listOf(Lamp.AUTO, Lamp.TORCH)
+    private fun unnamed(entry: JsonObject) = entry.part("lamp").text("name") in Lamp.UNNAMED
 
     private fun check(capture: MeasuredCapture) {
         val verdict = document.part("verdict")

@@ -122,6 +122,9 @@ public class Lamp internal constructor(
         /** The name of a phone's torch. */
         internal const val TORCH = "torch"
 
+        /** Names of unnamed lights. */
+        internal val UNNAMED = listOf(AUTO, TORCH)
+
         /**
          * An unnamed light, for photos taken with a phone. The calibration infers its kind (daylight, bulb, white LED
          * or fluorescent) from the signals and returns it in [org.camssf.recovery.Ssf.lights]. A camera that may not
@@ -182,7 +185,7 @@ public class Lamp internal constructor(
                         "and no photo of a chart tells lamp from camera. $MENU",
                 )
             }
-            if (key == AUTO || key == TORCH) throw nameless()
+            if (key in UNNAMED) throw nameless()
             if (plain(text) == "equalenergy") {
                 return Lamp(text, DoubleArray(Grid.SIZE) { 1.0 }, 0.0, emptyList(), "equal energy, by definition")
             }
