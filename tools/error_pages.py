@@ -15,25 +15,23 @@ from camssf.error_codes import Explained, codes, explain_code
 from camssf.files import write_file
 
 FOLDER = Path(__file__).parents[1] / "docs" / "errors"
-MADE = "<!-- python -m tools.error_pages -->"
+MADE = "<!--tools.error_pages-->"
 
 
 def pages() -> dict[str, str]:
     """Every page by its file's name."""
     found = [explain_code(code) for code in codes()]
     made = {f"{each.code}.md": _page(each) for each in found}
-    rows = [
-        f"| [`{each.code}`]({each.code}.md) | {each.exit_status} | {_first_sentence(each.means)} |" for each in found
-    ]
+    rows = [f"| [`{each.code}`]({each.code}.md) | {_first_sentence(each.means)} |" for each in found]
     head = [
         "# Error codes",
         "",
         MADE,
         "",
-        "Every refusal has one of these codes, the same in Python, Kotlin and JSON. `camssf explain CODE` prints it.",
+        "Every refusal has one of these codes, the same in Python, Kotlin and JSON. `camssf explain CODE` prints its page.",
         "",
-        "| code | exit status | what it means |",
-        "|---|---|---|",
+        "| code | meaning |",
+        "|---|---|",
     ]
     return {"index.md": "\n".join([*head, *rows, ""])} | made
 
@@ -45,10 +43,9 @@ def _page(each: Explained) -> str:
     lines += ["## What to do", "", *(f"{number}. {step}" for number, step in enumerate(each.do, 1)), ""]
     if each.reasons:
         reasons = ", ".join(f"`{reason.name}`" for reason in each.reasons)
-        lines += [f"Reasons of the verdict, which `camssf explain {each.code}` describes: {reasons}.", ""]
         names = dict.fromkeys(f"`{name}`" for reason in each.reasons for name in reason.limits)
-        if names:
-            lines += [f"Limits ([thresholds](../verdict.md#thresholds)): {', '.join(names)}.", ""]
+        limits = f"; [limits](../verdict.md#thresholds): {', '.join(names)}" if names else ""
+        lines += [f"Reasons of the verdict: {reasons}{limits}.", ""]
     lines += ["More: " + ", ".join(f"[{page}](../{page})" for page in each.see) + ".", ""]
     return "\n".join(lines)
 

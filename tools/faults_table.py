@@ -35,8 +35,15 @@ def markdown(found: dict[str, Any]) -> str:
         f"captures missed, {sum(row['refused'] + row['doubtful'] for row in mild)} refused or doubtful.",
         "",
     ]
+    refused = [
+        name for name, each in found["faults"].items() if all(row["refused"] == row["captures"] for row in each[1:])
+    ]
+    whats = "; ".join(f"`{name}`, {FAULTS[name].what}" for name in refused)
+    lines += [f"All of both severities are refused: {whats}. The others:", ""]
     lines += ["| fault | severity 2 | severity 3 |", "|---|---|---|"]
     for name, each in found["faults"].items():
+        if name in refused:
+            continue
         cells = []
         for degree, row in list(zip(FAULTS[name].degrees, each, strict=True))[1:]:
             parts = {

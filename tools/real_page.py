@@ -12,7 +12,19 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.claims.real import CLAIM, DRAWS, LEFT_OUT, MEASURED, PAPER, d70, line_of, scores_of, solve
+from benchmarks.claims.real import (
+    AUTO,
+    CLAIM,
+    DRAWS,
+    LEFT_OUT,
+    MEASURED,
+    PAPER,
+    PHONES,
+    d70,
+    line_of,
+    scores_of,
+    solve,
+)
 from benchmarks.shared import RESULTS
 from camssf.files import write_file
 from camssf.grid import WAVELENGTHS
@@ -37,7 +49,7 @@ def _by_setting(rows: Sequence[Mapping[str, Any]]) -> str:
     settings: dict[tuple[str, ...], dict[str, Mapping[str, Any]]] = {}
     for row in rows:
         settings.setdefault(tuple(line_of(row)[:3]), {})[row["basis"]] = row
-    bases = list(dict.fromkeys(row["basis"] for row in rows))
+    bases = [CLAIM, AUTO, PHONES, PAPER]
     lines = []
     for setting, each in settings.items():
         z, weight = line_of(each[CLAIM])[-2:]

@@ -30,15 +30,16 @@ def _quantity(bounds: list[Number]) -> str:
     names = [number.name.partition(".")[2] for number in bounds]
     cells = [
         bounds[0].what,
-        ", ".join(f"{number.makes} {number.beyond} {_value(number)}" for number in bounds),
+        ", ".join(_limit(number) for number in bounds),
         ", ".join(f"`{name}`" for name in names),
     ]
     return f"| {' | '.join(cells)} |"
 
 
-def _value(number: Number) -> str:
+def _limit(number: Number) -> str:
+    """Where an answer is doubtful, or `refused` before it."""
     unit = "" if number.unit == "1" else f" {number.unit}"
-    return f"{number.value:.4g}{unit}"
+    return f"{'refused ' * (number.makes == 'refused')}{number.beyond} {number.value:.4g}{unit}"
 
 
 def page(text: str, found: Rules) -> str:
