@@ -8,7 +8,6 @@ import shlex
 import subprocess
 import sysconfig
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -231,32 +230,19 @@ def test_pages_tell_the_exit_status_of_a_code_as_it_is() -> None:
     assert told >= 3
 
 
-@pytest.mark.parametrize("wanted", ["standard_colour", "convert", "np.arctan2"])
+@pytest.mark.parametrize("wanted", ["standard_colour", "convert"])
 def test_the_python_of_colour_md_runs(
     wanted: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """As written, on results of that name."""
-    (block,) = [
-        block
-        for block in blocks((ROOT / "docs" / "colour.md").read_text("utf-8"), "python")
-        if wanted in block and ("np.arctan2" in block) == (wanted == "np.arctan2")
-    ]
+    text = (ROOT / "docs" / "colour.md").read_text("utf-8")
+    (block,) = [block for block in blocks(text, "python") if wanted in block]
     for name in ("out/result.json", "a.json", "b.json"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_bytes(document_bytes(document("D55")))
     monkeypatch.chdir(tmp_path)
-    names: dict[str, Any] = {}
-    exec(compile(block, "colour.md", "exec"), names)
-    said = capsys.readouterr().out
-    assert "nan" not in said
-    if wanted == "np.arctan2":
-        ita, error = map(float, re.fullmatch(r"ITA (-?\d+)° ± (\d+)°\n", said).groups())  # type: ignore[union-attr]
-        lab, covariance = names["skin"].lab[0], names["skin"].lab_covariance[0]
-        drawn = np.random.default_rng(1).multivariate_normal(lab, 1e-2 * covariance, 20_000)
-        angles = np.degrees(np.arctan((drawn[:, 0] - 50) / drawn[:, 2]))
-        assert abs(angles.mean() - ita) < 0.6
-        assert abs(1.96 * 10 * angles.std() - error) < 0.5 + 0.05 * error
-        assert ita > 0
+    exec(compile(block, "colour.md", "exec"), {})
+    assert "nan" not in capsys.readouterr().out
 
 
 @pytest.mark.requirement("R-DOCS")

@@ -28,7 +28,7 @@ def pages() -> dict[str, str]:
         "",
         MADE,
         "",
-        "Every refusal has one of these codes, the same in Python, Kotlin and JSON. `camssf explain CODE` prints its page.",
+        "Every refusal has one of these codes. `camssf explain CODE` prints its page.",
         "",
         "| code | meaning |",
         "|---|---|",

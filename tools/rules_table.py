@@ -30,7 +30,7 @@ def _quantity(bounds: list[Number]) -> str:
     names = [number.name.partition(".")[2] for number in bounds]
     cells = [
         bounds[0].what,
-        ", ".join(_limit(number) for number in bounds),
+        ", ".join(map(_limit, bounds)) + ("" if bounds[0].unit == "1" else f" {bounds[0].unit}"),
         ", ".join(f"`{name}`" for name in names),
     ]
     return f"| {' | '.join(cells)} |"
@@ -38,8 +38,7 @@ def _quantity(bounds: list[Number]) -> str:
 
 def _limit(number: Number) -> str:
     """Where an answer is doubtful, or `refused` before it."""
-    unit = "" if number.unit == "1" else f" {number.unit}"
-    return f"{'refused ' * (number.makes == 'refused')}{number.beyond} {number.value:.4g}{unit}"
+    return f"{'refused ' * (number.makes == 'refused')}{number.beyond} {number.value:.4g}"
 
 
 def page(text: str, found: Rules) -> str:

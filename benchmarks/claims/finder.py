@@ -146,18 +146,12 @@ def kotlin(rounds: int = 10) -> tuple[float, float, float]:
 GROUPS = {
     "no chart, or half of one": r"no chart|half out|cut off",
     "real photo": r"real photo$",
-    "Semi Gloss": r"sg140",
-    "Nano, Mini, Passport": r"nano24|mini24|passport24",
-    "mirrored": r"mirrored",
+    "Semi Gloss, Nano, Mini, Passport": r"sg140|nano24|mini24|passport24",
     "several faults at once": r"all at once|rotated, tilted",
     "blurred, σ 2.5 to 8 px": r"blur",
     "10 to 90 % of the width": r"% wide|% of the width|frontal",
-    "rotated": r"rotated",
-    "tilted by up to 55°": r"tilt",
-    "coloured light": r"cast",
-    "2 to 4 stops too dark": r"EV",
-    "a shadow of 1 to 3 stops": r"shade",
-    "noise, vignetting, surround, corner": r"",
+    "mirrored, rotated, tilted by up to 55°": r"mirrored|rotated|tilt",
+    "coloured, dark or uneven light, noise": r"",
 }
 """What a picture's name begins with or holds, the first that fits."""
 
