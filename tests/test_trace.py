@@ -226,8 +226,7 @@ def pins() -> dict[str, str]:
 
 @pytest.mark.requirement("R-SOUP")
 def test_the_sheet_has_the_pinned_version_of_every_dependency() -> None:
-    rows = soup.stored(soup.PAGE.read_text("utf-8"), "python")
-    told = {cells[0]: cells[1] for cells in (row.strip("| ").split(" | ") for row in rows[2:])}
+    told = {name: version for name, (version, _) in soup.listed(soup.PAGE.read_text("utf-8"), "python").items()}
     pinned = pins()
     assert {name: pinned[name] for name in told} == told
     assert {each.name for each in closure.closure()} - {"colorama"} <= set(told)
@@ -237,8 +236,7 @@ def test_the_sheet_has_the_pinned_version_of_every_dependency() -> None:
 
 @pytest.mark.requirement("R-SOUP")
 def test_kotlin_s_sheet_has_the_build_s_versions() -> None:
-    rows = soup.stored(soup.PAGE.read_text("utf-8"), "kotlin")
-    told = {cells[0]: cells[1] for cells in (row.strip("| ").split(" | ") for row in rows[2:])}
+    told = {name: version for name, (version, _) in soup.listed(soup.PAGE.read_text("utf-8"), "kotlin").items()}
     pom = (ROOT / "android-bindings" / "pom.xml").read_text("utf-8")
     of = {name: re.findall(rf"<{re.escape(name)}>([^<]+)<", pom)[0] for name in (
         "kotlin.stdlib", "coroutines.version", "serialization.version", "onnxruntime.version",
@@ -252,12 +250,14 @@ def test_kotlin_s_sheet_has_the_build_s_versions() -> None:
 
 def test_no_licence_is_unstated_and_none_is_gpl() -> None:
     page = soup.PAGE.read_text("utf-8")
-    rows = [row.split(" | ") for language in soup.MARKS for row in soup.stored(page, language)[2:]]
-    assert len(rows) > 40
-    for row in rows:
-        own = row[2].partition("; bundles ")[0]
-        assert own != "not stated", row[0]
-        assert not re.search(r"(?<!L)GPL", own), row[0]
+    licences = {
+        name: licence for language in soup.MARKS for name, (_, licence) in soup.listed(page, language).items()
+    }
+    assert len(licences) > 40
+    for name, licence in licences.items():
+        own = licence.partition("; bundles ")[0]
+        assert own != "not stated", name
+        assert not re.search(r"(?<!L)GPL", own), name
 
 
 def test_a_new_dependency_and_one_that_went_are_seen() -> None:

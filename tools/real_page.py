@@ -80,7 +80,7 @@ def markdown(found: Mapping[str, Any]) -> dict[str, str]:
         band = row.get("band")
         said = _reasons(row["reasons"])
         wide = "" if band is None else " ".join(f"±{value:.2f}" for value in band)
-        seen.append([row["lamp"], row["status"], said, wide, f"{row['away']:.3f}" if row.get("away") else ""])
+        seen.append([row["lamp"], f"{row['status']}: {said}", wide, f"{row['away']:.3f}" if row.get("away") else ""])
     missed = [[each["bar"], f"{each['value']:.3g}", each["limit"]] for each in found["bars"] if not each["met"]]
     limits = f"{len(found['bars']) - len(missed)} of {len(found['bars'])} bars are met (`bars` in `docs/real.json`)."
     if missed:
@@ -90,7 +90,7 @@ def markdown(found: Mapping[str, Any]) -> dict[str, str]:
         "references": markdown_table(("for comparison", "2011", "2010"), held),
         "scatter": markdown_table(("chart", "pass", "shared by the channels", "left in red, green, blue"), shared),
         "photo": markdown_table(
-            ("lamp given", "verdict", "why", "95 % band, red, green, blue", "difference from `bulb`"), seen
+            ("lamp given", "verdict", "95 % band, red, green, blue", "difference from `bulb`"), seen
         ),
         "bars": limits,
     }

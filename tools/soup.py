@@ -26,6 +26,8 @@ MARKS = {
     for language in ("python", "kotlin")
 }
 HEAD = ["| package | version | licence | purpose; known faults |", "|---|---|---|---|"]
+INDIRECT = "others"
+"""The purpose of what only other dependencies need."""
 Found: TypeAlias = Mapping[str, tuple[str, str]]
 """Version and licence by name."""
 
@@ -62,15 +64,27 @@ def faults(found: Found, known: Mapping[str, Mapping[str, str]]) -> list[str]:
 
 
 def table(found: Found, known: Mapping[str, Mapping[str, str]]) -> list[str]:
-    """The rows of the table; bundled software is listed with the licence."""
-    rows = []
+    """The rows of the table, then what only others need; bundled software is listed with the licence."""
+    rows, others = [], []
     for name, (version, licence) in found.items():
         told = known.get(name, {})
+        if told.get("for") == INDIRECT:
+            others.append(f"{name} {version} ({licence})")
+            continue
         whole = licence + (f"; bundles {told['bundles']}" if "bundles" in told else "")
         fault = told.get("known", "none")
         fault = "" if fault == "none" else f"; **known:** {fault}"
         rows.append(f"| {name} | {version} | {whole} | {told.get('for', '')}{fault} |")
-    return [*HEAD, *rows]
+    return [*HEAD, *rows, "", f"Needed only by these: {', '.join(others)}."]
+
+
+def listed(page: str, language: str) -> dict[str, tuple[str, str]]:
+    """Version and licence by name, as the page has them."""
+    *lines, _, others = stored(page, language)
+    found = {name: (version, licence) for name, version, licence, _ in (row[2:-2].split(" | ") for row in lines[2:])}
+    return found | {
+        name: (version, licence) for name, version, licence in re.findall(r"(\S+) (\S+) \((.*?)\)", others)
+    }
 
 
 def stored(page: str, language: str) -> list[str]:
