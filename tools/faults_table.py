@@ -29,8 +29,6 @@ def markdown(found: dict[str, Any]) -> str:
         f"- Harmful faults caught: {bars_['severity 2: harmful caught']:.1%} at severity 2, "
         f"{bars_['severity 3: harmful caught']:.1%} at severity 3.",
         f"- The 95 % bands of everything that was accepted, faults included, cover {found['coverage']:.1%}.",
-        f"- {found['files']['same']} of {found['files']['captures']} verdicts are the same through DNG files and the "
-        "whole of `calibrate`.",
         f"- Severity 1, the mildest: {sum(row['missed'] for row in mild)} of {sum(row['captures'] for row in mild)} "
         f"captures missed, {sum(row['refused'] + row['doubtful'] for row in mild)} refused or doubtful.",
         "",
@@ -73,8 +71,7 @@ def markdown(found: dict[str, Any]) -> str:
         f"- **Two shots**, daylight and a bulb, one spoilt at severity 3 ({', '.join(pair['faults'])}): of "
         f"{sum(row['captures'] for row in spoilt)} pairs {sum(row['caught'] for row in spoilt)} are caught, and in "
         f"{sum(row['named'] for row in spoilt)} only the right shot is named. Of {pair['clean']} good pairs "
-        f"{pair['clean_caught']} were doubted; with 1 % of drift between chart and white frame "
-        f"{pair['drifting_caught']}.",
+        f"{pair['clean_caught']} were doubted.",
         "- **In the field** (no white frame, no dark frame, the lamp named as `daylight` or `bulb`), against the "
         f"same photo with all: {'; '.join(field)}.",
     ]

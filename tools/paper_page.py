@@ -48,7 +48,7 @@ python -m benchmarks.paper
 repeats the paper's experiments and adds some ({found["minutes"]:.0f} minutes in two processes; all numbers: `docs/paper.json`).
 
 - **Cameras.** The paper's camera and phones are not public. Here: {found["cameras"]} measured cameras, 52 of rawtoaces-data and two of colour-science.
-- **Fairness.** Methods that learn use no camera of the scored camera's maker. A free parameter has the value that is best on the other makers' cameras.
+- **Fairness.** Methods that learn, and the choice of free parameters, use no camera of the scored camera's maker.
 - **Score.** RMSE of the curves at peak 1, 400 to 700 nm, mean of red, green, blue and cameras. Noise of ν means σ = ν √(y² + 0.2²)."""
 
 
@@ -132,7 +132,7 @@ def families(found: dict[str, Any]) -> str:
     quiet = rows[first]["0.0"]["D55"]["rmse"]
     return f"""## Table 1's families, in one run
 
-24 patches; each cell has noise 0, 0.5 and 1 %. Each method is a file in `benchmarks/paper/rivals`.
+24 patches; each cell has noise 0, 0.5 and 1 %.
 
 {markdown_table(["method", *lights], body)}
 
@@ -198,7 +198,7 @@ def phones(found: dict[str, Any]) -> str:
     )
     return f"""## Sec. 5, Fig. 5 and 6: three phones, simulated
 
-No measured phone may be published here; these are the three cameras with the smallest sensors. Each is simulated in DNG files like a phone's and calibrated from one chart photo with white and dark frame. The test is a photo of 96 other colours (of CIE 224:2017's). "Exact": chart and lamp are those of the solver (BabelColor's table, D55). "Lifelike": the chart has Ohta's reflectances and the light is daylight of 5250 K; the solver's lamp has the tolerance 300 K and 2 %. "l1": on Gaussians, 12 patches; camssf: 24 patches. Values are for R, G, B.
+No measured phone may be published here; these are the three cameras with the smallest sensors, calibrated from simulated DNG files: one chart photo with white and dark frame. The test is a photo of 96 other colours (of CIE 224:2017's). "Exact": chart and lamp are those of the solver (BabelColor's table, D55). "Lifelike": the chart has Ohta's reflectances and the light is daylight of 5250 K; the solver's lamp has the tolerance 300 K and 2 %. "l1": on Gaussians, 12 patches; camssf: 24 patches. Values are for R, G, B.
 
 {markdown_table(["camera", "world", "l1: RMSRE, %", "mean ΔE00", "RMSE", "camssf: RMSRE, %", "mean ΔE00", "RMSE"], body)}
 
