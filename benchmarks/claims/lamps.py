@@ -74,9 +74,8 @@ def draw(kind: str, rng: np.random.Generator) -> tuple[Floats, Floats, Floats]:
 
 
 def tolerance(kind: str, how: str) -> float:
-    """The smooth error that the solver is told of a lamp, "known" or known by its "kind"."""
-    family = FAMILIES[kind]
-    return max(LAMP_SMOOTH, family.left) if how == "kind" and isinstance(family, LampKind) else LAMP_SMOOTH
+    """The smooth error that the solver is given for a lamp, "known" or known by its "kind"."""
+    return read_lamp(kind).tolerance if how == "kind" else LAMP_SMOOTH
 
 
 def leave_one_out() -> list[dict[str, Any]]:

@@ -2,9 +2,10 @@
 
 A unit is calibrated under a named lamp: daylight of 5,200 K, a bulb, a white LED in turn. Later there is one photo of
 the same chart in each of the 18 lamps of `any_light`, once with its lamp named and once not, solved as `camssf
-calibrate --previous` does it, and alone. Captures are those of `any_light`: white and dark frame, Ohta's chart named
-as BabelColor's, noise hypot(0.1 %, 0.0002). Phones are solved with a basis of the other phones, and with one of the
-other makers' phones.
+calibrate --previous` does it, and alone; white LEDs also as the phone's torch (`--lamp torch`), with the error of the
+spectrum that is found (RMS over the mean power, 400 to 700 nm) and the coverage of its band. Captures are those of
+`any_light`: white and dark frame, Ohta's chart named as BabelColor's, noise hypot(0.1 %, 0.0002). Phones are solved
+with a basis of the other phones, and with one of the other makers' phones.
 
 Then, with the basis of the others, the unit has changed before the later photo: its blue curve has moved by 5 nm, or
 one of its flanks; or the lens has yellowed (10 % at 420 nm, smooth). Noticed: the answer is that of the new photo
@@ -23,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.claims.accuracy import SEEN
-from benchmarks.claims.any_light import KIND_OF, capture, no_photo, unnamed
+from benchmarks.claims.any_light import KIND_OF, capture, no_photo, power, unnamed
 from benchmarks.claims.phones import OTHER_MAKER, OTHERS, Device, phones_left_out
 from benchmarks.claims.wrong_lamps import stands_in
 from benchmarks.shared import (
@@ -45,7 +46,8 @@ from camssf.learning.training import maker_of, read_curves
 from camssf.options import Options
 from camssf.photo.capture import Capture
 from camssf.result import Calibration
-from camssf.spectra import Light, read_lamp
+from camssf.spectra import Light, read_lamp, read_light
+from camssf.spectra.lamps import TORCH
 
 BEFORE = ("D:5200", "2856K", "LED-B3")
 """Lamps of the previous result, one after the other."""
@@ -54,6 +56,8 @@ STEP = 5.0
 LOST = 0.1
 """Of the light at 420 nm, in a yellowed lens."""
 SAME = "same"
+NAMED, UNNAMED = "named", "not named"
+"""How the later lamp is given, beside TORCH."""
 
 
 def moved(low: float, high: float) -> Callable[[Floats], Floats]:
@@ -94,17 +98,18 @@ class Later:
     """One later photo, solved with the previous result and alone.
 
     Attributes:
-        device, lamp, named, change: whose; the later lamp, and whether it was named; what had changed.
+        device, lamp, given, change: whose; the later lamp, and how it was given; what had changed.
         used: whether the answer is the common one.
         status: of the verdict with the previous result.
         rmse, covered: of the curves as they are now; None if refused.
         alone: RMSE of the new photo alone; None if that was refused, or the unit has changed.
         previous: RMSE of the previous result. no_photo: of the mean phone.
+        light: error and coverage of the later lamp's spectrum, and its error by the new photo alone; torch only.
     """
 
     device: str
     lamp: str
-    named: bool
+    given: str
     change: str
     used: bool
     status: str
@@ -113,6 +118,7 @@ class Later:
     alone: float | None
     previous: float
     no_photo: float
+    light: tuple[float, float, float] | None
 
 
 def solved(given: Capture, previous: Calibration | None = None) -> Calibration | None:
@@ -150,30 +156,44 @@ def of_device(device: Device, key: str, number: int, changes: Sequence[str], tel
             for j, change in enumerate(changes if first is not None else ()):
                 assert first is not None
                 now = replace(device, curves=CHANGES[change](device.curves))
-                for named in (True, False):
-                    light: Light = read_lamp(lamp) if named else unnamed(lamp)
+                ways: dict[str, Light] = {NAMED: read_lamp(lamp), UNNAMED: unnamed(lamp)}
+                if KIND_OF[lamp] == "white-led" and change == SAME:
+                    ways[TORCH] = read_light(TORCH)
+                for word, light in ways.items():
                     new = photo(now, lamp, light, 1000 * number + 100 * (j + 1) + i, 2)
-                    rows.append(later(now, first, new, change, (before, lamp), named))
+                    rows.append(later(now, first, new, change, lamp, word))
             tell()
     return rows
 
 
-def later(
-    device: Device, first: Calibration, new: Capture, change: str, lamps: tuple[str, str], named: bool
-) -> Later:
+def later(device: Device, first: Calibration, new: Capture, change: str, lamp: str, given: str) -> Later:
     """One later photo."""
     alone, found = solved(new) if change == SAME else None, solved(new, first)
     rmse, covered = (None, None) if found is None else score(found, device.curves)
+    light = None
+    if given == TORCH and alone is not None and found is not None:
+        light = *light_score(found, lamp), light_score(alone, lamp)[0]
     return Later(
-        device.name, lamps[1], named, change, found is not None and len(found.capture.shots) > 1,
+        device.name, lamp, given, change, found is not None and len(found.capture.shots) > 1,
         "refused" if found is None else found.verdict.status, rmse, covered,
         None if alone is None else score(alone, device.curves)[0], score(first, device.curves)[0], no_photo(device),
+        light,
     )  # fmt: skip
+
+
+def light_score(found: Calibration, lamp: str) -> tuple[float, float]:
+    """Error and coverage of the first shot's estimated spectrum, both of mean power 1 from 400 to 700 nm."""
+    light = found.ssf.light.lights[0]
+    assert light is not None
+    level, true = light.power[SEEN].mean(), power(lamp)[SEEN]
+    off = light.power[SEEN] / level - true / true.mean()
+    return float(np.sqrt(np.mean(off**2))), float((np.abs(off) <= 1.96 * light.std[SEEN] / level).mean())
 
 
 def row(rows: Sequence[Later]) -> dict[str, Any]:
     """Means of photos of unchanged units."""
     answered = [one for one in rows if one.rmse is not None]
+    lights = [one.light for one in rows if one.light is not None]
 
     def mean(name: str) -> float:
         return float(np.mean([value for one in answered if (value := getattr(one, name)) is not None]))
@@ -182,6 +202,7 @@ def row(rows: Sequence[Later]) -> dict[str, Any]:
         "photos": len(rows),
         "false_alarms": float(np.mean([not one.used for one in rows])),
         "status": {word: sum(one.status == word for one in rows) for word in ("accepted", "doubtful", "refused")},
+        "light": np.mean(lights, axis=0).tolist() if lights else None,
     }
 
 
@@ -197,8 +218,8 @@ def noticed(rows: Sequence[Later]) -> dict[str, float]:
 def summary(rows: Sequence[Later]) -> dict[str, Any]:
     """By whether the later lamp was named."""
     document: dict[str, Any] = {}
-    for word, named in (("named", True), ("not named", False)):
-        own = [one for one in rows if one.named == named]
+    for word in (NAMED, UNNAMED, TORCH):
+        own = [one for one in rows if one.given == word]
         document[word] = row([one for one in own if one.change == SAME])
         if len(own) > document[word]["photos"]:
             document[word]["noticed"] = noticed(own)
@@ -209,12 +230,12 @@ def bars(document: dict[str, dict[str, Any]]) -> list[tuple[str, float, float, f
     """Name, value, least and most that is wanted."""
     found: list[tuple[str, float, float, float]] = []
     for title, words in document.items():
-        auto = words["not named"]
+        auto = words[UNNAMED]
         if REPORTED not in title:
             found.append((f"{title}: named before, not named now, RMSE", auto["rmse"], 0.0, 0.027))
             found.append((f"{title}: the same over the new photo alone", auto["rmse"] / auto["alone"], 0.0, 1.0))
             found.append((f"{title}: coverage", auto["covered"], 0.94, 0.99))
-        for word in ("named", "not named") if REPORTED in title else ():
+        for word in (NAMED, UNNAMED) if REPORTED in title else ():
             own = words[word]
             share = float(np.mean([own["noticed"][change] for change in BLUE]))
             found.append((f"{title}, {word}: false alarms", own["false_alarms"], 0.0, 0.02))
@@ -236,6 +257,9 @@ def show(document: dict[str, dict[str, Any]]) -> None:
         "coverage", "false alarms", "accepted, doubtful, refused",
     ]  # fmt: skip
     console().print(table("RMSE of the unchanged unit", head, lines))
+    lights = [[title, *(f"{part:.3f}" for part in words[TORCH]["light"])] for title, words in document.items()]
+    head = ["population", "with both", "coverage", "new photo alone"]
+    console().print(table("Spectrum of a white LED given as the torch, RMS over its mean power", head, lights))
     shares = [
         [title, word, *(f"{share:.2f}" for share in own["noticed"].values())]
         for title, words in document.items()

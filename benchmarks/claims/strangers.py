@@ -150,6 +150,7 @@ def row(found: Sequence[Taken]) -> dict[str, Any]:
     return {
         "captures": len(found),
         "rmse": float(np.mean([one.rmse for one in found])),
+        "no_photo": float(np.mean([one.no_photo for one in found])),
         "coverage": float(np.mean([one.covered for one in found])),
         "status": {word: sum(one.status == word for one in found) for word in ("accepted", "doubtful", "refused")},
         "accepted_wrong": sum(one.rmse > HARM for one in accepted),
@@ -206,11 +207,19 @@ def bars(document: dict[str, dict[str, Any]]) -> list[tuple[str, float, float, f
 
 def show(document: dict[str, dict[str, Any]]) -> None:
     """The table."""
-    head = ["camera", "light", "RMSE", "coverage", "accepted, doubtful, refused", "wrong and accepted"]
+    head = [
+        "camera",
+        "light",
+        "RMSE",
+        "mean phone, no photo",
+        "coverage",
+        "accepted, doubtful, refused",
+        "wrong and accepted",
+    ]
     head += ["z(x), median and largest", "lamp residual", "why"]
     lines = [
         [
-            title, word, f"{one['rmse']:.4f}", f"{one['coverage']:.3f}",
+            title, word, *(f"{one[name]:.4f}" for name in ("rmse", "no_photo")), f"{one['coverage']:.3f}",
             ", ".join(str(count) for count in one["status"].values()), one["accepted_wrong"],
             *(", ".join(f"{each:.2f}" for each in one[name] or ()) for name in ("length", "lamp_residual")),
             ", ".join(f"{code} {count}" for code, count in one["codes"].items()),
