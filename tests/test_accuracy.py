@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -10,34 +9,28 @@ import pytest
 
 from benchmarks.claims import accuracy
 from benchmarks.claims.accuracy import (
-    APART,
-    BINS,
     MEAN,
     METHODS,
     PAPER,
     PRODUCT,
-    SEEN,
     SETTINGS,
     SPARSE,
     Scores,
     Setting,
 )
 from benchmarks.shared import CURVES, chart, lamp
-from camssf.grid import STEP, WAVELENGTHS
+from camssf.grid import STEP
 from camssf.learning.basis import learn
 from camssf.learning.training import maker_of, read_curves
 from camssf.recovery.basis import interpolate
 from camssf.recovery.covariance import (
     ABSOLUTE,
-    CHANNEL_SHARE,
     CHART_CORRELATION,
     EDGE,
     RELATIVE,
     TABLE_CORRELATION,
     smooth_errors,
 )
-from camssf.recovery.sensitivity import Ssf
-from camssf.spectra import read_camera
 from tests.problems import predicted, recovered
 
 NAMED = {setting.name: setting for setting in SETTINGS}
@@ -97,91 +90,6 @@ def test_monte_carlo_agrees_with_the_bands(name: str) -> None:
     assert accuracy.monte_carlo(NAMED[name], 300, np.random.default_rng(1)) == pytest.approx(np.ones(3), abs=0.10)
 
 
-def test_monte_carlo_sees_a_band_that_is_too_narrow(monkeypatch: pytest.MonkeyPatch) -> None:
-    real = Ssf.peak
-
-    def narrow(self: Ssf) -> tuple[object, object]:
-        got, std = real(self)
-        assert std is not None
-        return got, 0.7 * std
-
-    monkeypatch.setattr(Ssf, "peak", narrow)
-    assert (accuracy.monte_carlo(NAMED["exact, D55, 24"], 100, np.random.default_rng(1)) > 1.2).all()
-
-
-def test_scores_are_counted_by_hand() -> None:
-    camera = read_camera("Nikon 5100 (NPL)").values
-    lights, table = lamp("D55")[None], chart()
-    y = ((lights[:, None, :] * table) @ camera) / (lights @ camera)[:, None, :]
-    answer = recovered(y, table, lights, standard_error=1e-3 * y)
-    band = answer.posterior
-    assert band is not None
-    perfect = replace(answer, values=7.0 * camera, posterior=replace(band, std=np.zeros_like(camera)))
-    rmse, covered = accuracy.score(perfect, camera)
-    assert covered is not None
-    assert rmse == pytest.approx(np.zeros(3), abs=1e-15)
-    shifted = camera / camera.max(axis=0)
-    at = int(np.argmin(np.abs(WAVELENGTHS - 410)))
-    shifted[at] += 0.1
-    even = replace(band, std=np.full_like(camera, 0.01))
-    rmse, covered = accuracy.score(replace(answer, values=shifted, posterior=even), camera)
-    assert covered is not None
-    assert rmse == pytest.approx(np.full(3, 0.1 / np.sqrt(601)))
-    assert (covered[:, SEEN].sum(axis=1) == 600).all()
-    row = Scores(rmse[None], covered[None]).row()
-    assert row["coverage"] == pytest.approx(600 / 601)
-    assert row["coverage_bins"][0] == pytest.approx(39 / 40)
-    assert np.delete(row["coverage_bins"], 0) == pytest.approx(np.ones(len(BINS) - 1))
-    assert (sum(accuracy.inside(low).astype(int) for low in BINS) == SEEN).all()
-
-
-def test_a_missed_bar_shows() -> None:
-    rows = {
-        setting.name: {
-            PRODUCT: {"rmse": 0.02, "coverage": 0.95, "coverage_bins": [0.9]},
-            APART: {"rmse": 0.022, "coverage": 0.93},
-        }
-        for setting in SETTINGS
-    }
-    rows["lamps off, D55 + A"][PRODUCT]["rmse"] = 0.019
-    found = accuracy.bars(rows, {"x": [1.0, 0.95, 1.05]})
-    assert all(bar["met"] for bar in found)
-    rows["Ohta, D55"][PRODUCT] |= {"rmse": 0.05, "coverage": 0.98, "coverage_bins": [0.8]}
-    missed = [bar["bar"] for bar in accuracy.bars(rows, {"x": [1.0, 0.85, 1.0]}) if not bar["met"]]
-    assert len(missed) == 6
-    assert sum(name.startswith("Ohta, D55: ") for name in missed) == 5
-
-
-def test_together_is_barred_against_apart() -> None:
-    """One and two lamps on a foreign table ask for 5 %, all others that nothing is lost; and the coverage counts."""
-    rows = {
-        setting.name: {
-            PRODUCT: {"rmse": 0.0191, "coverage": 0.95, "coverage_bins": [0.9]},
-            APART: {"rmse": 0.02, "coverage": 0.95},
-        }
-        for setting in SETTINGS
-    }
-    rows["lamps off, D55 + A"][PRODUCT]["rmse"] = 0.01905
-    found = [bar["bar"] for bar in accuracy.bars(rows, {}) if not bar["met"]]
-    foreign = ["Ohta, D55", "Ohta, D55 + A", "lamps off, D55", "lamps off, D55 + A"]
-    assert found == [f"{name}: RMSE together over apart" for name in foreign]
-    for name in foreign:
-        rows[name][PRODUCT]["rmse"] = 0.0189
-    rows["exact, FL2, 12"][PRODUCT]["rmse"] = 0.0203
-    rows["Ohta, D55 + A + LED-B3"][PRODUCT]["coverage"] = 0.965
-    found = [bar["bar"] for bar in accuracy.bars(rows, {}) if not bar["met"]]
-    assert found == [
-        "exact, FL2, 12: RMSE together over apart",
-        "Ohta, D55 + A + LED-B3: coverage further from .95 than apart",
-    ]
-
-
-def test_a_chart_drawn_for_the_channels_is_theirs_in_part() -> None:
-    drawn = accuracy._by_channel(40, 500, np.random.default_rng(0)).reshape(3, -1)
-    expected = np.full((3, 3), CHANNEL_SHARE) + (1 - CHANNEL_SHARE) * np.eye(3)
-    assert np.cov(drawn) == pytest.approx(expected, abs=0.03)
-
-
 @pytest.mark.requirement("R-CAMERAS")
 @pytest.mark.full
 def test_a_left_out_maker_is_not_in_its_basis() -> None:
@@ -191,19 +99,6 @@ def test_a_left_out_maker_is_not_in_its_basis() -> None:
     mean, atoms = learn(np.stack(list(others.values())), makers=[maker_of(name) for name in others])
     assert (bases["nikon"].dictionary == interpolate(atoms)).all()
     assert (bases["nikon"].mean == interpolate(mean[..., None])[..., 0]).all()
-
-
-def test_true_lamps_scatter_as_declared() -> None:
-    """By their formulae, against the mode and the smooth part that the solver is told."""
-    rng = np.random.default_rng(3)
-    told = Setting("x", ("A",), off=True).tolerances()
-    drawn = np.log([accuracy.true_lamp("A", True, rng) / lamp("A") for _ in range(400)])
-    drawn = drawn - drawn.mean(axis=1, keepdims=True)  # a lamp's scale is nobody's business
-    mode = told["lamp_modes"][0, 0] - told["lamp_modes"][0, 0].mean()
-    ends = [0, -1]
-    declared = mode[ends] ** 2 + told["lamp_tolerance"] ** 2
-    assert drawn.var(axis=0)[ends] == pytest.approx(declared, rel=0.35)
-    assert (accuracy.true_lamp("A", False, rng) == lamp("A")).all()
 
 
 @pytest.mark.full

@@ -86,16 +86,6 @@ def parse(arguments: list[str]) -> None:
     group.make_context(" ".join(arguments), list(rest))
 
 
-def test_the_parser_of_this_test_sees_the_commands() -> None:
-    assert calls("a && .venv/bin/camssf demo -o out/") == [["demo", "-o", "out/"]]
-    assert calls('camssf patches "a b" | camssf solve - > x # camssf') == [["patches", "a b"], ["solve", "-"]]
-    assert len(written()) > 20
-    for words in (["demo", "--out", "x"], ["passport", "show", "x"]):
-        parse(words)
-        with pytest.raises(Exception, match="No such option"):
-            parse([*words, "--nosuch"])
-
-
 def test_every_command_has_one_example_of_itself() -> None:
     for name, command in CLI.commands.items():  # type: ignore[attr-defined]
         assert str(command.epilog).count("Example:") == 1
@@ -336,21 +326,6 @@ def pip_calls(script: str) -> list[list[str]]:
     """What follows `pip` on each of a script's lines that call it; comments are none."""
     lines = (line.partition(" #")[0] for line in script.splitlines() if not line.startswith("#"))
     return [found[1].split() for line in lines if (found := re.search(r"\bpip3?\s+(.*)", line))]
-
-
-@pytest.mark.parametrize(
-    "call",
-    [
-        "pip install .",
-        "python -m pip install -e '.[test]'",
-        "pip3 install camssf torch",
-        "pip install -r x",
-        ".venv/bin/pip -q install -e .",
-    ],
-)
-def test_another_install_in_ci_would_be_seen(call: str) -> None:
-    (words,) = pip_calls(f"# pip install nothing\nrun {call}  # torch")
-    assert not set(words) <= OWN
 
 
 def test_ci_runs_the_readme_s_commands() -> None:

@@ -89,10 +89,6 @@ def test_the_python_of_a_page_runs(page: Path, there: Path, capsys: pytest.Captu
     assert "nan" not in capsys.readouterr().out.split()
 
 
-def test_the_pages_with_python_are_seen() -> None:
-    assert {"README", "notebook", "colour", "exports"} <= {page.stem for page in WITH_PYTHON}
-
-
 # -- shell ----------------------------------------------------------------------------------------------------------
 
 NOT_RUN = {
@@ -172,12 +168,6 @@ def stages(line: str) -> tuple[list[list[str]], str | None]:
             assert word not in ("&&", ";", ">>"), line
             found[-1].append(word)
     return found, into
-
-
-def test_a_line_of_the_shell_is_taken_apart() -> None:
-    assert stages("camssf a 'b c' | camssf solve - > x.json # y") == (
-        [["camssf", "a", "b c"], ["camssf", "solve", "-"]], "x.json"
-    )  # fmt: skip
 
 
 def run_here(line: str) -> tuple[int, str]:

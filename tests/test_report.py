@@ -1434,11 +1434,8 @@ def test_the_page_at_every_width_and_on_paper(tmp_path: Path) -> None:
 @pytest.mark.full
 @pytest.mark.parametrize(
     ("name", "most"),
-    [
-        ("one shot", 3), ("two shots", 3), ("an unnamed light", 3),
-        ("refused", 1), ("refused, with its photo", 2), ("refused, measured", 2), ("140 patches", 4),
-    ],
-)  # fmt: skip
+    [("two shots", 3), ("refused, measured", 2), ("140 patches", 4)],
+)
 def test_the_page_on_paper_has_few_sheets(name: str, most: int, tmp_path: Path) -> None:
     """The certificate on the first, all else on two more."""
     page = tmp_path / "report.html"
@@ -1452,15 +1449,12 @@ AXE = "4.14.1"
 """Of axe-core (MPL 2.0), which only judges: CAMSSF_AXE says where its axe.min.js lies; .ci/run gets it."""
 
 
-def test_ci_gets_the_axe_core_that_these_tests_were_written_for() -> None:
-    script = (Path(__file__).parents[1] / ".ci" / "run").read_text("utf-8")
-    assert f"npm pack --silent axe-core@{AXE}\n" in script
-    assert re.search(rf"[0-9a-f]{{64}}  axe-core-{re.escape(AXE)}\.tgz", script)
-
-
 @pytest.mark.full
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("name", ["one shot", "two shots", "an unnamed light", "refused, with its photo", "a fleet"])
+@pytest.mark.parametrize(
+    ("name", "scheme"),
+    [(name, "light") for name in ("one shot", "two shots", "an unnamed light", "refused, with its photo", "a fleet")]
+    + [("two shots", "dark")],
+)
 def test_axe_finds_no_serious_fault(name: str, scheme: str, tmp_path: Path) -> None:
     path = os.environ.get("CAMSSF_AXE", "")
     if not Path(path).is_file():

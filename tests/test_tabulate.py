@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import copy
 import json
 import math
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,8 +14,6 @@ from camssf.spectra.bundled import bundled, daylight, illuminant, linear, planck
 from camssf.spectra.families import FAMILIES, LampKind, logarithm
 from camssf.spectra.layouts import LAYOUTS
 from tools import tabulate
-
-Json = dict[str, Any]
 
 
 def test_the_file_is_what_the_command_makes(capsys: pytest.CaptureFixture[str]) -> None:
@@ -154,31 +149,6 @@ def test_nodes_are_kept_to_the_bit() -> None:
     assert illuminant("FL2")[::10].tolist() == bundled()["lamps"]["FL2"]["values"][:69]
     ramp = linear({"start": 400.0, "step": 5.0, "values": [1.0, 3.0]})
     assert ramp[[0, 40, 45, 50, 680]].tolist() == [1.0, 1.0, 2.0, 3.0, 3.0]
-
-
-FALSE: dict[str, Callable[[Json], object]] = {
-    "lamps": lambda f: f["lamps"]["A"]["values"].__setitem__(3, 1.6),
-    "tables": lambda f: f["tables"]["BabelColor Average"].update(white=17),
-    "kelvin": lambda f: f["kelvin"].update(D55=5500.0),
-    "tolerances": lambda f: f["tolerances"].update(named_lamp=0.01),
-    "layouts": lambda f: f["layouts"].pop("sg140"),
-    "family": lambda f: f["families"]["white-led"]["modes"][0].__setitem__(0, 0.5),
-    "families": lambda f: f["families"].pop("bulb"),
-    "bulb": lambda f: f["families"]["bulb"].update(centre=2800.0),
-    "extra": lambda f: f.update(extra=1),
-}
-
-
-@pytest.mark.parametrize("part", FALSE)
-def test_drift_is_found(part: str) -> None:
-    made = copy.deepcopy(bundled())
-    stored = copy.deepcopy(made)
-    assert tabulate.drift(stored, made) == []
-    stored["families"]["fluorescent"]["weights"][0][0] += 1e-15  # another BLAS
-    assert tabulate.drift(stored, made) == []
-    FALSE[part](stored)
-    (fault,) = tabulate.drift(stored, made)
-    assert part in fault
 
 
 def test_planck_by_hand() -> None:
