@@ -1,4 +1,4 @@
-"""rules.json: read strictly, shown in the docs as it is, and guarded by the golden cases."""
+"""rules.json: read strictly, shown in the docs as it is, and said in words."""
 
 from __future__ import annotations
 
@@ -127,23 +127,3 @@ def test_the_table_in_the_docs_is_the_file_s(capsys: pytest.CaptureFixture[str])
     page = rules_table.PAGE.read_text("utf-8")
     assert rules_table.page(page, parse(changed)) != page
     assert "file's" in capsys.readouterr().out
-
-
-# the mutation run, the part of it that is cheap: python -m tools.mutate_rules makes all mutants
-
-
-CHEAP = [
-    mutant
-    for mutant in mutate_rules.mutants(DOCUMENT)
-    if mutant.name.partition(".")[0] in ("verdict", "covariance", "signals", "patches")
-    and mutant.name.endswith((" x 1.5", " + 1"))
-    and not mutant.name.startswith(
-        (
-            "verdict.most_shots_compared",
-            "verdict.narrow",
-            "verdict.unusual_",
-            "verdict.lamp_residual",
-            "verdict.unit_drift",
-        )
-    )  # stages calibrate, rivals, choice and light do
-]

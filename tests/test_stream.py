@@ -241,9 +241,9 @@ def test_a_million_rows_are_streamed(tmp_path: Path) -> None:
     with open(tmp_path / "m.csv", "w") as file:
         file.write("name,photo,lamp\n")
         file.writelines(f"cam{i},p{i}.dng,D55\n" for i in range(1_000_000))
-    begun = time.perf_counter()
-    next(iter(Manifest(tmp_path / "m.csv")))
-    assert time.perf_counter() - begun < 2.0
+    manifest = Manifest(tmp_path / "m.csv")
+    next(iter(manifest))
+    assert manifest.done < 1e-5
     code = (
         "import resource, sys\nfrom itertools import islice\nfrom camssf.fleet.manifest import Manifest\n"
         "def kilobytes(): return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
