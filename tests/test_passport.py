@@ -618,7 +618,7 @@ def test_a_jvm_with_java_security_alone_agrees(tmp_path: Path) -> None:
 
 
 def test_kotlin_was_told_what_is_so() -> None:
-    """passports/python.json.gz, which Kotlin's answers are held to, is true of the rules of today: every third case."""
+    """Every third case of passports/python.json.gz, which Kotlin is held to, is true of the rules of today."""
     known = stored()
     keys = {who: serialization.load_pem_public_key(each["pem"].encode()) for who, each in known["keys"].items()}
     assert {who: key_name(key) for who, key in keys.items()} == {w: k["name"] for w, k in known["keys"].items()}
