@@ -14,16 +14,12 @@ import numpy as np
 import pytest
 import typer
 import yaml
-from problems import theory, toy_camera
 from test_report import document
 
 import camssf
-from camssf import recover
 from camssf.cli import BATCH_FAILED, BUG, INTERRUPTED, UNDECIDED, app, main
 from camssf.documents.result_json import document_bytes
 from camssf.errors import CalibrationError
-from camssf.recovery.observation import Observation
-from camssf.spectra import read_chart, read_lamp
 
 ROOT = Path(__file__).parents[1]
 PAGES = [
@@ -153,30 +149,6 @@ def test_cli_md_names_every_command_and_option_of_calibrate() -> None:
         if name == "calibrate":
             for option in [o for p in command.params for o in p.opts if o.startswith("--")]:
                 assert option == "--out" or f"`{option}`" in text, option
-
-
-def test_the_penalties_are_told_as_they_are() -> None:
-    """γ and λ₂ of fits that were given none, under little and much noise, beside what help and page say."""
-    table, light = read_chart("classic24").values, read_lamp("D55").values
-    y = theory(table, light, toy_camera())
-    found = {
-        (basis, error): recover(Observation(y, table, light, standard_error=np.full(y.shape, error)), basis=basis)
-        for basis in ("cameras", "phones", "auto", "gaussian")
-        for error in (1e-3, 1e-2)
-    }
-    fixed = {
-        float(gamma) for (basis, _), each in found.items() for gamma in each.settings.gamma if basis != "gaussian"
-    }
-    assert (found["gaussian", 1e-2].settings.gamma > found["gaussian", 1e-3].settings.gamma).all()
-    (gamma,) = fixed
-    weights = {basis: f"{found[basis, 1e-3].settings.l2:g}" for basis in ("cameras", "gaussian")}
-    options = {option: p.help for p in CLI.commands["calibrate"].params for option in p.opts}  # type: ignore[attr-defined]
-    page = (ROOT / "docs" / "cli.md").read_text("utf-8")
-    rows = dict(re.findall(r"^\| `(--\w+)` \|(.*)\|$", page, re.MULTILINE))
-    for text in (options["--gamma"], rows["--gamma"]):
-        assert re.search(rf"unless given, {gamma:g}, on `gaussian` chosen from the measured noise", str(text))
-    for text in (options["--l2"], rows["--l2"]):
-        assert f"unless given, {weights['cameras']}, on `gaussian` {weights['gaussian']}" in str(text)
 
 
 @pytest.mark.full

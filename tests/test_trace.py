@@ -50,21 +50,6 @@ def test_anomalies_are_numbered_and_claims_name_requirements_that_are() -> None:
     assert told <= known
 
 
-def test_the_missed_bars_of_the_pages_are_anomalies() -> None:
-    """As the pages print them today; who mends one takes its row away."""
-    anomalies = (DOCS / "anomalies.md").read_text("utf-8")
-    solver = (DOCS / "solver.md").read_text("utf-8")
-    for value, bar in re.findall(r"\| ([\d.]+) \| [\d.]+ \| ([\d.]+), missed \|", solver):
-        assert re.search(rf"{value}\b.*bar {bar}", anomalies), (value, bar)
-    colour = (DOCS / "colour.md").read_text("utf-8")
-    missed = re.findall(r"chart in that light \| ([\d.]+) \| \*\*([\d.]+) / ([\d.]+)\*\*", colour)
-    assert missed
-    for bar, first, second in missed:
-        assert re.search(rf"{first} and {second} \((?:aimed at )?{bar}\)", anomalies), (bar, first, second)
-    (share,) = re.findall(r"severity 3 \(99 %\) is missed \(([\d.]+) %\)", (DOCS / "verdict.md").read_text("utf-8"))
-    assert f"({share} %)" in anomalies
-
-
 # -- SOUP and SBOM ------------------------------------------------------------------------------------------------
 
 
