@@ -265,20 +265,6 @@ def test_the_covariance_comes_back_from_its_triangle() -> None:
     assert len(found) == 72 * 73 // 2
 
 
-def test_a_document_of_before_the_proof_is_still_shown() -> None:
-    made = document()
-    for key in ("code_covariance", "layers_gap", "finish_steps", "evidence", "prior_scale", "choice"):
-        del made[key]
-    assert "The proof:" not in html_of(made)
-    assert "Which basis answered" not in html_of(made)
-    VALIDATOR.validate(made)
-
-
-def test_nothing_is_said_of_a_basis_that_was_told() -> None:
-    assert "Which basis answered" in html_of(document())
-    assert "Which basis answered" not in html_of(document() | {"choice": []})
-
-
 def test_every_check_has_its_sentence() -> None:
     """Both ways: no check of the rules without one, and none for a number that is no check."""
     checked = {name.removeprefix("verdict.") for name, rule in rules().numbers.items()
@@ -286,14 +272,6 @@ def test_every_check_has_its_sentence() -> None:
     made = {check["name"] for check in (*document("D55", "A")["verdict"]["checks"], *unnamed()["verdict"]["checks"])}
     assert checked | made == set(certificate.CHECK_SENTENCES)
     assert all(each.endswith(".") for pair in certificate.CHECK_SENTENCES.values() for each in pair)
-
-
-def test_the_page_begins_with_the_verdict_and_ends_with_the_proof() -> None:
-    text = Page(html_of(document())).text
-    order = ["colour error about", "Spectral sensitivity red", "What was checked", "Residuals", "duality gap"]
-    places_ = [text.index(words) for words in order]
-    assert places_ == sorted(places_)
-    assert text.count("duality gap") == 2  # the answer's and the layers'
 
 
 def test_the_curves_are_drawn_smooth_through_the_document_s_values() -> None:
@@ -336,19 +314,6 @@ def test_a_truth_is_compared_with_no_photo_too() -> None:
     page = Page(html_of(made)).text
     assert all(cell in page for each in rows.values() for cell in each.cells())
     assert true_errors(refused()) == []
-
-
-def test_the_page_says_what_the_proof_is() -> None:
-    for gaps, steps, near, walked in [
-        ([4.2e-18], [0], "4.2 × 10<sup>\u221218</sup>", "had nothing to do."),
-        ([3e-9], [1], "3.0 × 10<sup>\u22129</sup>", "took 1 step to it."),
-        ([3e-9], [17], "3.0 × 10<sup>\u22129</sup>", "took 17 steps to it."),
-        ([-1e-17], [0], "0", "had nothing to do."),
-        ([0.2, 0.013, 0.4], [5, 0, 11], "0.40", "took 5, 0, 11 steps to it (red, green, blue)."),
-    ]:
-        page = html_of(document() | {"layers_gap": gaps, "finish_steps": steps})
-        line = next(line for line in page.splitlines() if "The proof:" in line)
-        assert f"came within {near} of the optimum (relative duality gap); the exact finish {walked}" in line
 
 
 def test_a_document_without_curves_must_be_refused() -> None:
