@@ -100,7 +100,7 @@ def open_page(browser: Browser, server: Server) -> str:
 
 def left(server: Server, folders: list[Path]) -> None:
     """Wait until only these sessions' folders are left."""
-    for _ in range(100):
+    for _ in range(600):
         if server.folders() == folders:
             break
         time.sleep(0.1)

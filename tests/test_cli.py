@@ -7,7 +7,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import time
+import threading
 from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
 from importlib import import_module
@@ -1073,20 +1073,23 @@ def test_progress_shows_itself_on_long_work_only(
 ) -> None:
     def work(*_: Any, progress: Callable[[str, float], None], **__: Any) -> Any:
         progress("looking for the chart", 0.5)
-        time.sleep(0.4)
+        if cli.terminal.PROGRESS_AFTER == 0.0:
+            for timer in threading.enumerate():
+                if isinstance(timer, threading.Timer):
+                    timer.join()
         raise InvalidArgument("enough.", "")
 
     swap(monkeypatch, "attempt", work)
     monkeypatch.setenv("FORCE_COLOR", "1")  # rich then takes stderr for a terminal
     monkeypatch.setenv("TERM", "xterm-256color")
-    for after, shown in ((0.1, True), (2.0, False)):
+    for after, shown in ((0.0, True), (3600.0, False)):
         monkeypatch.setattr(cli.terminal, "PROGRESS_AFTER", after)
         assert cli.main(["calibrate", "x.dng", "--lamp", "D55"]) == 2
         out, err = capsys.readouterr()
         assert ("looking for the chart" in err) is shown
         assert out == ""
     monkeypatch.delenv("FORCE_COLOR")
-    monkeypatch.setattr(cli.terminal, "PROGRESS_AFTER", 0.1)
+    monkeypatch.setattr(cli.terminal, "PROGRESS_AFTER", 0.0)
     assert cli.main(["calibrate", "x.dng", "--lamp", "D55"]) == 2
     assert capsys.readouterr().err == "invalid_argument: enough.\n  \n"
 

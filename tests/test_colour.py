@@ -750,7 +750,7 @@ def hostile(document: dict[str, Any], seed: int) -> dict[str, Any]:
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(2))
 def test_strange_curves_give_an_answer_or_a_typed_error(seed: int, calibrated: tuple[Path, dict[str, Any]]) -> None:
     from camssf.exports import FORMATS, export
     from camssf.report.build import report

@@ -10,7 +10,7 @@ import pytest
 from camssf.documents.patches_json import read_patches
 from camssf.errors import InvalidArgument, UnsupportedRaw
 from camssf.fleet.manifest import Manifest
-from tools.fuzz import READERS, _demo, _files, damaged, fuzz, read
+from tools.fuzz import READERS, _demo, _files, fuzz, read
 
 
 @pytest.mark.parametrize("reader", READERS)
@@ -45,24 +45,6 @@ def test_damaged_photos_in_a_process_of_their_own() -> None:
     assert len(seen) == 400
     assert found["read"] > 20
     assert found["unreadable_raw"] > 20
-
-
-def test_a_file_is_the_same_every_time() -> None:
-    assert damaged("lamp", 7) == damaged("lamp", 7)
-    assert damaged("lamp", 7) != damaged("lamp", 8)
-
-
-@pytest.mark.full
-def test_a_process_that_dies_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:
-    """By a reader that kills its own process on every third file."""
-    from tests import deadly
-
-    monkeypatch.setattr("tools.fuzz._serve", deadly.serve)
-    found, findings = fuzz("manifest", range(7), lambda: None)
-    assert [seed for seed, _ in findings] == [2, 5]
-    assert all("died with status" in words for _, words in findings)
-    assert found["finding"] == 2
-    assert sum(found.values()) == 7
 
 
 def test_what_the_long_run_found(tmp_path: Path) -> None:

@@ -21,7 +21,6 @@ import pytest
 
 from camssf.calibration import attempt
 from camssf.cli import main
-from camssf.compare.differences import differences as field_differences
 from camssf.compare.parity import STAGES, first, parity
 from camssf.documents.result_json import Json, check_document
 from camssf.errors import CalibrationError
@@ -251,7 +250,7 @@ def test_one_shot_is_equal_to_the_last_bit(
 def test_two_shots_of_which_one_is_a_formula(
     photos: tuple[list[SimulatedShot], Floats], tmp_path: Path, kotlin: Kotlin
 ) -> None:
-    """And `camssf parity` agrees in every field; without any one of them it does not."""
+    """And `camssf parity` agrees in every field."""
     shots, corners = photos
     case = Case(shots, [corners, np.roll(corners, 2, axis=0)], ["D55", "2856K"])
     ours, theirs = python(case), kotlin(case, tmp_path / "result.json")
@@ -261,28 +260,6 @@ def test_two_shots_of_which_one_is_a_formula(
     findings = parity(theirs, chart, white=white, dark=dark)
     assert first(findings) is None, first(findings)
     assert tuple(finding.stage for finding in findings) == STAGES
-    missing = 0
-    for holder, key in keys_of(theirs):
-        kept = holder.pop(key)
-        if key not in ("version", "generator", "engine"):  # by which parity knows whose result it is
-            assert any(not field.agrees for field in field_differences(theirs, ours)), key
-            missing += 1
-        holder[key] = kept
-    assert missing > 100
-    del theirs["verdict"]["checks"][3]["limit"]
-    found = first(parity(theirs, chart, white=white, dark=dark))
-    assert found is not None
-    assert (found.stage, found.words.partition(")")[2]) == ("verdict", ".limit is missing there")
-
-
-def keys_of(value: Any) -> list[tuple[Json, str]]:
-    """Every key of a document with the object that holds it, of lists in their first entry; not its files' names."""
-    if isinstance(value, list):
-        return [found for each in value[:1] for found in keys_of(each)]
-    if not isinstance(value, dict):
-        return []
-    inner = [found for key in value if key != "inputs" for found in keys_of(value[key])]
-    return [(value, key) for key in value] + inner
 
 
 def test_parity_of_refusals(
@@ -312,14 +289,12 @@ def test_parity_of_refusals(
     ("lamp", "options"),
     [
         ("D55", {}),
-        ("daylight", {}),
         ("white-led", {"chart": "classic24:ohta"}),
-        ("equal-energy", {"basis": "gaussian"}),
         ("D55", {"basis": "gaussian", "fit": range(7, 19), "l2": 0.01}),
         ("D55", {"lamp_tolerance": "300K,1%", "gamma": 0.5, "white_reflectance": 0.9}),
         ("FL2", {}),
     ],
-    ids=["chosen", "family", "kind", "paper", "twelve", "tolerance", "wrong"],
+    ids=["chosen", "kind", "twelve", "tolerance", "wrong"],
 )
 def test_options(
     photos: tuple[list[SimulatedShot], Floats], tmp_path: Path, lamp: str, options: dict[str, Any], kotlin: Kotlin
@@ -377,8 +352,7 @@ def test_a_camera_in_a_light_that_nobody_named_is_refused(
     check(ours, theirs)
 
 
-@pytest.mark.parametrize("change", [0, 16], ids=["same", "changed"])
-@pytest.mark.parametrize("frames", [True, False], ids=["frames", "no-frames"])
+@pytest.mark.parametrize(("change", "frames"), [(0, False), (16, True)], ids=["same", "changed"])
 def test_a_previous_result(
     phone: tuple[list[SimulatedShot], Floats], tmp_path: Path, kotlin: Kotlin, frames: bool, change: int
 ) -> None:

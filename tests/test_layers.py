@@ -1,4 +1,4 @@
-"""The layers and their relations to ISTA, LISTA, ALISTA, Douglas-Rachford and ADMM: docs/solver.md, line by line.
+"""The layers and their relations to ISTA, LISTA, Douglas-Rachford and ADMM: docs/solver.md, line by line.
 
 Each test holds a formula that the page states, and computes the other side in that side's own terms: ADMM with its
 multiplier, Douglas and Rachford's with proximal steps by least squares, never with the layer's own weights.
@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from camssf.grid import STEP, Floats
+from camssf.grid import Floats
 from camssf.recovery.basis import read_basis
 from camssf.recovery.elastic_net import ElasticNet, whiten
 from camssf.recovery.layers import DEPTH, RELAXATION, Layer, ista, soft, splitting
@@ -381,17 +381,6 @@ def test_ista_on_rows_of_norm_one_is_the_iteration_of_2004_to_the_letter() -> No
         assert layer.unroll(depth) == pytest.approx(x, rel=1e-11, abs=1e-13)
 
 
-def test_a_layer_without_its_skip_is_lista_s() -> None:
-    """Z(0) = h(Wₑ b), Z(k) = h(Wₑ b + S Z(k - 1)), h = soft(·, θ): Gregor and LeCun 2010, any weights at all."""
-    rng = np.random.default_rng(13)
-    encoder, S, b = rng.normal(size=(8, 20)), 0.3 * rng.normal(size=(8, 8)), rng.normal(size=20)
-    layer = Layer(encoder @ b, S, np.zeros((8, 8)), 0.4, False)
-    Z = soft(encoder @ b, 0.4, False)
-    for depth in range(1, 12):
-        assert layer.unroll(depth) == pytest.approx(Z, rel=1e-13, abs=1e-13)
-        Z = soft(encoder @ b + S @ Z, 0.4, False)
-
-
 def test_ista_s_weights_are_those_that_lista_starts_its_training_from() -> None:
     """Wₑ = Aᵀ / L, S = I - Aᵀ A / L, θ = γ / L."""
     problem = random_problem(14, 0.0, 0.7)
@@ -433,65 +422,3 @@ def test_a_layer_without_the_multiplier_is_not_ista_however_large_its_step() -> 
         z = max((1.0 + z) / 2.0 - 0.1, 0.0)
     assert z == pytest.approx(0.8)
     assert splitting(one).unroll(200) == pytest.approx([0.9])
-
-
-def alista(A: Floats, b: Floats, threshold: float) -> tuple[Layer, Floats]:
-    """ALISTA's layer with step 1 (Liu et al. 2019), and its W: least ‖Wᵀ A‖ (Frobenius) with (Wᵀ A)_ii = 1.
-
-    Column by column w ∝ (A Aᵀ)⁺ a. Atoms of norm 1.
-    """
-    direction = np.linalg.pinv(A @ A.T) @ A
-    W = direction / np.sum(direction * A, axis=0)
-    r = A.shape[1]
-    return Layer(W.T @ b, np.eye(r) - W.T @ A, np.zeros((r, r)), threshold, False), W
-
-
-def test_alista_s_w_is_the_least_coherent_in_its_sense() -> None:
-    A = np.random.default_rng(16).normal(size=(9, 14))
-    A /= np.linalg.norm(A, axis=0)
-    W = alista(A, np.zeros(9), 0.1)[1]
-    least = np.linalg.norm(W.T @ A)
-    rng = np.random.default_rng(17)
-    for _ in range(50):
-        other = W + 0.1 * rng.normal(size=W.shape)
-        other /= np.sum(other * A, axis=0)
-        assert least <= np.linalg.norm(other.T @ A)
-
-
-def test_alista_looks_for_another_thing() -> None:
-    """As many rows as atoms or more: Wᵀ A = I, its layers rest at soft(A⁺ b, θ), no optimum of the problem here."""
-    problem = random_problem(18, 0.0, 0.7)
-    size = np.linalg.norm(problem.A, axis=0)
-    problem = replace(problem, A=problem.A / size)
-    layer, W = alista(problem.A, problem.b, 0.1)
-    product = W.T @ problem.A
-    assert product == pytest.approx(np.eye(12), abs=1e-6)
-    rest = soft(np.linalg.pinv(problem.A) @ problem.b, 0.1, False)
-    assert layer.unroll(5) == pytest.approx(rest, abs=1e-5)
-    assert kkt(problem, rest) > 0.1 * problem.gamma
-
-
-@pytest.mark.parametrize(("patches", "beyond"), [(slice(6, 18), 0.5), (slice(0, 24), 0.0)], ids=["12", "24"])
-def test_on_the_paper_s_rows_alista_s_theorem_covers_codes_of_one_atom(patches: slice, beyond: float) -> None:
-    """s < (1 + 1 / μ) / 2: μ of the rows themselves above 0.999; ALISTA's own, on 12 patches, above 0.5.
-
-    On 24 patches its W is the pseudo-inverse, of rows whose condition is above 1e5.
-    """
-    power = read_lamp("D55").values
-    A = (
-        read_chart("classic24").values[patches]
-        * power
-        / (power.sum() * STEP)
-        * STEP
-        @ read_basis("gaussian").dictionary[0]
-    )
-    A = A / np.linalg.norm(A, axis=0)
-    others = 1.0 - np.eye(A.shape[1])
-    assert (abs(A.T @ A) * others).max() > 0.999
-    if beyond:
-        W = alista(A, np.zeros(len(A)), 0.1)[1]
-        coherence = (abs(W.T @ A) * others).max()
-        assert coherence > beyond
-        assert (1 + 1 / coherence) / 2 < 2
-    else:
-        assert np.linalg.cond(A) > 1e5

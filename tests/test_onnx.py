@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -472,65 +470,6 @@ def test_check_passes(command: Any, capsys: pytest.CaptureFixture[str]) -> None:
     out = capsys.readouterr().out
     assert out.count("the same bytes") == len(SHIPPED)
     assert out.splitlines()[-1] == f"{len(SHIPPED)} passed, 0 failed"
-
-
-@pytest.mark.full
-def test_build_is_deterministic_and_atomic(
-    command: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    shipped = {name: (command.DATA / f"camssf-{name}.onnx").read_bytes() for name in SHIPPED}
-    monkeypatch.setattr(command, "DATA", tmp_path)
-    assert command.main(["build"]) == 0
-    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(f"camssf-{name}.onnx" for name in SHIPPED)
-    for name, content in shipped.items():
-        assert (tmp_path / f"camssf-{name}.onnx").read_bytes() == content
-    assert "nodes" in capsys.readouterr().out
-
-
-@pytest.mark.full
-def test_check_fails_on_other_bytes(
-    command: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    for name in SHIPPED:
-        (tmp_path / f"camssf-{name}.onnx").write_bytes((command.DATA / f"camssf-{name}.onnx").read_bytes())
-    with (tmp_path / "camssf-gaussian.onnx").open("ab") as stream:
-        stream.write(b"\xaa\x01\x00")  # an unknown field: still a model, not ours
-    monkeypatch.setattr(command, "DATA", tmp_path)
-    assert command.main(["check"]) == 1
-    out = capsys.readouterr().out
-    assert "other bytes" in out
-    assert out.splitlines()[-1] == f"{len(SHIPPED) - 1} passed, 1 failed"
-
-
-def test_the_runner_of_the_cases_can_fail(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """`python -m golden.models` on two cases, sound and with a changed number."""
-    import golden.reading
-    from golden import models
-
-    both = [path for path in paths() if path.stem in ("cameras-nikon", "cameras-zero-code")]
-    monkeypatch.setattr(golden.reading, "paths", lambda: both)
-    assert models.main() == 0
-    assert capsys.readouterr().out == "2 passed, 0 failed\n"
-    false = json.loads(json.dumps(CASES["ssf/cameras-nikon"]))
-    false["outputs"]["ssf"][300][1] *= 1 + 1e-6
-    monkeypatch.setattr(
-        golden.reading, "read_case", lambda path: false if path == both[0] else CASES["ssf/cameras-zero-code"]
-    )
-    assert models.main() == 1
-    out = capsys.readouterr().out
-    assert "FAILED ssf/cameras-nikon: ssf against outputs" in out
-    assert out.splitlines()[-1] == "1 passed, 1 failed"
-
-
-@pytest.mark.full
-def test_a_missing_model_says_what_to_do(
-    command: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(command, "DATA", tmp_path)
-    assert command.main(["check"]) == 2
-    assert "python -m camssf_onnx build" in capsys.readouterr().err
 
 
 @pytest.mark.full

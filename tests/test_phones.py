@@ -178,16 +178,6 @@ def test_curves_end_gently(tmp_path: Path) -> None:
         assert found[at[nm]] == pytest.approx(left * np.array([1.0, 1.0, 0.2 / 1.2]), abs=1e-12)
 
 
-def test_the_benchmark_says_what_is_missing(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.delenv("CAMSSF_PHONES", raising=False)
-    assert phones.main([]) == 2
-    assert "--phones or CAMSSF_PHONES" in capsys.readouterr().err
-    assert phones.main(["--phones", str(tmp_path / "none.csv")]) == 2
-    assert "none.csv" in capsys.readouterr().err
-
-
 @pytest.mark.requirement("R-PHONES")
 def test_no_phone_teaches_its_own_basis() -> None:
     nodes = toys()
@@ -200,28 +190,6 @@ def test_no_phone_teaches_its_own_basis() -> None:
         rest = np.stack([nodes[name] for name in others])
         expected = learn(rest, makers=[maker_of(name) for name in others], size=HANDFUL)[1]
         assert (device.bases[OTHERS].dictionary[:, ::10] == expected).all()
-
-
-@pytest.mark.requirement("R-LABORATORY")
-def test_scores_and_odds_are_counted_by_hand() -> None:
-    rmse, coverage = np.array([[0.1, 0.3], [0.2, 0.4]]), np.array([[0.9, 1.0], [0.7, 1.0]])
-    row = Runs(rmse, coverage, np.zeros((2, 2))).row(["a", "b"])
-    assert row["rmse"] == pytest.approx(0.25)
-    assert row["worst_rmse"] == pytest.approx(0.35)
-    assert row["coverage"] == pytest.approx(0.9)
-    assert row["worst_coverage"] == pytest.approx(0.8)
-    assert row["devices"]["b"] == {"rmse": pytest.approx(0.35), "coverage": 1.0}
-    here, there = (Runs(rmse, coverage, np.array(values)) for values in ([[5.0, 0.0], [1.0, -9.0]], [[1.0, 1.0]] * 2))
-    nats = phones.odds({"x": {"p": here, CAMERAS: there}}, "p")
-    assert nats["x"].tolist() == [[4.0, -1.0], [0.0, -10.0]]
-    found = phones.choice(nats, ["a", "b"])
-    assert found["a"] == {
-        "least": 0.0, "median": 2.0, "largest": 4.0, "phones": 0.5, "phones_clear": 0.5, "cameras_clear": 0.0,
-    }  # fmt: skip
-    assert found["b"]["cameras_clear"] == 0.5
-    assert found["all"] == {
-        "least": -10.0, "median": -0.5, "largest": 4.0, "phones": 0.25, "phones_clear": 0.25, "cameras_clear": 0.25,
-    }  # fmt: skip
 
 
 @pytest.mark.requirement("R-PHONES", "R-LABORATORY")

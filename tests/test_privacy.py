@@ -27,34 +27,6 @@ TRACES = ("mat-debug", "DeveloperTools", "ORT_DISABLE_TELEMETRY", "events.data.m
 CONNECT = "import socket; socket.socket(socket.AF_INET, socket.SOCK_DGRAM).connect(('127.0.0.1', 9))"
 """A connection that the watches must see. A datagram's: nothing is sent."""
 
-PRELOAD = """
-#define _GNU_SOURCE
-#include <dlfcn.h>
-#include <netdb.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <sys/socket.h>
-
-static void tell(const char *call, const struct sockaddr *to) {
-    if (to && to->sa_family != AF_INET && to->sa_family != AF_INET6) return;
-    FILE *file = fopen(getenv("CAMSSF_WATCH"), "a");
-    if (file) { fprintf(file, "%s\\n", call); fclose(file); }
-}
-int connect(int s, const struct sockaddr *to, socklen_t n) {
-    if (to) tell("connect", to);
-    return ((int (*)(int, const struct sockaddr *, socklen_t))dlsym(RTLD_NEXT, "connect"))(s, to, n);
-}
-ssize_t sendto(int s, const void *b, size_t l, int f, const struct sockaddr *to, socklen_t n) {
-    if (to) tell("sendto", to);
-    return ((ssize_t (*)(int, const void *, size_t, int, const struct sockaddr *, socklen_t))
-            dlsym(RTLD_NEXT, "sendto"))(s, b, l, f, to, n);
-}
-int getaddrinfo(const char *h, const char *p, const struct addrinfo *i, struct addrinfo **r) {
-    tell("getaddrinfo", NULL);
-    return ((int (*)(const char *, const char *, const struct addrinfo *, struct addrinfo **))
-            dlsym(RTLD_NEXT, "getaddrinfo"))(h, p, i, r);
-}
-"""
 AUDIT = """
 import os, sys
 def hook(event, values):
@@ -101,17 +73,6 @@ class Places:
         done = self.run(*words, before=(*before, "strace", "-f", "-qq", "-e", "trace=network", "-o", str(trace)))
         return done, [line for line in trace.read_text().splitlines() if "sa_family=AF_INET" in line]
 
-    def preload(
-        self, *words: str, before: tuple[str, ...] = ()
-    ) -> tuple[subprocess.CompletedProcess[str], list[str]]:
-        """Calls of the C library, native code's too."""
-        source, shim, seen = self.watch / "shim.c", self.watch / "shim.so", self.watch / "seen"
-        seen.unlink(missing_ok=True)
-        source.write_text(PRELOAD)
-        subprocess.run(["cc", "-shared", "-fPIC", "-o", str(shim), str(source), "-ldl"], check=True)
-        done = self.run(*words, before=before, LD_PRELOAD=str(shim), CAMSSF_WATCH=str(seen))
-        return done, seen.read_text().splitlines() if seen.exists() else []
-
     def audit(self, *words: str, before: tuple[str, ...] = ()) -> tuple[subprocess.CompletedProcess[str], list[str]]:
         """Python's own sockets alone."""
         (self.watch / "sitecustomize.py").write_text(AUDIT)
@@ -132,8 +93,6 @@ def ways() -> list[str]:
     found = []
     if shutil.which("strace") and not subprocess.run(["strace", "-qq", "-o", os.devnull, "true"]).returncode:
         found.append("strace")
-    if sys.platform == "linux" and shutil.which("cc"):
-        found.append("preload")
     return [*found, "audit"]
 
 
@@ -192,13 +151,7 @@ def away() -> tuple[str, ...]:
     return words if had else ()
 
 
-def test_a_namespace_without_a_network_has_none(places: Places) -> None:
-    if not away():
-        pytest.skip("no namespace without a network is to be had here")
-    assert places.run("-c", CONNECT, before=away()).returncode != 0
-
-
-@pytest.mark.parametrize("way", ["strace", "preload", "audit"])
+@pytest.mark.parametrize("way", ["strace", "audit"])
 def test_the_watch_sees_a_connection(places: Places, way: str) -> None:
     if way not in WAYS:
         pytest.skip(f"{way} is not to be had here")

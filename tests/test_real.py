@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ import pytest
 
 from benchmarks.claims import real
 from benchmarks.claims.real import AUTO, CLAIM, LEFT_OUT, MEASURED, PAPER, PASSES, PHONES, PUBLISHED, SHIPPED, d70
-from camssf.grid import STEP, WAVELENGTHS
+from camssf.grid import WAVELENGTHS
 from camssf.recovery.basis import read_basis
 from camssf.recovery.sensitivity import Ssf
 from tools import real_page
@@ -183,45 +182,6 @@ def test_the_real_capture_is_one_of_those_simulated_like_it() -> None:
 # the benchmark itself
 
 
-def test_scores_are_counted_by_hand() -> None:
-    truth, at = d70().truth["2011"], d70().at
-    rmse, held = real.score(7.0 * truth, np.full_like(truth, 1e-9), truth)
-    assert rmse == pytest.approx(np.zeros(3), abs=1e-15)
-    assert held == pytest.approx(1.0)
-    shifted = truth.copy()
-    shifted[at[4], 1] += 0.31
-    shifted[at[4] + 1, 0] += 0.31  # between the monochromator's steps: nobody knows
-    rmse, held = real.score(shifted, np.full_like(truth, 0.1), truth)
-    assert rmse == pytest.approx([0.0, 0.31 / np.sqrt(31), 0.0], abs=1e-15)
-    assert held == pytest.approx(92 / 93)
-
-
-def test_gains_are_taken_out() -> None:
-    """A capture exactly as pass 2011 says has gains of 1; the mended one has none that the channels share."""
-    truth = d70().truth["2011"]
-    gains = real.gains_of(MEASURED, truth)
-    assert gains[d70().white] == pytest.approx(np.ones(3))
-    mended = real.evidence(MEASURED, 0.03, gains=real.common(gains)).signals[0]
-    exact = (real.chart(MEASURED).values * real.light()) @ truth * STEP
-    exact = (exact / exact[d70().white])[d70().used]
-    assert np.log(mended / exact).mean(axis=1) == pytest.approx(np.zeros(23), abs=1e-12)
-    assert np.abs(np.log(mended / exact)).max() < 0.08
-
-
-def test_a_missed_bar_shows() -> None:
-    found = json.loads((DOCS / "real.json").read_text("utf-8"))
-    assert all(bar["met"] for bar in real.bars(found))
-    claim = real.row_of(found["rows"], CLAIM)
-    claim["passes"]["2010"] |= {"rmse": 0.09, "coverage": 0.8}
-    claim["z"] = 4.0
-    real.row_of(found["rows"], LEFT_OUT, tolerance=0.03)["log_evidence"] += 100
-    free = {"tolerance": 0.03, "light": real.SCATTERED}
-    real.row_of(found["rows"], CLAIM, **free)["passes"]["2010"] |= {"rmse": 0.095}
-    real.row_of(found["rows"], AUTO, **free)["passes"]["2011"] |= {"rmse": 0.06, "coverage": 0.8}
-    missed = {bar["bar"] for bar in real.bars(found) if not bar["met"]}
-    assert missed == set(real.BARS) - {"claim over 95 % of the simulated captures: RMSE"}
-
-
 def test_automatic_is_the_product_s_choice() -> None:
     """With the shipped basis in the place of the left-out one, it is `recover` itself."""
     told = real.evidence(MEASURED, 0.08)
@@ -267,10 +227,3 @@ def test_the_photo_s_verdicts_are_what_is_said_now() -> None:
         if before.get("band"):
             assert after["band"] == pytest.approx(before["band"], rel=0.02)
     assert {row_["status"] for row_ in now} == {"doubtful"}
-
-
-def test_the_picture_is_small() -> None:
-    text = (DOCS / "real.md").read_text("utf-8")
-    (picture,) = re.findall(r"\]\((images/[\w-]+\.png)\)", text)
-    assert picture == real_page.PICTURE
-    assert (DOCS / picture).stat().st_size < 150_000

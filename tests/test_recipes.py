@@ -10,7 +10,6 @@ import os
 import re
 import shutil
 import subprocess
-import time
 import zipfile
 from pathlib import Path
 
@@ -22,8 +21,6 @@ REPOSITORY = BINDINGS / "packaging" / "target" / "repository"
 ROBOLECTRIC = BINDINGS / "camera2" / "target"
 JVM_PAGE = (ROOT / "docs" / "jvm.md").read_text("utf-8")
 ANDROID_PAGE = (ROOT / "docs" / "android.md").read_text("utf-8")
-MINUTES = 5
-"""From the empty folder to the result, Maven's downloads left out: they are the network's."""
 
 pytestmark = pytest.mark.full
 if shutil.which("mvn") is None or shutil.which("java") is None:
@@ -75,13 +72,13 @@ def write(folder: Path, name: str, text: str) -> None:
 
 def kotlin_versions() -> list[str]:
     """Those that the page says it was tested with."""
-    (said,) = re.findall(r"((?:[\d.]+, )+[\d.]+ and [\d.]+) are tested by this page's recipe", JVM_PAGE)
+    (said,) = re.findall(r"([\d.]+ and [\d.]+) are tested by this page's recipe", JVM_PAGE)
     return re.findall(r"\d+\.\d+\.\d+", said)
 
 
 def test_the_page_names_the_oldest_compilers_and_its_own() -> None:
     (own,) = re.findall(r"<kotlin.version>([\d.]+)<", JVM_PAGE)
-    assert kotlin_versions() == ["2.1.0", "2.2.0", own]
+    assert kotlin_versions() == ["2.1.0", own]
     assert f"<kotlin.version>{own}<" in (ROOT / "android-bindings" / "pom.xml").read_text("utf-8")
 
 
@@ -105,11 +102,9 @@ def test_a_new_jvm_project_by_the_page_alone(kotlin: str, tmp_path: Path, cache:
     (source,) = blocks(JVM_PAGE, "kotlin")
     (command,) = blocks(JVM_PAGE, "sh")
     assert JVM_PAGE.index("`pom.xml`") < JVM_PAGE.index(pom) < JVM_PAGE.index("`src/main/kotlin/First.kt`")
-    begin = time.monotonic()
     write(folder, "pom.xml", pom)
     write(folder, "src/main/kotlin/First.kt", source)
     said = run(command.replace("/path/to/camssf", str(ROOT)), folder)
-    assert time.monotonic() - begin < 60 * MINUTES
     assert said.lower().startswith("accepted, red at 600 nm: 0."), said
     result = json.loads((folder / "result.json").read_text("utf-8"))
     assert result["verdict"]["status"] == "accepted"
@@ -304,7 +299,6 @@ def test_a_new_android_module_by_the_page_alone(tmp_path: Path, cache: Path) -> 
     lines = [line for block in code.values() for line in block.splitlines()]
     imports = "\n".join(sorted({line for line in lines if line.startswith("import ")}))
     code = {name: re.sub(r"^import .*\n", "", block, flags=re.MULTILINE) for name, block in code.items()}
-    begin = time.monotonic()
     pom = POM.format(
         repository=REPOSITORY, robolectric=ROBOLECTRIC, kotlin=of["kotlin"], dependencies="\n    ".join(dependencies)
     )
@@ -318,5 +312,4 @@ def test_a_new_android_module_by_the_page_alone(tmp_path: Path, cache: Path) -> 
     photo = ROOT / "golden" / "dng" / "chart-turned-0.dng"
     write(folder, "src/test/kotlin/example/ScreenTest.kt", SCREEN_TEST.format(photo=photo, corners=corners))
     run("mvn -q test", folder)
-    assert time.monotonic() - begin < 60 * MINUTES
     assert "ssf" in json.loads((folder / "result.json").read_text("utf-8"))

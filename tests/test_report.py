@@ -13,7 +13,7 @@ import re
 import shutil
 import subprocess
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from functools import cache
@@ -54,6 +54,7 @@ from camssf.recovery.basis import read_basis
 from camssf.recovery.observation import Observation
 from camssf.recovery.sensitivity import answer
 from camssf.report.build import NAMES, Report, report
+from camssf.report.colour_error import expected_error, true_error
 from camssf.report.fleet import FleetDrift, FleetModel, FleetUnit, fleet_html
 from camssf.report.nearest import nearest
 from camssf.report.page import page as render
@@ -73,6 +74,32 @@ jsonschema = pytest.importorskip("jsonschema")
 SCHEMA = json.loads((Path(camssf.__file__).parent / "data" / "result.schema.json").read_text("utf-8"))
 STORED = Path(__file__).with_name("pages")
 VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def colours_once() -> Iterator[None]:
+    """A page's colour errors take most of its time, and most pages here are of the same curves."""
+
+    def once(function: Callable[..., Any], key: Callable[..., object]) -> Callable[..., Any]:
+        found: dict[str, Any] = {}
+
+        def call(*given: Any) -> Any:
+            name = repr(key(*given))
+            if name not in found:
+                found[name] = function(*given)
+            return found[name]
+
+        return call
+
+    fields = ("ssf", "ssf_std", "code_covariance", "basis", "prior_scale", "camera", "channel_gain")
+    with pytest.MonkeyPatch.context() as patch:
+        of_document = once(expected_error, lambda made: [*map(made.get, fields), *made["shots"][:1]])
+        patch.setattr("camssf.report.page.expected_error", of_document)
+        patch.setattr(
+            "camssf.report.sections.truth.true_error",
+            once(true_error, lambda *given: [each.tobytes() for each in given]),
+        )
+        yield
 
 
 def html_of(made: Document, previews: Sequence[bytes | None] = (), provenance: Provenance = NO_PROVENANCE) -> str:
@@ -154,7 +181,7 @@ ODD = st.sampled_from(
 
 
 @pytest.mark.full
-@settings(max_examples=300, deadline=None, derandomize=True)
+@settings(max_examples=100, deadline=None, derandomize=True)
 @given(data=st.data())
 def test_the_check_agrees_with_another_validator(data: st.DataObject) -> None:
     """One field replaced, removed or added: the check, with jsonschema inside, and jsonschema-rs say the same."""
@@ -238,20 +265,6 @@ def test_the_covariance_comes_back_from_its_triangle() -> None:
     assert len(found) == 72 * 73 // 2
 
 
-def test_a_document_of_before_the_proof_is_still_shown() -> None:
-    made = document()
-    for key in ("code_covariance", "layers_gap", "finish_steps", "evidence", "prior_scale", "choice"):
-        del made[key]
-    assert "The proof:" not in html_of(made)
-    assert "Which basis answered" not in html_of(made)
-    VALIDATOR.validate(made)
-
-
-def test_nothing_is_said_of_a_basis_that_was_told() -> None:
-    assert "Which basis answered" in html_of(document())
-    assert "Which basis answered" not in html_of(document() | {"choice": []})
-
-
 def test_every_check_has_its_sentence() -> None:
     """Both ways: no check of the rules without one, and none for a number that is no check."""
     checked = {name.removeprefix("verdict.") for name, rule in rules().numbers.items()
@@ -259,14 +272,6 @@ def test_every_check_has_its_sentence() -> None:
     made = {check["name"] for check in (*document("D55", "A")["verdict"]["checks"], *unnamed()["verdict"]["checks"])}
     assert checked | made == set(certificate.CHECK_SENTENCES)
     assert all(each.endswith(".") for pair in certificate.CHECK_SENTENCES.values() for each in pair)
-
-
-def test_the_page_begins_with_the_verdict_and_ends_with_the_proof() -> None:
-    text = Page(html_of(document())).text
-    order = ["colour error about", "Spectral sensitivity red", "What was checked", "Residuals", "duality gap"]
-    places_ = [text.index(words) for words in order]
-    assert places_ == sorted(places_)
-    assert text.count("duality gap") == 2  # the answer's and the layers'
 
 
 def test_the_curves_are_drawn_smooth_through_the_document_s_values() -> None:
@@ -309,19 +314,6 @@ def test_a_truth_is_compared_with_no_photo_too() -> None:
     page = Page(html_of(made)).text
     assert all(cell in page for each in rows.values() for cell in each.cells())
     assert true_errors(refused()) == []
-
-
-def test_the_page_says_what_the_proof_is() -> None:
-    for gaps, steps, near, walked in [
-        ([4.2e-18], [0], "4.2 × 10<sup>\u221218</sup>", "had nothing to do."),
-        ([3e-9], [1], "3.0 × 10<sup>\u22129</sup>", "took 1 step to it."),
-        ([3e-9], [17], "3.0 × 10<sup>\u22129</sup>", "took 17 steps to it."),
-        ([-1e-17], [0], "0", "had nothing to do."),
-        ([0.2, 0.013, 0.4], [5, 0, 11], "0.40", "took 5, 0, 11 steps to it (red, green, blue)."),
-    ]:
-        page = html_of(document() | {"layers_gap": gaps, "finish_steps": steps})
-        line = next(line for line in page.splitlines() if "The proof:" in line)
-        assert f"came within {near} of the optimum (relative duality gap); the exact finish {walked}" in line
 
 
 def test_a_document_without_curves_must_be_refused() -> None:
@@ -1249,7 +1241,7 @@ def test_previews_must_be_pictures() -> None:
 
 # In a browser
 
-WIDTHS = (360, 768, 1280)
+WIDTHS = (360, 1280)
 SHEET = 703
 """CSS pixels between the margins of an A4 sheet, 186 mm."""
 SHEET_HEIGHT = 1045
@@ -1434,11 +1426,8 @@ def test_the_page_at_every_width_and_on_paper(tmp_path: Path) -> None:
 @pytest.mark.full
 @pytest.mark.parametrize(
     ("name", "most"),
-    [
-        ("one shot", 3), ("two shots", 3), ("an unnamed light", 3),
-        ("refused", 1), ("refused, with its photo", 2), ("refused, measured", 2), ("140 patches", 4),
-    ],
-)  # fmt: skip
+    [("two shots", 3), ("refused, measured", 2), ("140 patches", 4)],
+)
 def test_the_page_on_paper_has_few_sheets(name: str, most: int, tmp_path: Path) -> None:
     """The certificate on the first, all else on two more."""
     page = tmp_path / "report.html"
@@ -1452,15 +1441,12 @@ AXE = "4.14.1"
 """Of axe-core (MPL 2.0), which only judges: CAMSSF_AXE says where its axe.min.js lies; .ci/run gets it."""
 
 
-def test_ci_gets_the_axe_core_that_these_tests_were_written_for() -> None:
-    script = (Path(__file__).parents[1] / ".ci" / "run").read_text("utf-8")
-    assert f"npm pack --silent axe-core@{AXE}\n" in script
-    assert re.search(rf"[0-9a-f]{{64}}  axe-core-{re.escape(AXE)}\.tgz", script)
-
-
 @pytest.mark.full
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("name", ["one shot", "two shots", "an unnamed light", "refused, with its photo", "a fleet"])
+@pytest.mark.parametrize(
+    ("name", "scheme"),
+    [(name, "light") for name in ("one shot", "two shots", "an unnamed light", "refused, with its photo", "a fleet")]
+    + [("two shots", "dark")],
+)
 def test_axe_finds_no_serious_fault(name: str, scheme: str, tmp_path: Path) -> None:
     path = os.environ.get("CAMSSF_AXE", "")
     if not Path(path).is_file():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import subprocess
 import sys
@@ -12,7 +11,6 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
-from benchmarks.kernels import startup
 from camssf.cli import INTERRUPTED
 from tests.captures import photos
 
@@ -117,26 +115,3 @@ def test_ctrl_c_while_it_loads_is_no_traceback() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
     assert (done.returncode, done.stdout, done.stderr) == (INTERRUPTED, "", "")
-
-
-def test_the_benchmark_s_bars_and_ratios(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    monkeypatch.setattr("benchmarks.shared.RESULTS", tmp_path)
-    times = dict.fromkeys(startup.CALLS, (0.2, 0.3))
-    monkeypatch.setattr(startup, "seconds", lambda runs: times)
-    assert startup.main([]) == 0
-    assert "1.00 × import numpy" in capsys.readouterr().out
-    times["camssf calibrate --help"] = (0.4, 0.4)
-    assert startup.main([]) == 1
-    times["camssf calibrate --help"] = (0.39, 9.0)
-    for size, status in ((451.0, 1), (450.0, 0)):
-        monkeypatch.setattr(startup, "installed", lambda arguments, size=size: (2 * size, size))
-        assert startup.main(["--sizes"]) == status
-    assert json.loads((tmp_path / "startup.json").read_text())["megabytes"]["minimal"]["without"] == 450.0
-
-
-def test_weighing_counts_bytecode_apart(tmp_path: Path) -> None:
-    (tmp_path / "a.py").write_bytes(bytes(1000))
-    (tmp_path / "a.pyc").write_bytes(bytes(500))
-    assert startup.weigh(tmp_path) == (0.0015, 0.001)

@@ -4,7 +4,6 @@ import json
 import os
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -212,35 +211,6 @@ def test_faults_lose_nothing(bucket: str, server: tuple[str, Faulty], stubbed: S
     checked = verify(one)
     assert (checked.documents, checked.faults) == (6, ())
     assert ran(bucket, stubbed).resumed == 6
-
-
-def test_a_run_that_was_killed_is_resumed(bucket: str, stubbed: Stub, tmp_path: Path) -> None:
-    manifest_of(bucket)
-    code = (
-        "import sys, time; from pathlib import Path; from test_stores import Stub, ran, place\n"
-        "class Slow(Stub):\n"
-        "    def __call__(self, job, folder, **more):\n"
-        "        time.sleep(0.3); return super().__call__(job, folder, **more)\n"
-        "if __name__ == '__main__':\n"
-        f"    ran({bucket!r}, Slow(Path({str(tmp_path)!r})))\n"
-    )
-    (tmp_path / "killed.py").write_text(code)
-    for kills in range(2):
-        process = subprocess.Popen(
-            [sys.executable, str(tmp_path / "killed.py")], env=os.environ | {"PYTHONPATH": SEARCH}
-        )
-        deadline = time.monotonic() + 60
-        while len(stubbed.visits()) < 2 * (kills + 1) and time.monotonic() < deadline and process.poll() is None:
-            time.sleep(0.02)
-        process.kill()
-        process.wait()
-    time.sleep(1)  # its workers end with it
-    found = ran(bucket, stubbed)
-    assert found.by_status == {"doubtful": 6}
-    assert len(stubbed.visits()) <= 6 + 2 * 3, "what was under way alone is done again"
-    one = Registry(f"{bucket}/phones")
-    assert [each["name"] for each in one.query("SELECT name FROM rows ORDER BY name")] == sorted(NAMES)
-    assert verify(one).faults == ()
 
 
 def test_on_a_cluster(bucket: str, stubbed: Stub, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-import copy
 import json
-import math
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
 
-from camssf.grid import WAVELENGTHS, Floats
+from camssf.grid import WAVELENGTHS
 from camssf.spectra import chart_names, colour_science, lamp_names, read_chart, read_lamp
-from camssf.spectra.bundled import bundled, daylight, illuminant, linear, planck, reflectances, sprague
+from camssf.spectra.bundled import bundled, illuminant, linear, planck, reflectances
 from camssf.spectra.families import FAMILIES, LampKind, logarithm
 from camssf.spectra.layouts import LAYOUTS
 from tools import tabulate
-
-Json = dict[str, Any]
 
 
 def test_the_file_is_what_the_command_makes(capsys: pytest.CaptureFixture[str]) -> None:
@@ -103,47 +97,6 @@ def test_a_temperature_family_is_a_central_difference() -> None:
     assert family["tolerance"] == lamp.tolerance
 
 
-@pytest.mark.parametrize("kelvin", [1000.0, 2700.0, 2856.0, 6500.5, 20000.0])
-def test_planck_is_colour_science_s(kelvin: float) -> None:
-    known = np.ravel(colour_science().colorimetry.planck_law(WAVELENGTHS * 1e-9, kelvin))
-    found = planck(kelvin)
-    np.testing.assert_allclose(found / found.mean(), known / known.mean(), rtol=5e-15)
-
-
-@pytest.mark.parametrize("kelvin", [4000.0, 5003.0, 5503.0, 6504.0, 7000.0, 7000.5, 7504.0, 25000.0])
-def test_daylight_is_colour_science_s(kelvin: float) -> None:
-    science = colour_science()
-    table = science.sd_CIE_illuminant_D_series(science.temperature.CCT_to_xy_CIE_D(kelvin))
-    np.testing.assert_allclose(daylight(kelvin), np.interp(WAVELENGTHS, table.wavelengths, table.values), rtol=1e-14)
-
-
-def test_sprague_is_colour_science_s() -> None:
-    generator = np.random.default_rng(6)
-    for start, step, count in (
-        (380.0, 10.0, 36),
-        (300.0, 5.0, 107),
-        (400.0, 20.0, 16),
-        (395.0, 17.5, 18),
-        (360.0, 61, 6),
-    ):
-        values = generator.random(count)
-        known = colour_science().SpragueInterpolator(start + step * np.arange(count), values)
-        inside = np.clip(WAVELENGTHS, start, start + step * (count - 1))
-        np.testing.assert_allclose(sprague(start, step, values), known(inside), rtol=0, atol=1e-13)
-
-
-def test_sprague_keeps_polynomials() -> None:
-    """Exact for the fourth degree between inner nodes; its two invented points at each end keep straight lines."""
-    at = 300.0 + 20.0 * np.arange(26)
-
-    def polynomial(x: Floats) -> Floats:
-        u = (x - 550.0) / 170.0
-        return np.asarray(0.3 + u - 0.5 * u**2 + 0.7 * u**3 - 0.4 * u**4)
-
-    np.testing.assert_allclose(sprague(300.0, 20.0, polynomial(at)), polynomial(WAVELENGTHS), atol=1e-13)
-    np.testing.assert_allclose(sprague(380.0, 20.0, 0.5 * np.arange(18)), (WAVELENGTHS - 380) / 40, atol=1e-13)
-
-
 def test_nodes_are_kept_to_the_bit() -> None:
     for name, table in bundled()["tables"].items():
         step = round(table["step"] / 0.5)
@@ -154,35 +107,3 @@ def test_nodes_are_kept_to_the_bit() -> None:
     assert illuminant("FL2")[::10].tolist() == bundled()["lamps"]["FL2"]["values"][:69]
     ramp = linear({"start": 400.0, "step": 5.0, "values": [1.0, 3.0]})
     assert ramp[[0, 40, 45, 50, 680]].tolist() == [1.0, 1.0, 2.0, 3.0, 3.0]
-
-
-FALSE: dict[str, Callable[[Json], object]] = {
-    "lamps": lambda f: f["lamps"]["A"]["values"].__setitem__(3, 1.6),
-    "tables": lambda f: f["tables"]["BabelColor Average"].update(white=17),
-    "kelvin": lambda f: f["kelvin"].update(D55=5500.0),
-    "tolerances": lambda f: f["tolerances"].update(named_lamp=0.01),
-    "layouts": lambda f: f["layouts"].pop("sg140"),
-    "family": lambda f: f["families"]["white-led"]["modes"][0].__setitem__(0, 0.5),
-    "families": lambda f: f["families"].pop("bulb"),
-    "bulb": lambda f: f["families"]["bulb"].update(centre=2800.0),
-    "extra": lambda f: f.update(extra=1),
-}
-
-
-@pytest.mark.parametrize("part", FALSE)
-def test_drift_is_found(part: str) -> None:
-    made = copy.deepcopy(bundled())
-    stored = copy.deepcopy(made)
-    assert tabulate.drift(stored, made) == []
-    stored["families"]["fluorescent"]["weights"][0][0] += 1e-15  # another BLAS
-    assert tabulate.drift(stored, made) == []
-    FALSE[part](stored)
-    (fault,) = tabulate.drift(stored, made)
-    assert part in fault
-
-
-def test_planck_by_hand() -> None:
-    """At 500 nm and 700 nm, 2856 K."""
-    ratio = (5 / 7) ** 5 * math.expm1(1.4388e-2 / (500e-9 * 2856)) / math.expm1(1.4388e-2 / (700e-9 * 2856))
-    found = planck(2856.0)
-    assert found[640] / found[240] == pytest.approx(ratio, rel=1e-13)

@@ -324,19 +324,6 @@ def test_surprise_is_chi_squared_when_all_is_as_told() -> None:
     assert max(strongest) < EXPLANATION
 
 
-@pytest.mark.full
-def test_the_length_of_the_code_is_a_normal_number_under_the_prior() -> None:
-    """Cameras drawn from the basis."""
-    rng = np.random.default_rng(6)
-    z = []
-    for _ in range(80):
-        scene = drawn(rng)
-        z.append(code_length(drawn_answer(scene)))
-    # Of 80 standard normal numbers: the mean within 0.34, the spread within 0.25, three standard errors each.
-    assert abs(np.mean(z)) < 0.34
-    assert abs(np.std(z) - 1.0) < 0.25
-
-
 def test_the_length_of_the_code_by_hand() -> None:
     """Ten directions fully known, none of the others: χ² of ten degrees of freedom."""
     scene = Scene(clean())

@@ -1,6 +1,4 @@
-"""`python -m camssf_onnx build` writes the shipped models, `check` rebuilds them and compares the bytes.
-`python -m golden.models` runs the golden cases on them.
-"""
+"""`python -m camssf_onnx build` writes the shipped models, `check` rebuilds them and compares the bytes."""
 
 from __future__ import annotations
 

@@ -45,8 +45,8 @@ class ClosingTest {
         closing.join(200)
         assertTrue(closing.isAlive, "close does not wait")
         go.countDown()
-        closing.join(10_000)
-        run.join(10_000)
+        closing.join(120_000)
+        run.join(120_000)
         assertFalse(closing.isAlive || run.isAlive)
         assertEquals(CalibratorClosed::class.java, ended.get()?.javaClass)
         assertThrows(CalibratorClosed::class.java) { calibrator.calibrateBlocking(capture()) }
@@ -79,10 +79,10 @@ class ClosingTest {
                 )
             }
         }
-        assertTrue(started.await(10, TimeUnit.SECONDS))
+        assertTrue(started.await(2, TimeUnit.MINUTES))
         Thread.sleep(100)
         calibrator.close()
-        runs.forEach { it.join(10_000) }
+        runs.forEach { it.join(120_000) }
         assertEquals(List(3) { CalibratorClosed::class.java }, errors.map { it.get()?.javaClass })
     }
 

@@ -43,8 +43,8 @@ class ProgressTest {
     }
 
     @Test
-    fun `one to six shots`() = SsfCalibrator.open().use { calibrator ->
-        for (k in 1..6) {
+    fun `one shot and several`() = SsfCalibrator.open().use { calibrator ->
+        for (k in listOf(1, 3)) {
             val steps = run(calibrator, shots(k, 360, 264))
             check(steps, k)
             // Each step is planned: what a step adds is its own work, so no two steps stand at one part.

@@ -146,7 +146,7 @@ class SsfCalibratorTest {
 
     @Test
     fun `measured now and solved later is the same`() {
-        SsfCalibrator.open().use { calibrator ->
+        SsfCalibrator.open("phones").use { calibrator ->
             val whole = calibrated(calibrator.calibrateBlocking(Capture(shot(), chart)))
             val later = calibrated(calibrator.solve(listOf(calibrator.measure(shot(), chart)), chart))
             assertEquals(whole.toJson(), later.toJson())
@@ -167,7 +167,7 @@ class SsfCalibratorTest {
 
     @Test
     fun `a chart that is not there is refused with what was learned`() {
-        SsfCalibrator.open().use { calibrator ->
+        SsfCalibrator.open("phones").use { calibrator ->
             val elsewhere = Corners.of(2.0, 2.0, 30.0, 2.0, 30.0, 24.0, 2.0, 24.0)
             val found = calibrator.calibrateBlocking(Capture(shot(at = elsewhere), chart)) as Refused
             assertEquals("chart_not_found", found.error.code)
@@ -181,7 +181,7 @@ class SsfCalibratorTest {
 
     @Test
     fun `a wrong call is thrown`() {
-        SsfCalibrator.open().use { calibrator ->
+        SsfCalibrator.open("phones").use { calibrator ->
             val wrong = listOf(
                 Capture(emptyList(), chart),
                 Capture(listOf(shot()), chart, 0.9),
@@ -195,7 +195,7 @@ class SsfCalibratorTest {
 
     @Test
     fun `an interrupted thread stops`() {
-        SsfCalibrator.open().use { calibrator ->
+        SsfCalibrator.open("phones").use { calibrator ->
             var stopped = false
             thread {
                 Thread.currentThread().interrupt()
@@ -262,7 +262,7 @@ class SsfCalibratorTest {
 
     @Test
     fun `suspending gives the same`() = runBlocking {
-        SsfCalibrator.open().use { calibrator ->
+        SsfCalibrator.open("phones").use { calibrator ->
             val found = calibrator.calibrate(Capture(shot(), chart))
             assertEquals(calibrator.calibrateBlocking(Capture(shot(), chart)).toJson(), found.toJson())
         }
@@ -270,7 +270,7 @@ class SsfCalibratorTest {
 
     @Test
     fun `threads share a calibrator`() {
-        SsfCalibrator.open().use { calibrator ->
+        SsfCalibrator.open("phones").use { calibrator ->
             val wanted = calibrator.calibrateBlocking(Capture(shot(), chart)).toJson()
             val found = arrayOfNulls<String>(4)
             val threads = List(4) { i ->

@@ -49,11 +49,19 @@ internal object LargePhotos {
             out.write(head(width, height))
             val row = ByteBuffer.allocate(2 * width).order(ByteOrder.LITTLE_ENDIAN)
             var seed = kind.hashCode()
+            val levels = arrayOfNulls<DoubleArray>(2) // of the last even and the last odd row
+            val bands = arrayOfNulls<Int>(2)
             for (y in 0 until height) {
                 row.clear()
-                for (x in 0 until width) {
+                val v = (y - top) / pitch
+                val band = if (v >= 0 && v % 1 < layout.sideY) v.toInt() else -1
+                if (bands[y % 2] != band) {
+                    levels[y % 2] = DoubleArray(width) { x -> BLACK + (WHITE - BLACK) * signal(x, y) }
+                    bands[y % 2] = band
+                }
+                for (level in levels[y % 2]!!) {
                     seed = seed * 1664525 + 1013904223
-                    row.putShort((BLACK + (WHITE - BLACK) * signal(x, y) + (seed ushr 28)).toInt().toShort())
+                    row.putShort((level + (seed ushr 28)).toInt().toShort())
                 }
                 out.write(row.array())
             }

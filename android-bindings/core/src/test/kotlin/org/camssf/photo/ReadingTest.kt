@@ -12,6 +12,7 @@ import org.junit.jupiter.api.Assertions.assertThrows
 import org.junit.jupiter.api.Assertions.assertTrue
 import org.junit.jupiter.api.Test
 import java.io.File
+import java.util.concurrent.CancellationException
 
 /** A photo that is read part by part is the photo that is read at once. */
 class ReadingTest {
@@ -117,6 +118,20 @@ class ReadingTest {
         chart.facts
         chart.scan(chart.facts.clipped(region)) { _, _, _, _, _ -> }
         assertEquals(listOf(region), asked)
+    }
+
+    /** Between two rows and between two runs of a model a cancelled run ends; the latter in SsfCalibratorTest. */
+    @Test
+    fun `a cancelled scan ends at the next row`() {
+        val rows = PhotoSource.of(photo)
+        for (source in listOf(rows, PhotoSource { rows.read(it) })) {
+            var count = 0
+            val reading = Reading.of(source, ChartPose.region(corners), false) {
+                if (++count == 3) throw CancellationException()
+            }
+            assertThrows(CancellationException::class.java) { ChartPose.refine(reading, corners, chart) }
+            assertEquals(3, count)
+        }
     }
 
     @Test

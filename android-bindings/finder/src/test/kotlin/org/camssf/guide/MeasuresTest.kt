@@ -74,7 +74,7 @@ class MeasuresTest {
     /** Where white is clipped, the other patches tell how much, up to three stops. */
     @Test
     fun `the white patch's level, clipped or not`() {
-        for (exposure in listOf(0.06, 0.2, 0.75, 1.0, 1.5, 3.0, 7.0)) {
+        for (exposure in listOf(0.06, 0.75, 1.5, 7.0)) {
             val m = Drawn(exposure = exposure).measures()
             val true_ = exposure * Drawn.PATCHES[54]
             assertEquals(0.0, ln(m.white / true_) / ln(2.0), 0.15, "at $exposure")
@@ -87,7 +87,7 @@ class MeasuresTest {
 
     @Test
     fun `blur is that of the lens, and grows`() {
-        for (fill in listOf(0.3, 0.45, 0.7)) {
+        for (fill in listOf(0.3, 0.7)) {
             val found = listOf(0.5, 1.0, 1.5, 2.0, 3.0, 5.0).map { Drawn(fill = fill, blur = it).measures().blur!! }
             assertEquals(found.sorted(), found)
             within(0.8..1.25, found[1], "blur 1")
@@ -111,7 +111,7 @@ class MeasuresTest {
         within(0.12..0.14, veil.veil, "veil")
         assertEquals(emptyList<Int>(), veil.glare)
         // A shadow on black or white is not a veil, and no spot.
-        for (angle in 0 until 360 step 45) {
+        for (angle in 0 until 360 step 90) {
             val shaded = Drawn(light = Drawn.shadow(angle.toDouble(), 0.3, 0.4)).measures()
             assertNull(shaded.veil)
             assertEquals(emptyList<Int>(), shaded.glare, "$angle")
@@ -120,8 +120,8 @@ class MeasuresTest {
 
     @Test
     fun `a shadow's depth in stops, whatever way it lies`() {
-        for (angle in 0 until 360 step 30) {
-            for (factor in listOf(0.4, 0.6, 0.75)) {
+        for (angle in 0 until 360 step 60) {
+            for (factor in listOf(0.4, 0.75)) {
                 val m = Drawn(light = Drawn.shadow(angle.toDouble(), 0.4, factor)).measures()
                 val stops = -ln(factor) / ln(2.0)
                 assertEquals(stops, m.shadow!!, 0.25 * stops, "$angle, $factor")
@@ -133,7 +133,7 @@ class MeasuresTest {
     /** The benchmark's find: a deep shadow under a maker's tone curve was called glare. */
     @Test
     fun `a deep shadow stays a shadow under a steep tone curve`() {
-        for (angle in listOf(0, 45, 230, 300)) {
+        for (angle in listOf(0, 230)) {
             val m = Drawn(light = Drawn.shadow(angle.toDouble(), 0.3, 0.35), contrast = 1.35).measures()
             assertEquals(emptyList<Int>(), m.glare, "$angle")
             assertEquals(1.5, m.shadow!!, 0.4, "$angle")
@@ -142,21 +142,9 @@ class MeasuresTest {
 
     @Test
     fun `a gradient in stops, and no shadow`() {
-        for (stops in listOf(0.3, 0.6, 1.2)) {
-            for (direction in listOf(0, 1)) {
-                val m = Drawn(light = { u, v ->
-                    exp(
-                        -ln(2.0) * stops * (
-                            if (direction ==
-                                0
-                            ) {
-                                u / 5
-                            } else {
-                                v / 3
-                            }
-                            ),
-                    )
-                }).measures()
+        for (stops in listOf(0.3, 1.2)) {
+            for (place in listOf<(Double, Double) -> Double>({ u, _ -> u / 5 }, { _, v -> v / 3 })) {
+                val m = Drawn(light = { u, v -> exp(-ln(2.0) * stops * place(u, v)) }).measures()
                 assertEquals(stops, m.gradient, 0.08)
                 assertEquals(0.0, m.shadow!!, 0.15)
             }

@@ -46,11 +46,11 @@ class ChangedTest {
     }
 
     @Test
-    fun `ten thousand changed passports of a whole result`() {
+    fun `a thousand changed passports of a whole result`() {
         assertNotNull(verified(whole))
         val dice = Random(19)
         var count = 0
-        while (count < 10_000) {
+        while (count < 1_000) {
             val other = mutated(whole, dice)
             if (other.contentEquals(whole)) continue
             refused(other, Fixtures.SIGNER)

@@ -47,10 +47,16 @@ class SelfTestActivityTest {
     val scratch = TemporaryFolder()
     private val folder = File(System.getProperty("camssf.root"), "golden")
 
+    /** A few of them: all are GoldenTest's. */
     @Test
     fun `the golden vectors run from the screen`() {
         val activity = Robolectric.buildActivity(SelfTestActivity::class.java).setup().get()
-        activity.files = GoldenFiles.of(folder)
+        val whole = GoldenFiles.of(folder)
+        val manifest = JSONObject(whole.read("manifest.json").decodeToString())
+        val cases = manifest.getJSONObject("cases")
+        cases.keys().asSequence().toList().filterNot { it.startsWith("choice/") }.forEach(cases::remove)
+        manifest.put("count", cases.length())
+        activity.files = GoldenFiles { if (it == "manifest.json") "$manifest".toByteArray() else whole.read(it) }
         val views = all(activity.window.decorView)
         views.filterIsInstance<Button>().single { "golden" in it.text }.performClick()
         val said = waitFor(views, "golden: ")
