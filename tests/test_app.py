@@ -263,6 +263,11 @@ def test_from_a_dropped_photo_to_a_report_a_colour_an_export_and_a_passport(serv
     browser.wait("document.querySelectorAll('#signed a').length == 2")
     root = browser.do("DOM.getDocument")["root"]["nodeId"]
     key = browser.do("DOM.querySelector", nodeId=root, selector="#key")["nodeId"]
+    browser.do("DOM.setFileInputFiles", nodeId=key, files=[str(folder / "result" / "result.json")])
+    browser.press("#sign")
+    browser.wait("document.querySelector('#export-problem').textContent")
+    assert "result.json is not a private key" in text(browser, "#export-problem")
+    assert "the button in the page" in text(browser, "#export-problem")
     browser.do("DOM.setFileInputFiles", nodeId=key, files=[str(folder / "passport-key.pem")])
     browser.press("#sign")
     browser.wait("document.querySelectorAll('#signed a').length == 1")

@@ -81,7 +81,8 @@ async function guarded(place, work) {
 }
 
 /** The text with the files' own names instead of the server's. */
-const named = (words) => words.replace(/(?:photo|chart)-(\d+)\.(?:dng|json|csv)/g, (file, number) => names[number] ?? file);
+const named = (words) => words.replace(/(?:photo|chart)-(\d+)\.(?:dng|json|csv)/g, (file, number) => names[number] ?? file)
+  .replace(".signing-key.pem", () => $("key").files[0].name);
 
 // -- files --------------------------------------------------------------------------------------------------------
 
