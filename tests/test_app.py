@@ -18,6 +18,7 @@ from urllib.parse import urlsplit
 import pytest
 from browser import Browser
 from captures import photos
+from test_layouts import photographed, write_card
 
 from camssf.cli import main
 
@@ -152,16 +153,30 @@ def test_strangers_paths_and_large_files_are_refused(server: Server, tmp_path: P
     assert server.ask("/")[0] == server.ask("/sessions", "POST")[0] == 404  # without the key
     session = json.loads(server.ask("sessions", "POST")[1])["session"]
     ours = f"sessions/{session}"
-    assert server.ask(f"{ours}/photos", "POST", chart().read_bytes()) == (200, b'{"photo":1}')
-    for path in (f"{ours}/files/photo-1.dng", f"{ours}/files/..%2fresult.json", "static/..%2fresult.schema.json"):
-        assert server.ask(path)[0] == 404, path
+    assert server.ask(f"{ours}/files/photo", "POST", chart().read_bytes()) == (200, b'{"number":1}')
+    assert server.ask(f"{ours}/files/table", "POST", b"{}") == (200, b'{"number":2}')
+    assert (
+        server.ask(f"{ours}/files/..%2fphoto", "POST", b"")[0] == server.ask(f"{ours}/files/x", "POST", b"")[0] == 404
+    )
+    for path in (
+        "files/photo-1.dng",
+        "files/chart-2.csv",
+        "files/..%2fresult.json",
+        "../../static/..%2fresult.schema.json",
+    ):
+        assert server.ask(f"{ours}/{path}")[0] == 404, path
     for shot, words in (
         ({"photo": "../../x"}, "no photo"),
         ({"photo": 2}, "no photo"),
         ({"photo": 1, "lamp": str(chart())}, "no lamp"),
     ):
         assert words in server.task(session, "calibrate", {"shots": [shot]})["error"]["words"]
-    assert "no chart" in server.task(session, "find", {"photo": 1, "chart": str(chart())})["error"]["words"]
+    for own, words in (
+        (str(chart()), "no chart"),
+        ({"table": "../x"}, "no table"),
+        ({"layout": 2, "table": 2}, "no layout"),
+    ):
+        assert words in server.task(session, "find", {"photo": 1, "chart": own})["error"]["words"]
     assert "no task" in server.task(session, "perform", {})["error"]["words"]
     for task in ("export", "colour", "passport"):
         found = server.task(session, task, {"to": "csv", "key": "", "photos": [1], "photo": 1})
@@ -174,7 +189,7 @@ def test_strangers_paths_and_large_files_are_refused(server: Server, tmp_path: P
         stream.truncate(2 << 30)
     with huge.open("rb") as stream:  # of stated length, then in pieces
         for body in (stream, iter(lambda: stream.read(1 << 20), b"")):
-            assert server.ask(f"{ours}/photos", "POST", body)[0] in (413, 0)
+            assert server.ask(f"{ours}/files/table", "POST", body)[0] in (413, 0)
             stream.seek(0)
     assert sum(path.stat().st_size for path in folder.iterdir()) < 4 << 20
     assert server.ask(ours, "DELETE")[0] == 204
@@ -220,10 +235,10 @@ def test_from_a_dropped_photo_to_a_report_a_colour_an_export_and_a_passport(serv
     assert document["shots"][0]["pose"]["method"] == "by hand"
     assert document["shots"][0]["lamp"]["name"] == "D55"
     assert abs(document["shots"][0]["pose"]["corners"][0][0] - before[0][0]) < 3  # found again from the moved ones
-    frames = {
-        each["url"]: each for each in browser.do("Target.getTargets")["targetInfos"] if each["type"] == "iframe"
-    }
-    assert any("report.html" in url for url in frames)
+    end = time.monotonic() + 30
+    while not any("report.html" in url for url in frames(browser)):
+        assert time.monotonic() < end, frames(browser)
+        time.sleep(0.1)
     picture(browser, "result")
 
     patches = document["shots"][0]["pose"]["patches"][14]  # red
@@ -248,6 +263,11 @@ def test_from_a_dropped_photo_to_a_report_a_colour_an_export_and_a_passport(serv
     browser.wait("document.querySelectorAll('#signed a').length == 2")
     root = browser.do("DOM.getDocument")["root"]["nodeId"]
     key = browser.do("DOM.querySelector", nodeId=root, selector="#key")["nodeId"]
+    browser.do("DOM.setFileInputFiles", nodeId=key, files=[str(folder / "result" / "result.json")])
+    browser.press("#sign")
+    browser.wait("document.querySelector('#export-problem').textContent")
+    assert "result.json is not a private key" in text(browser, "#export-problem")
+    assert "the button in the page" in text(browser, "#export-problem")
     browser.do("DOM.setFileInputFiles", nodeId=key, files=[str(folder / "passport-key.pem")])
     browser.press("#sign")
     browser.wait("document.querySelectorAll('#signed a').length == 1")
@@ -255,6 +275,49 @@ def test_from_a_dropped_photo_to_a_report_a_colour_an_export_and_a_passport(serv
     words = ["passport", "verify", str(folder / "camera.jws"), "--key", str(folder / "passport-key.pub.pem")]
     assert main([*words, "--result", str(folder / "result" / "result.json")]) == 0
     assert not (folder / ".signing-key.pem").exists()
+
+
+@pytest.mark.full
+def test_a_chart_of_the_users_own(server: Server, browser: Browser, tmp_path: Path) -> None:
+    write_card(tmp_path)
+    table, _ = photographed(tmp_path, f"{tmp_path / 'card.json'}:{tmp_path / 'mine.csv'}")
+    note = tmp_path / "note.csv"
+    note.write_text("no table")
+
+    def add(*files: Path) -> str:
+        browser.js("document.querySelector('#upload-problem').textContent = ''")
+        browser.drop("#drop", *files)
+        browser.wait("document.querySelector('#upload-problem').textContent")
+        return text(browser, "#upload-problem")
+
+    assert add(tmp_path / "mine.csv").startswith("mine.csv holds 35 patches.")  # without the layout
+    assert "note.csv is not a table of reflectances" in add(tmp_path / "card.json", note)
+    assert "card.json is the layout of a chart. Now add the table" in add(tmp_path / "card.json")
+    root = browser.do("DOM.getDocument")["root"]["nodeId"]
+    chosen = browser.do("DOM.querySelector", nodeId=root, selector="#chart-files")["nodeId"]
+    browser.do("DOM.setFileInputFiles", nodeId=chosen, files=[str(tmp_path / "mine.csv")])
+    browser.wait("document.querySelector('#chart').value == 'card.json, mine.csv'")
+    assert "garden card, 35 patches" in text(browser, "#chart")
+    browser.drop("#drop", tmp_path / "chart.dng")
+    browser.wait("document.querySelector('.card')")
+    assert text(browser, ".card .problem") == ""
+    browser.js("document.querySelector('.lamp').value = 'D55'")
+    picture(browser, "own-chart")
+    calibrated(browser)
+    assert text(browser, "#problem") == ""
+    (folder,) = server.folders()
+    document = json.loads((folder / "result" / "result.json").read_text())
+    assert document["verdict"]["status"] == text(browser, "#status") != "refused"
+    assert document["chart"]["layout"] == "garden card"
+    assert len(document["shots"][0]["patches"]) == len(table.patches)
+    assert str(folder) not in json.dumps(document)
+    picture(browser, "own-chart-result")
+
+
+def frames(browser: Browser) -> list[str]:
+    """The addresses of the page's frames, which load after it."""
+    found = browser.do("Target.getTargets")["targetInfos"]
+    return [each["url"] for each in found if each["type"] == "iframe"]
 
 
 def corners(browser: Browser) -> list[list[float]]:

@@ -113,6 +113,23 @@ def test_it_goes_on_after_a_crash(tmp_path: Path) -> None:
     assert "died" in outcomes[1].reason
 
 
+@pytest.mark.full
+def test_a_script_that_guards_no_call_is_an_error_in_words(tmp_path: Path) -> None:
+    write(tmp_path, ["good,a,D55,,,"], {"a": "no photo"})
+    script = tmp_path / "script.py"
+    script.write_text(
+        "from camssf.fleet.batch import run_batch\nfrom camssf.fleet.manifest import Manifest\n"
+        "run_batch(Manifest('manifest.csv'), 'out', workers=2)\n"
+    )
+    ended = subprocess.run(
+        [sys.executable, script.name], cwd=tmp_path, stderr=subprocess.PIPE, text=True, timeout=120
+    )
+    assert "InvalidArgument: A batch starts processes" in ended.stderr
+    assert 'below a line `if __name__ == "__main__":`' in ended.stderr
+    assert ended.stderr.count("Traceback") == 1
+    assert list((tmp_path / "out").iterdir()) == []
+
+
 def test_it_resumes(tmp_path: Path) -> None:
     manifest = write(
         tmp_path, ["one,a,D55,,,", "two,b,D55,w,,", "bad,c,D55,,,"], {"a": "1", "b": "2", "w": "w", "c": "refused"}

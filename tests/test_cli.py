@@ -305,7 +305,7 @@ def test_a_terminal_shows_json_only_if_it_is_demanded(
         (["simulate", "--lamp", "D55", "--size", "480x360", "-o", str(tmp_path)], "truth.csv"),
         (["patches", *triple], "24 patches measured"),
         (["validate", document], "verdict: "),
-        (["cameras", "--nearest", document], "bands off"),
+        (["cameras", "--nearest", document], "times the uncertainty"),
     ):
         for demanded in (False, True):
             terminal = Terminal()

@@ -119,4 +119,4 @@ def test_the_command_says_which_is_nearest(tmp_path: Path, capsys: pytest.Captur
     assert len(found["cameras"]) == 2
     assert found["cameras"][0]["whole"] is None
     assert set(found["cameras"][0]) == {"name", "maker", "source", "distance", "whole", "rms"}
-    assert "Sony ILCE-9: 0.00 bands off" in said.err
+    assert "Sony ILCE-9: RMS difference 0.0 % of the peak, 0.00 times the uncertainty" in said.err

@@ -25,6 +25,7 @@ from camssf.photo.capture import Capture, MeasuredShot
 from camssf.photo.patches import FrameMeans, PatchMeans
 from camssf.photo.shot import Shot
 from camssf.photo.signals import normalise
+from camssf.report.build import report
 from camssf.result import Calibration
 from camssf.rules import rules
 from camssf.spectra import Unnamed, read_lamp
@@ -316,6 +317,11 @@ def test_the_torch_s_spectrum_is_measured_against_a_named_lamp() -> None:
     document = found.document()
     check_document(document, "result.json")
     assert document["shots"][0]["light"]["power"] == light.power.tolist()
+    page = report(document).html
+    assert any("the light was the phone's torch" in each["message"] for each in document["assumptions"])
+    assert "<dd>the phone&#39;s torch + D55</dd>" in page
+    assert "Shot 1: the phone&#39;s torch" in page
+    assert "not named" not in page
     (shot,) = later("A").shots
     new = replace(later("A"), shots=(replace(shot, photo=replace(shot.photo, sha256="2" * 64)),))
     again = read_previous(accepted(found)).joined(new)

@@ -29,11 +29,12 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from camssf.app.session import Session
+from camssf.app.tasks import UPLOADS
 from camssf.errors import InvalidArgument
 
 HOST = "127.0.0.1"
 LARGEST_PHOTO = 512 * 2**20
-MOST_PHOTOS, MOST_SESSIONS = 32, 16
+MOST_UPLOADS, MOST_SESSIONS = 32, 16
 LARGEST_ORDER = 2**20
 """Bytes of a task's order; a key takes the most."""
 DATA = Path(str(files("camssf"))) / "data"
@@ -118,17 +119,19 @@ class Sessions:
         return Response(status_code=204)
 
     async def upload(self, request: Request) -> Response:
-        """Store a photo under a name of our own: the answer is its number. It is never whole in memory."""
-        session, size = self._session(request), 0
+        """Store a file under a name of our own: the answer is its number. It is never whole in memory."""
+        session, size, kind = self._session(request), 0, request.path_params["kind"]
         too_large = HTTPException(
             413, f"The file is larger than {LARGEST_PHOTO >> 20} MB, more than any photo. Choose a RAW photo (DNG)."
         )
         if int(request.headers.get("content-length", "0")) > LARGEST_PHOTO:
             raise too_large
-        if session.photos >= MOST_PHOTOS:
-            raise HTTPException(413, f"A tab takes {MOST_PHOTOS} photos. Reload the page to begin again.")
-        session.photos += 1
-        number, path = session.photos, session.folder / f"photo-{session.photos}.dng"
+        if kind not in UPLOADS:
+            raise HTTPException(404, f"There is no kind of file {kind!r}.")
+        if session.uploads >= MOST_UPLOADS:
+            raise HTTPException(413, f"A tab takes {MOST_UPLOADS} files. Reload the page to begin again.")
+        session.uploads += 1
+        number, path = session.uploads, session.folder / UPLOADS[kind].format(session.uploads)
         try:
             with open(path, "xb") as stream:
                 async for chunk in request.stream():
@@ -139,10 +142,10 @@ class Sessions:
         except BaseException as error:
             path.unlink(missing_ok=True)
             if isinstance(error, OSError):
-                words = f"The photo cannot be stored ({error.strerror or error}). Free some space, and drop it again."
+                words = f"The file cannot be stored ({error.strerror or error}). Free some space, and drop it again."
                 raise HTTPException(507, words) from error
             raise
-        return JSONResponse({"photo": number})
+        return JSONResponse({"number": number})
 
     async def task(self, request: Request) -> Response:
         """Perform a task; the answer is a line of JSON for each step. Closing the request stops the task."""
@@ -214,7 +217,7 @@ def application(key: str, sessions: Sessions) -> Starlette:
         Route("/report.css", _style),
         Route("/sessions", sessions.begin, methods=["POST"]),
         Route("/sessions/{session}", sessions.end, methods=["DELETE"]),
-        Route("/sessions/{session}/photos", sessions.upload, methods=["POST"]),
+        Route("/sessions/{session}/files/{kind}", sessions.upload, methods=["POST"]),
         Route("/sessions/{session}/tasks/{task}", sessions.task, methods=["POST"]),
         Route("/sessions/{session}/files/{name}", sessions.file),
         Mount("/static", StaticFiles(directory=DATA / "app")),

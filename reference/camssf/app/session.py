@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import secrets
 import shutil
 import signal
@@ -15,7 +16,7 @@ from typing import Any
 
 from anyio import to_thread
 
-from camssf.app.tasks import RESULT, TASKS, Json, perform
+from camssf.app.tasks import RESULT, TASKS, UPLOADS, Json, perform
 from camssf.errors import InvalidArgument
 
 PULSE = 0.25
@@ -25,16 +26,18 @@ DIED = (
     "Check the file, close other programs and try again."
 )
 
+_SENT = tuple(name.partition("{")[0] for name in UPLOADS.values())
 ENDED = "camssf app was ended. Start it again and open its new address."
 
 
 def work(link: Connection, folder: Path) -> None:
     """Perform one order after another until the server closes the link."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the server's, which ends this process
+    os.chdir(folder)  # so that no message and no report holds its path
     with suppress(EOFError, BrokenPipeError, ConnectionResetError):
         while True:
             name, order = link.recv()
-            link.send(perform(name, folder, order, lambda stage, part: link.send({"stage": stage, "part": part})))
+            link.send(perform(name, order, lambda stage, part: link.send({"stage": stage, "part": part})))
 
 
 class Session:
@@ -43,7 +46,7 @@ class Session:
     Attributes:
         name: a random name, which only the tab knows.
         folder: its files; only the owner has access.
-        photos: number of photos that were sent.
+        uploads: number of files that were sent.
         busy: whether a task is running.
         closed: whether the session has ended.
     """
@@ -51,7 +54,7 @@ class Session:
     def __init__(self, root: Path) -> None:
         self.name = secrets.token_urlsafe(16)
         self.folder = Path(tempfile.mkdtemp(dir=root))
-        self.photos = 0
+        self.uploads = 0
         self.busy = self.closed = False
         self._link: Connection | None = None
         self._process: Any = None
@@ -89,7 +92,7 @@ class Session:
                 for folder in (self.folder, self.folder / RESULT)
                 if folder.is_dir()
                 for path in folder.iterdir()
-                if path.name == name and path.is_file() and not name.startswith((".", "photo-"))
+                if path.name == name and path.is_file() and not name.startswith((".", *_SENT))
             ),
             None,
         )

@@ -1,6 +1,6 @@
-"""The tasks of the page, each a function of the session's folder and an order; they run in a process of their own.
+"""The tasks of the page, each a function of an order; they run in a process whose current folder is the session's.
 
-An order is the JSON that the page sent. It names photos by their numbers, lamps and charts by the names of the lists:
+An order is the JSON that the page sent. It names files by their numbers, lamps and charts by the names of the lists:
 no text of it ever becomes a path.
 """
 
@@ -20,25 +20,29 @@ from camssf.grid import WAVELENGTHS
 Json: TypeAlias = dict[str, Any]
 Tell: TypeAlias = Callable[[str, float], None]
 
-RESULT = "result"
+RESULT = Path("result")
 """The folder of the newest report, in the session's folder."""
 SMALLEST_REGION = 12
 """Smallest side of a white region on the chart, px: `measure_regions` needs as much."""
 
 
-def photo_path(folder: Path, number: Any) -> Path:
-    """The file of a session's photo.
+UPLOADS = {"photo": "photo-{}.dng", "layout": "chart-{}.json", "table": "chart-{}.csv"}
+"""Names under which files from the page are stored, by their kind; a table's format is recognised by its content."""
+
+
+def uploaded(kind: str, number: Any) -> Path:
+    """A file that the page sent, by its number.
 
     Raises:
-        InvalidArgument: there is no such photo.
+        InvalidArgument: there is no such file.
     """
-    path = folder / f"photo-{number}.dng"
+    path = Path(UPLOADS[kind].format(number))
     if not isinstance(number, int) or not path.is_file():
-        raise InvalidArgument(f"This tab has no photo {number!r}.", "Drop the photo again.")
+        raise InvalidArgument(f"This tab has no {kind} {number!r}.", f"Drop the {kind} again.")
     return path
 
 
-def find(folder: Path, order: Json, tell: Tell) -> Json:
+def find(order: Json, tell: Tell) -> Json:
     """Read a photo, write its preview, and search for the chart.
 
     Returns:
@@ -50,15 +54,15 @@ def find(folder: Path, order: Json, tell: Tell) -> Json:
     from camssf.spectra import read_chart
 
     number = order["photo"]
-    path = photo_path(folder, number)
+    path = uploaded("photo", number)
     tell("reading the photo", 0.1)
     try:
         mosaic = read_raw(path)
     except RawError:
         path.unlink()
         raise
-    preview, table = f"preview-{number}.jpg", read_chart(_listed_chart(order))
-    write_file(folder / preview, photo_preview(mosaic) or b"")
+    preview, table = f"preview-{number}.jpg", read_chart(_chart(order))
+    write_file(preview, photo_preview(mosaic) or b"")
     height, width = mosaic.samples.shape
     found: Json = {
         "preview": preview, "width": width, "height": height, "orientation": mosaic.orientation,
@@ -68,7 +72,7 @@ def find(folder: Path, order: Json, tell: Tell) -> Json:
     try:
         pose = find_chart(mosaic, table)
     except CalibrationError as error:
-        return found | {"problem": _problem(error, folder)}
+        return found | {"problem": _problem(error)}
     patch = pose.patches[table.white]
     low, high = patch.min(axis=0), patch.max(axis=0)
     centre, side = (low + high) / 2, max(SMALLEST_REGION, 0.5 * float((high - low).min()))
@@ -78,7 +82,15 @@ def find(folder: Path, order: Json, tell: Tell) -> Json:
     return found | {"corners": pose.corners.tolist(), "white": white, "reflectance": reflectance}
 
 
-def calibrate(folder: Path, order: Json, tell: Tell) -> Json:
+def chart(order: Json, tell: Tell) -> Json:
+    """Check the files of a chart of the user's own; returns its layout's name and its number of patches."""
+    from camssf.spectra import read_chart
+
+    table = read_chart(_chart(order))
+    return {"layout": table.layout.name, "patches": len(table.patches)}
+
+
+def calibrate(order: Json, tell: Tell) -> Json:
     """Calibrate the camera from the photos and write the report.
 
     Returns:
@@ -91,30 +103,29 @@ def calibrate(folder: Path, order: Json, tell: Tell) -> Json:
     from camssf.result import Refusal
 
     def frame(shot: Json, role: str) -> Path | None:
-        return None if shot.get(role) is None else photo_path(folder, shot[role])
+        return None if shot.get(role) is None else uploaded("photo", shot[role])
 
     shots = [
         Shot(
-            photo_path(folder, shot["photo"]), listed_lamp(shot), frame(shot, "white"), frame(shot, "dark"),
+            uploaded("photo", shot["photo"]), listed_lamp(shot), frame(shot, "white"), frame(shot, "dark"),
             shot.get("corners"),
         )
         for shot in order["shots"]
     ]  # fmt: skip
-    out = folder / RESULT
-    shutil.rmtree(out, ignore_errors=True)
-    found = attempt(shots, chart=_listed_chart(order), progress=tell)
+    shutil.rmtree(RESULT, ignore_errors=True)
+    found = attempt(shots, chart=_chart(order), progress=tell)
     if isinstance(found, Refusal) and isinstance(found.error, RawError):
         raise found.error
     tell("writing the report", 0.97)
     document = found.document()
     pages = report(document, found.previews, provenance=read_provenance([shot.photo for shot in shots]))
-    files = [path.name for path in pages.save(out)]
+    files = [path.name for path in pages.save(RESULT)]
     verdict = document["verdict"]
-    reasons = [f"{each['message']} {each['advice']}".replace(f"{folder}{os.sep}", "") for each in verdict["reasons"]]
+    reasons = [f"{each['message']} {each['advice']}" for each in verdict["reasons"]]
     return {"status": verdict["status"], "reasons": reasons, "files": files}
 
 
-def colour(folder: Path, order: Json, tell: Tell) -> Json:
+def colour(order: Json, tell: Tell) -> Json:
     """The colour and the reflectance spectrum of a region of a photo.
 
     Returns:
@@ -131,9 +142,9 @@ def colour(folder: Path, order: Json, tell: Tell) -> Json:
     from camssf.report.spectrum_plot import spectrum_picture
     from camssf.spectra.appearance import srgb
 
-    result = _result(folder)
+    result = _result()
     camera, curves = camera_of_result(result), read_curves(result)
-    path, lamp = photo_path(folder, order["photo"]), listed_lamp(order)
+    path, lamp = uploaded("photo", order["photo"]), listed_lamp(order)
     tell("measuring the region", 0.2)
     region, white = _rectangle(order["region"]), _rectangle(order["white"])
     share = float(order["reflectance"])
@@ -147,7 +158,7 @@ def colour(folder: Path, order: Json, tell: Tell) -> Json:
     lit = LitSurfaces(lamp, signals, errors, found.reference)
     spectra = spectrum(camera, lit, prior=read_prior("general"), view=view)
     picture = f"spectrum-{order['photo']}.svg"
-    write_file(folder / picture, spectrum_picture(spectra, ".svg"))
+    write_file(picture, spectrum_picture(spectra, ".svg"))
     return {
         "lab": colours.lab[0].tolist(),
         "lab_std": (colours.lab_covariance[0].diagonal() ** 0.5).tolist(),
@@ -157,7 +168,7 @@ def colour(folder: Path, order: Json, tell: Tell) -> Json:
     }
 
 
-def export(folder: Path, order: Json, tell: Tell) -> Json:
+def export(order: Json, tell: Tell) -> Json:
     """Write the result in another program's format; returns the file's name."""
     from camssf.exports import FORMATS
     from camssf.exports import export as write
@@ -165,45 +176,46 @@ def export(folder: Path, order: Json, tell: Tell) -> Json:
     to = order["to"]
     if to not in FORMATS:
         raise InvalidArgument(f"There is no export to {to!r}.", f"Take one of {', '.join(FORMATS)}.")
-    content = write(_result(folder), to)
+    content = write(_result(), to)
     name = f"camera-{to}.{ENDINGS[to]}"
-    write_file(folder / name, content)
+    write_file(name, content)
     return {"file": name}
 
 
-def make_key(folder: Path, order: Json, tell: Tell) -> Json:
+def make_key(order: Json, tell: Tell) -> Json:
     """Make a pair of keys for passports; returns the files' names."""
     from camssf.documents.keys import PRIVATE, PUBLIC
     from camssf.documents.keys import make_key as make
 
     for name in (PRIVATE, PUBLIC):
-        (folder / name).unlink(missing_ok=True)
-    make(folder, _passphrase(order))
+        Path(name).unlink(missing_ok=True)
+    make(Path(), _passphrase(order))
     return {"files": [PRIVATE, PUBLIC]}
 
 
-def passport(folder: Path, order: Json, tell: Tell) -> Json:
+def passport(order: Json, tell: Tell) -> Json:
     """Sign the result with the private key that the page sent; the key's file is removed at once."""
     from camssf.documents.keys import read_private
     from camssf.documents.passport import PassportRequest, create_passport, sign
     from camssf.photo.read.unit import Unit
 
-    data = _result_path(folder).read_bytes()
-    secret = folder / ".signing-key.pem"
+    data = _result_path().read_bytes()
+    secret = Path(".signing-key.pem")
     try:
         with open(os.open(secret, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w", encoding="utf-8") as stream:
             stream.write(str(order["key"]))
         key = read_private(secret, _passphrase(order))
     finally:
         secret.unlink(missing_ok=True)
-    photos = [photo_path(folder, number) for number in order["photos"]]
+    photos = [uploaded("photo", number) for number in order["photos"]]
     request = PassportRequest(unit=Unit(serial=str(order.get("serial") or "")))
-    write_file(folder / "camera.jws", sign(create_passport(data, request, photos=photos), key))
+    write_file("camera.jws", sign(create_passport(data, request, photos=photos), key))
     return {"file": "camera.jws"}
 
 
-TASKS: Mapping[str, Callable[[Path, Json, Tell], Json]] = {
-    "find": find, "calibrate": calibrate, "colour": colour, "export": export, "key": make_key, "passport": passport,
+TASKS: Mapping[str, Callable[[Json, Tell], Json]] = {
+    "find": find, "chart": chart, "calibrate": calibrate, "colour": colour, "export": export, "key": make_key,
+    "passport": passport,
 }  # fmt: skip
 ENDINGS = {
     "rawtoaces": "json", "dcamprof": "json", "spectacle": "csv", "csv": "csv", "dcp": "dcp", "icc": "icc",
@@ -211,22 +223,22 @@ ENDINGS = {
 }  # fmt: skip
 
 
-def perform(name: str, folder: Path, order: Json, tell: Tell) -> Json:
-    """Run a task; an error becomes plain data, without a traceback and without the folder's path."""
+def perform(name: str, order: Json, tell: Tell) -> Json:
+    """Run a task; an error becomes plain data, without a traceback."""
     try:
-        return {"value": TASKS[name](folder, order, tell)}
+        return {"value": TASKS[name](order, tell)}
     except CalibrationError as error:
-        return {"error": _problem(error, folder)}
+        return {"error": _problem(error)}
     except MemoryError:
         words = "The photo does not fit into this computer's free memory."
         return {"error": {"code": OutOfMemory.code, "words": f"{words} Close other programs and try again."}}
     except Exception as error:
         words = f"{type(error).__name__}: {error}. This is camssf's fault: report it, and reload the page."
-        return {"error": {"code": "bug", "words": words.replace(f"{folder}{os.sep}", "")}}
+        return {"error": {"code": "bug", "words": words}}
 
 
-def _problem(error: CalibrationError, folder: Path) -> Json:
-    return {"code": error.code, "words": str(error).replace(f"{folder}{os.sep}", "")}
+def _problem(error: CalibrationError) -> Json:
+    return {"code": error.code, "words": str(error)}
 
 
 def listed_lamp(order: Json) -> str:
@@ -240,24 +252,28 @@ def listed_lamp(order: Json) -> str:
     return str(name)
 
 
-def _listed_chart(order: Json) -> str:
+def _chart(order: Json) -> str:
+    """The chart of an order: a name of the list, or {"layout": number, "table": number} of the user's own files."""
     from camssf.spectra import chart_names
 
-    name = order.get("chart", "classic24")
-    if name not in chart_names():
-        raise InvalidArgument(f"There is no chart {name!r} in the list.", "Choose one from it.")
-    return str(name)
+    chart = order.get("chart", "classic24")
+    if isinstance(chart, dict):
+        kinds = [kind for kind in ("layout", "table") if chart.get(kind) is not None]
+        return ":".join(str(uploaded(kind, chart[kind])) for kind in kinds)
+    if chart not in chart_names():
+        raise InvalidArgument(f"There is no chart {chart!r} in the list.", "Choose one from it.")
+    return str(chart)
 
 
-def _result_path(folder: Path) -> Path:
-    path = folder / RESULT / "result.json"
+def _result_path() -> Path:
+    path = RESULT / "result.json"
     if not path.is_file():
         raise InvalidArgument("This tab has no result yet.", "Calibrate first.")
     return path
 
 
-def _result(folder: Path) -> Json:
-    return _read_result(_result_path(folder), _result_path(folder).stat().st_mtime_ns)
+def _result() -> Json:
+    return _read_result(_result_path(), _result_path().stat().st_mtime_ns)
 
 
 @lru_cache(maxsize=1)

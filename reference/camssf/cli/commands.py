@@ -14,6 +14,7 @@ from camssf.cli.captures import batch, calibrate, simulate
 from camssf.cli.colour import colour
 from camssf.cli.demo import demo
 from camssf.cli.exports import export
+from camssf.cli.groups import Group
 from camssf.cli.others import cameras, charts, direct, explain, lamps, parity
 from camssf.cli.page import app as page
 from camssf.cli.passport import passport
@@ -54,7 +55,7 @@ COMMANDS = (
 )
 """Each command with an example for its help."""
 
-app = typer.Typer(
+app = Group(
     name="camssf",
     help="Camera spectral sensitivities, with error bands, from RAW photos of a ColorChecker.",
     epilog="Example: camssf demo -o out/",

@@ -199,4 +199,5 @@ def cameras(
     found, curves = nearest(document)[:count], read_curves(document)
     emit(nearest_document(found, curves.about))
     for each in found:
-        say("", f"{each.name}: {each.distance:.2f} bands off, {each.rms:.3f} of the peak")
+        size = f"RMS difference {100 * each.rms:.1f} % of the peak, {each.distance:.2f} times the uncertainty"
+        say("", f"{each.name}: {size}")

@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
-import typer.core
+import typer
 
+from camssf.cli.groups import Command, Group
 from camssf.cli.options import CameraId, Captured, Document, Lens
 from camssf.cli.reading import check_captured, given_paths, parse_time, read_bytes, read_list, read_received, spare
 from camssf.cli.terminal import emit, say
@@ -15,7 +16,7 @@ from camssf.errors import InvalidArgument, PassportInvalid
 if TYPE_CHECKING:
     from camssf.documents.passport import Passport
 
-passport = typer.Typer(
+passport = Group(
     name="passport",
     help="Sign a result, with the unit, the time and how long it is valid; verify it anywhere, offline.",
     short_help="Sign a result; verify it offline.",
@@ -184,7 +185,7 @@ def verify(
         say("", f"the whole result was not checked: its SHA-256 is {found.result_sha256}; give it by --result")
 
 
-class _Names(typer.core.TyperCommand):
+class _Names(Command):
     """One key in 64 has a name that begins with a hyphen; it is an argument all the same."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import typer
 
+from camssf.cli.groups import Group
 from camssf.cli.options import CameraId, Captured, Lens
 from camssf.cli.reading import check_captured, given_paths, name_of, read_bytes, read_list, read_result
 from camssf.cli.terminal import PARTED, UNDECIDED, emit, progress_bar, put, say
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 STATUSES = ("accepted", "doubtful", "refused")
 """Statuses of results; a failed job has no result."""
 
-registry = typer.Typer(
+registry = Group(
     name="registry",
     help="Keep many results, one row each: list them, compare units and models, detect drift.",
     short_help="Keep and compare many results.",

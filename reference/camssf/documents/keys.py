@@ -28,7 +28,7 @@ ROUNDS = 600_000
 """Rounds of PBKDF2 with HMAC-SHA-256 (OWASP Password Storage Cheat Sheet, 2023)."""
 KEY_ID = re.compile(r"[A-Za-z0-9_-]{43}")
 
-_MAKE = "`camssf passport key -o FOLDER` makes a pair."
+_MAKE = "Make a pair of keys: by `camssf passport key -o FOLDER`, or by the button in the page of `camssf app`."
 
 
 def need_cryptography() -> None:

@@ -6,6 +6,8 @@ from typing import Any, TypeAlias
 
 Json: TypeAlias = dict[str, Any]
 
+NAMES = {"auto": "light not named", "torch": "the phone's torch"}
+"""What an unnamed light is called for a reader."""
 SHOWN = 0.05
 """Smallest probability of a kind that is shown."""
 OF_LIGHT = ("lamp", "lamp modes", "which lamp")
@@ -15,6 +17,12 @@ OF_LIGHT = ("lamp", "lamp modes", "which lamp")
 def lights_of(document: Json) -> list[tuple[int, Json]]:
     """Number, from 1, of each shot whose light was not named, and the estimate of its light."""
     return [(j, shot["light"]) for j, shot in enumerate(document.get("shots") or [], 1) if "light" in shot]
+
+
+def lamp_name(shot: Json) -> str:
+    """The name of a shot's lamp as given, or what an unnamed light is called."""
+    name = str(shot["lamp"]["name"])
+    return NAMES.get(name, name)
 
 
 def kinds_in_words(light: Json) -> str:

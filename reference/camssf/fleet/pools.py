@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import secrets
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -17,7 +18,7 @@ from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessP
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from functools import partial
-from multiprocessing import get_context, parent_process
+from multiprocessing import current_process, get_context, parent_process
 from typing import Any, Protocol, TypeAlias
 
 from camssf.errors import InvalidArgument
@@ -40,6 +41,8 @@ WORKERLESS_TIMEOUT = 60.0
 RESUBMISSIONS = 8
 """Number of times that a job is resubmitted because workers died while it waited, or the cluster lost it."""
 DIED = "The process that worked on it died, twice (memory, or a damaged file)."
+UNGUARDED = 78
+"""Exit status of a process that ends because the user's script would start a batch in it."""
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 Work: TypeAlias = Callable[[Job], Outcome]
@@ -59,13 +62,31 @@ class Recorder(Protocol):
 
 
 def run_processes(jobs: Iterator[Job], work: Work, count: int, recorder: Recorder) -> None:
-    """Run the jobs in local processes; if one dies, repeat each job that was running alone."""
+    """Run the jobs in local processes; if one dies, repeat each job that was running alone.
+
+    Raises:
+        InvalidArgument: the user's script starts a batch in every new process, because nothing guards the call.
+    """
+    if getattr(current_process(), "_inheriting", False):  # a new process, which imports the script
+        sys.exit(UNGUARDED)
     with _single_threads():
         while suspects := _pool(jobs, work, count, recorder):
+            _check_script()
             for job in suspects:
                 if _pool(iter([job]), work, 1, recorder):
                     recorder.add(job, Outcome(job.name, "failed", "", DIED, job.folder, deaths=DEATHS))
                     recorder.update()
+
+
+def _check_script() -> None:
+    probe = get_context("spawn").Process(target=cores)
+    probe.start()
+    probe.join()
+    if probe.exitcode == UNGUARDED:
+        raise InvalidArgument(
+            "A batch starts processes; each of them runs this script again, which would start another batch.",
+            'Put what the script does below a line `if __name__ == "__main__":`.',
+        )
 
 
 def _pool(jobs: Iterator[Job], work: Work, count: int, recorder: Recorder) -> list[Job]:

@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from camssf.documents.basis_choice import band_in_words
+from camssf.documents.unnamed_light import lamp_name
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.report.sections.curves import curves_of
@@ -73,10 +74,8 @@ def camera_of(document: Json) -> str:
 
 
 def lamps_of(document: Json) -> str:
-    """Names of the shots' lamps, as given; "light not named" if none was."""
-    names = [
-        "light not named" if "light" in shot else _short(str(shot["lamp"]["name"])) for shot in document["shots"]
-    ]
+    """Names of the shots' lamps."""
+    names = [_short(lamp_name(shot)) for shot in document["shots"]]
     return " + ".join(names[:4]) + (f" + {len(names) - 4} more" if len(names) > 4 else "") or "no photo"
 
 

@@ -12,6 +12,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
+from camssf.documents.unnamed_light import lamp_name
 from camssf.grid import CHANNELS, WAVELENGTHS
 from camssf.report.colour_error import expected_error
 from camssf.report.nearest import nearest_of
@@ -78,7 +79,9 @@ def page(document: Json, previews: Sequence[bytes | None], provenance: Provenanc
             ],
             "big": certificate.big_numbers(document),
             "channels": certificate.channels_of(document),
-            "nearest": None if nearest is None else f"{nearest.name}, {nearest.distance:.1f} bands off",
+            "nearest": None
+            if nearest is None
+            else f"{nearest.name}; RMS difference {100 * nearest.rms:.1f} % of the peak",
             "expected": None if expected is None else expected.in_words(),
             "gap": number(max(document["gap"]), 2),
             "proof": story.proof_of(document),
@@ -133,6 +136,6 @@ def _environment() -> Any:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters |= {"t": words, "number": number, "brief": brief, "flat": _flat}
+    environment.filters |= {"t": words, "number": number, "brief": brief, "flat": _flat, "lamp_name": lamp_name}
     environment.globals |= {"channels_in_order": CHANNELS}
     return environment

@@ -7,6 +7,7 @@ from camssf.photo.capture import Capture, MeasuredShot
 from camssf.photo.signals import Assumption
 from camssf.recovery.sensitivity import EstimatedLamp, Ssf
 from camssf.spectra import Lamp, Light
+from camssf.spectra.lamps import TORCH
 
 SHOWN = 0.005
 """Kinds of light less probable than this are not listed."""
@@ -23,7 +24,9 @@ def assume(capture: Capture, ssf: Ssf, level: Floats) -> tuple[Assumption, ...]:
     for j, shot in enumerate(capture.shots):
         where = f"shot {j + 1}: " if len(capture.shots) > 1 else ""
         light = ssf.light.lights[j] if ssf.light.lights else None
-        found.append(Assumption("lamp", where + (_named(shot.lamp) if light is None else _unnamed(light))))
+        found.append(
+            Assumption("lamp", where + (_named(shot.lamp) if light is None else _unnamed(shot.lamp.name, light)))
+        )
         found += _uneven(where, shot, ssf, level[j])
         told = {frame.levels: frame.name for frame in (shot.photo, shot.white, shot.dark) if frame and frame.levels}
         found += [Assumption("raw_levels", where + _levels(name, whose)) for whose, name in told.items()]
@@ -62,14 +65,17 @@ def _uneven(where: str, shot: MeasuredShot, ssf: Ssf, level: Floats) -> list[Ass
     ]
 
 
-def _unnamed(light: EstimatedLamp) -> str:
+def _unnamed(name: str, light: EstimatedLamp) -> str:
     """Describes a light that was estimated from the signals."""
+    kelvin = f"{light.kelvin:.0f} ± {light.kelvin_std:.0f} K."
+    if name == TORCH:
+        return f"the light was the phone's torch, a white LED, and was estimated from the signals: {kelvin}"
     likely = sorted(light.kinds.items(), key=lambda each: -each[1])
     kinds = ", ".join(f"{kind} {probability:.0%}" for kind, probability in likely if probability >= SHOWN)
     return (
         f"the light was not named and was estimated from the signals: {kinds}, "
-        f"{light.kelvin:.0f} ± {light.kelvin_std:.0f} K. All kinds have the same prior probability; other kinds "
-        "of light and mixtures of two are not considered."
+        f"{kelvin} All kinds have the same prior probability; other kinds of light and mixtures of two are not "
+        "considered."
     )
 
 

@@ -3,8 +3,9 @@
 const $ = (name) => document.getElementById(name);
 const SVG = "http://www.w3.org/2000/svg";
 const CORNERS = ["top left", "top right", "bottom right", "bottom left"];
-const photos = [], names = [];
-let lists, base, current = null, queue = Promise.resolve(), calibrated = false;
+const TEXT = /\.(json|csv|tsv|txt|cxf|cgats|ti3)$/i;
+const photos = [], names = [], ownCharts = {};
+let lists, base, current = null, queue = Promise.resolve(), calibrated = false, waiting = {};
 
 class Problem extends Error {}
 
@@ -79,31 +80,68 @@ async function guarded(place, work) {
   }
 }
 
-/** The text with the photos' own names instead of the server's. */
-const named = (words) => words.replace(/photo-(\d+)\.dng/g, (file, number) => names[number] ?? file);
+/** The text with the files' own names instead of the server's. */
+const named = (words) => words.replace(/(?:photo|chart)-(\d+)\.(?:dng|json|csv)/g, (file, number) => names[number] ?? file)
+  .replace(".signing-key.pem", () => $("key").files[0].name);
 
-// -- photos -------------------------------------------------------------------------------------------------------
+// -- files --------------------------------------------------------------------------------------------------------
 
 const add = (files) => guarded($("upload-problem"), async () => {
-  const wrong = [];
+  const wrong = [], small = files.filter((file) => file.size <= lists.largest);
   for (const file of files) {
-    if (file.size > lists.largest) wrong.push(`${file.name} is larger than ${lists.largest >> 20} MB: no RAW photo is.`);
-    else await addOne(file).catch((error) => wrong.push(error.message));
+    if (!small.includes(file)) wrong.push(`${file.name} is larger than ${lists.largest >> 20} MB: no RAW photo is.`);
   }
-  $("files").value = "";
+  const texts = small.filter((file) => TEXT.test(file.name));
+  if (texts.length) await addChart(texts).catch((error) => wrong.push(error.message));
+  for (const file of small) if (!texts.includes(file)) await addPhoto(file).catch((error) => wrong.push(error.message));
+  $("files").value = $("chart-files").value = "";
   if (wrong.length) throw new Problem(wrong.join("\n"));
 });
 
-async function addOne(file) {
+/** Send a file of a kind; returns its number. */
+async function send(kind, file) {
   const sent = queue.then(() => busy(`sending ${file.name}`, async (signal) =>
-    (await call(`${base}/photos`, { method: "POST", body: file, signal })).json()));
+    (await call(`${base}/files/${kind}`, { method: "POST", body: file, signal })).json()));
   queue = sent.catch(() => {});
-  const { photo: number } = await sent;
+  const { number } = await sent;
   names[number] = file.name;
-  const found = await task("find", { photo: number, chart: $("chart").value }, `reading ${file.name}`);
+  return number;
+}
+
+async function addPhoto(file) {
+  const number = await send("photo", file);
+  const found = await task("find", { photo: number, chart: chosenChart() }, `reading ${file.name}`);
   photos.push(new Photo(file.name, number, found));
   update();
 }
+
+/** Add a chart of the user's own to the list: a table, and a layout if it is no ColorChecker; one may come later. */
+async function addChart(files) {
+  const own = waiting;
+  waiting = {};
+  for (const file of files) {
+    const kind = /\.json$/i.test(file.name) ? "layout" : "table";
+    own[kind] = await send(kind, file);
+  }
+  const name = ["layout", "table"].filter((kind) => own[kind]).map((kind) => names[own[kind]]).join(", ");
+  if (!own.layout || !own.table) waiting = own;
+  if (!own.table) throw new Problem(`${name} is the layout of a chart. Now add the table of its patches' reflectances (CSV, CGATS or CxF).`);
+  const found = await task("chart", { chart: own }, "reading the chart");
+  waiting = {};
+  ownCharts[name] = own;
+  [...$("chart").options].find((option) => option.value === name)?.remove();
+  $("chart").add(new Option(`${name} (${found.layout}, ${found.patches} patches)`, name));
+  $("chart").value = name;
+  findAgain();
+}
+
+const chosenChart = () => ownCharts[$("chart").value] ?? $("chart").value;
+
+/** Search all photos for the chart, except those whose corners were moved by hand. */
+const findAgain = () => photos.filter((photo) => !photo.moved).forEach((photo) => guarded(photo.problem, async () =>
+  photo.place(await task("find", { photo: photo.number, chart: chosenChart() }, "looking for the chart"))));
+
+// -- photos -------------------------------------------------------------------------------------------------------
 
 function update() {
   $("calibrate").disabled = !photos.some((photo) => photo.role.value === "chart");
@@ -254,7 +292,7 @@ const calibrate = () => guarded($("problem"), async () => {
     white: whites[i]?.number ?? null, dark: darks[i]?.number ?? null }));
   calibrated = false;
   $("result").hidden = true;
-  const found = await task("calibrate", { shots, chart: $("chart").value }, "starting");
+  const found = await task("calibrate", { shots, chart: chosenChart() }, "starting");
   calibrated = found.status !== "refused";
   $("status").textContent = found.status;
   $("reasons").replaceChildren(...found.reasons.map((reason) => Object.assign(document.createElement("li"), { textContent: named(reason) })));
@@ -300,12 +338,11 @@ await guarded($("upload-problem"), async () => {
   for (const [name, work] of Object.entries({ calibrate, export: exported, sign, "make-key": makeKey, cancel: () => current?.abort() })) {
     $(name).addEventListener("click", work);
   }
-  $("files").addEventListener("change", (event) => add([...event.target.files]));
+  for (const name of ["files", "chart-files"]) $(name).addEventListener("change", (event) => add([...event.target.files]));
   addEventListener("dragover", (event) => { event.preventDefault(); $("drop").classList.add("over"); });
   addEventListener("dragleave", () => $("drop").classList.remove("over"));
   addEventListener("drop", (event) => { event.preventDefault(); $("drop").classList.remove("over"); add([...event.dataTransfer.files]); });
-  $("chart").addEventListener("change", () => photos.filter((photo) => !photo.moved).forEach((photo) =>
-    guarded(photo.problem, async () => photo.place(await task("find", { photo: photo.number, chart: $("chart").value }, "looking for the chart")))));
+  $("chart").addEventListener("change", findAgain);
   addEventListener("pagehide", () => fetch(base, { method: "DELETE", keepalive: true }));
   addEventListener("pageshow", (event) => { if (event.persisted) location.reload(); });
   document.documentElement.dataset.ready = "yes";

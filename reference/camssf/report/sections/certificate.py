@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
+from camssf.documents.unnamed_light import lamp_name
 from camssf.grid import WAVELENGTHS, columns
 from camssf.photo.read.unit import Unit
 from camssf.recovery.sensitivity import half_widths_of
@@ -92,7 +93,7 @@ def facts_of(document: Json, provenance: Provenance) -> tuple[Fact, ...]:
     unit = passport.unit.filled(provenance.unit) if passport else provenance.unit
     serials = (passport.lamp_serials if passport else ()) or ("",) * len(shots)
     lamps = [
-        ("not named" if "light" in shot else shot["lamp"]["name"]) + (f", serial {serial}" if serial else "")
+        lamp_name(shot) + (f", serial {serial}" if serial else "")
         for shot, serial in zip(shots, serials, strict=False)
     ]
     table = f"{chart['name']}, table {chart['table']}" if chart["table"] else chart["name"]
@@ -243,7 +244,7 @@ def budget_of(document: Json) -> Budget | None:
     )
     words = ""
     if found["alone"]:
-        names = [shot["lamp"]["name"] for shot in document["shots"]]
+        names = [lamp_name(shot) for shot in document["shots"]]
         alone = ", ".join(f"{name} ± {width:.3f}" for name, width in zip(names, found["alone"], strict=False))
         bought = 1.0 - found["half_width"] / min(found["alone"]) if min(found["alone"]) > 0 else 0.0
         words = (

@@ -8,6 +8,7 @@ import numpy as np
 from markupsafe import Markup
 
 from camssf.grid import CHANNELS, WAVELENGTHS, Floats, columns
+from camssf.report.notebook import lamps_of
 from camssf.report.sections.drawings import Plot, difference_plot
 from camssf.report.sections.text import BAND, Json, camera_name, number, signed
 
@@ -73,11 +74,10 @@ def comparison_of(document: Json, other: Json | None, name: str) -> Comparison |
         ("Peak moved by, nm", [Markup(signed(v)) for v in moved.tolist()]),
         ("Channel gain, relative to the other's", [number(float(v), 4) for v in gains]),
     ]
-    lamps = " + ".join(shot["lamp"]["name"] for shot in other["shots"])
     return Comparison(
         name,
         camera_name(other),
-        f"{other['verdict']['status']}, {lamps}, basis {other['basis']}, chart {other['chart']['table']}",
+        f"{other['verdict']['status']}, {lamps_of(other)}, basis {other['basis']}, chart {other['chart']['table']}",
         camera_name(other) == camera_name(document),
         _headline(sizes),
         tuple(

@@ -8,6 +8,7 @@ from typing import Any
 
 from markupsafe import Markup
 
+from camssf.documents.unnamed_light import lamp_name
 from camssf.report.sections.text import Json, brief, number, words
 
 
@@ -63,7 +64,7 @@ def _shading_map(shot: Json) -> str:
 
 _DETAILS: tuple[tuple[str, Callable[[Json], Any]], ...] = (
     ("Camera in the file", lambda s: s["photo"]["camera"] or "not stated"),
-    ("Lamp", lambda s: s["lamp"]["name"]),
+    ("Lamp", lamp_name),
     ("White reference", lambda s: s["white_reference"] + (f": {s['white']['name']}" if s["white"] else "")),
     ("Dark reference", lambda s: s["dark_reference"] + (f": {s['dark']['name']}" if s["dark"] else "")),
     ("Exposure", lambda s: _exposure(s["photo"]["exposure"])),

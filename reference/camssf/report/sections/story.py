@@ -10,7 +10,7 @@ from markupsafe import Markup
 
 from camssf.colour.indices import quality_of
 from camssf.documents.basis_choice import choice_of
-from camssf.documents.unnamed_light import cost_of, kinds_in_words
+from camssf.documents.unnamed_light import cost_of, kinds_in_words, lamp_name
 from camssf.errors import CalibrationError
 from camssf.grid import CHANNELS, columns
 from camssf.report.sections.drawings import Plot, light_plot
@@ -97,6 +97,11 @@ class Lights:
         """Whether all lights were named."""
         return all(light.named for light in self.shots)
 
+    @property
+    def several(self) -> bool:
+        """Whether a light was estimated as one of several kinds."""
+        return any(len(light.kinds) > 1 for light in self.shots)
+
 
 def lights_of(document: Json) -> Lights | None:
     """The lights of a document; None if it holds no light's power."""
@@ -119,7 +124,7 @@ def _light(number: int, shot: Json) -> LightStory:
         kinds = sorted(found["kinds"].items(), key=lambda each: -each[1])
         shares = tuple((kind, share, percent(share)) for kind, share in kinds)
         plot = light_plot(np.array(found["power"]), np.array(found["std"]), name)
-        return LightStory(number, lamp["name"], False, words, shares, plot)
+        return LightStory(number, lamp_name(shot), False, words, shares, plot)
     tolerance, power = lamp["tolerance"], lamp.get("power")
     words = "" if tolerance is None else f"Taken for right to {brief(100 * tolerance)} % (one standard deviation)."
     drawn = None if power is None else light_plot(np.array(power), np.array(power) * (tolerance or 0.0), name)

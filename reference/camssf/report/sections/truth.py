@@ -11,6 +11,7 @@ from camssf.fit.scores import rmse
 from camssf.grid import Floats, columns
 from camssf.recovery.basis import read_basis
 from camssf.report.colour_error import true_error
+from camssf.report.notebook import lamps_of
 from camssf.report.sections.text import Json
 
 
@@ -51,8 +52,7 @@ def true_errors(document: Json, other: Json | None = None, other_name: str = "")
     if basis is not None and basis.prior:
         mean = basis.mean.T
         found.append(_error(f"no photo: mean of basis {basis.name}", mean / mean.max(axis=0), truth))
-    lamps = " + ".join(shot["lamp"]["name"] for shot in document["shots"] if "light" not in shot)
-    found.append(_error(f"this result: {lamps or 'light not named'}", columns(document["ssf"]), truth))
+    found.append(_error(f"this result: {lamps_of(document)}", columns(document["ssf"]), truth))
     if other is not None and other.get("truth") and np.array_equal(columns(other["truth"]["ssf"]), truth):
         found.append(_error(other_name, columns(other["ssf"]), truth))
     return found

@@ -25,7 +25,8 @@ internal object Assumptions {
         )
         for ((j, shot) in capture.shots.withIndex()) {
             val where = if (k > 1) "shot ${j + 1}: " else ""
-            found += Assumption("lamp", where + (ssf.lights.getOrNull(j)?.let { unnamed(it) } ?: named(shot.lamp)))
+            val light = ssf.lights.getOrNull(j)
+            found += Assumption("lamp", where + (light?.let { unnamed(shot.lamp.name, it) } ?: named(shot.lamp)))
             uneven(where, shot, ssf, level.copyOfRange(j * n, (j + 1) * n))?.let { found += it }
             if (shot.photo.gainMap) found += Assumption("lens_shading", where + shading(shot))
         }
@@ -70,12 +71,16 @@ internal object Assumptions {
             "${percent(lamp.tolerance, 1)}, ${lamp.sharedModes.size} mode(s)."
 
     /** Describes a light that was estimated from the signals. */
-    private fun unnamed(light: EstimatedLamp): String {
+    private fun unnamed(name: String, light: EstimatedLamp): String {
+        val kelvin = "${fixed(light.kelvin, 0)} ± ${fixed(light.kelvinStd, 0)} K."
+        if (name == Lamp.TORCH) {
+            return "the light was the phone's torch, a white LED, and was estimated from the signals: $kelvin"
+        }
         val kinds = light.kinds.entries.filter { it.value >= SHOWN }.sortedByDescending { it.value }
             .joinToString { "${it.key} ${percent(it.value, 0)}" }
         return "the light was not named and was estimated from the signals: $kinds, " +
-            "${fixed(light.kelvin, 0)} ± ${fixed(light.kelvinStd, 0)} K. All kinds have the same prior " +
-            "probability; other kinds of light and mixtures of two are not considered."
+            "$kelvin All kinds have the same prior probability; other kinds of light and mixtures of two are not " +
+            "considered."
     }
 
     private fun shading(shot: MeasuredShot): String {
