@@ -9,7 +9,6 @@ import subprocess
 import sysconfig
 from pathlib import Path
 
-import numpy as np
 import pytest
 import typer
 import yaml
