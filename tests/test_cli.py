@@ -694,6 +694,22 @@ def test_a_full_disk_behind_stdout_is_said(command: str, result: Path, shots: Pa
         assert "invalid_argument: " in done.stderr
 
 
+def test_a_short_write_of_unbuffered_output_is_said(result: Path, tmp_path: Path) -> None:
+    """PYTHONUNBUFFERED, usual in containers, makes stdout a raw file, which takes what fits and goes on."""
+    short = (
+        f"ulimit -f 8; exec {sys.executable} -m camssf validate {result / 'result.json'} > {tmp_path / 'short.json'}"
+    )
+    done = subprocess.run(
+        ["bash", "-c", short],
+        stderr=subprocess.PIPE,
+        text=True,
+        timeout=60,
+        env=os.environ | {"PYTHONUNBUFFERED": "1"},
+    )
+    assert done.returncode == InvalidArgument.exit_status
+    assert "cannot be written" in done.stderr
+
+
 def test_a_closed_stdout_is_said() -> None:
     done = subprocess.run(
         ["bash", "-c", f"{sys.executable} -m camssf lamps >&-"], stderr=subprocess.PIPE, text=True, timeout=60

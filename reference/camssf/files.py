@@ -83,13 +83,15 @@ def _in_words(error: OSError | ValueError) -> str:
     return getattr(error, "strerror", None) or str(error)
 
 
-def _advice(error: OSError | ValueError) -> str:
+def write_advice(error: OSError | ValueError) -> str:
     """Advice for a failure to write."""
     if isinstance(error, IsADirectoryError):
         return "Name a file"
     if isinstance(error, FileNotFoundError):
         return "Make its folder first, or name another"
-    if getattr(error, "errno", None) in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+    number = getattr(error, "errno", None)
+    short = isinstance(error, OSError) and number is None  # a short write of NumPy's tofile
+    if short or number in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
         return "Free some space, or choose another place"
     return "Choose a place that you may write to"
 
@@ -133,7 +135,7 @@ def write_aside(path: Path | str) -> Iterator[Path]:
             raise
     except (OSError, ValueError) as error:
         raise InvalidArgument(
-            f"{path} cannot be written ({_in_words(error)}).", f"{_advice(error)}; nothing was changed."
+            f"{path} cannot be written ({_in_words(error)}).", f"{write_advice(error)}; nothing was changed."
         ) from error
 
 
@@ -156,7 +158,7 @@ def write_files(folder: Path | str, contents: Mapping[str, bytes | str | None]) 
             _exchange(folder, contents)
     except (OSError, ValueError) as error:
         raise InvalidArgument(
-            f"{folder} cannot be written to ({_in_words(error)}).", f"{_advice(error)}; nothing was left behind."
+            f"{folder} cannot be written to ({_in_words(error)}).", f"{write_advice(error)}; nothing was left behind."
         ) from error
     return [folder / name for name, content in contents.items() if content is not None]
 

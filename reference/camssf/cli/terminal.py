@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import codecs
+import io
 import json
 import os
 import re
@@ -65,8 +66,14 @@ def put(text: str) -> None:
     if sys.stdout is None:
         raise InvalidArgument("Standard output is closed.", "Leave it open, or name a folder by -o.")
     try:
-        sys.stdout.write(f"{readable(text).encode(_coding(), 'replace').decode(_coding())}\n")
-        sys.stdout.flush()
+        data = f"{readable(text)}\n".encode(_coding(), "replace")
+        if isinstance(getattr(sys.stdout, "buffer", None), io.RawIOBase):  # PYTHONUNBUFFERED: it drops a short write
+            buffered = io.BufferedWriter(sys.stdout.buffer)
+            buffered.write(data)
+            buffered.detach()
+        else:
+            sys.stdout.write(data.decode(_coding()))
+            sys.stdout.flush()
     except BrokenPipeError:
         raise
     except OSError as error:

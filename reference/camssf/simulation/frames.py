@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from camssf.errors import InvalidArgument
-from camssf.files import local_folder, made_folder
+from camssf.files import local_folder, made_folder, write_advice
 from camssf.grid import Floats
 from camssf.photo.find.pose import Pose
 from camssf.photo.shot import Shot
@@ -160,8 +160,7 @@ def simulate(
                 os.replace(path, folder / path.name)
     except OSError as error:
         raise InvalidArgument(
-            f"Cannot write into {folder}: {error.strerror or error}.",
-            "Choose a folder that you may write to.",
+            f"Cannot write into {folder}: {error.strerror or error}.", f"{write_advice(error)}."
         ) from error
     return Simulation(tuple(shots), truth, pose, body.name, table.name, scene, sensor, seed, corners)
 
