@@ -150,10 +150,10 @@ def fold(g: Graph, f: Value) -> Value:
 
 
 def slope(g: Graph, f: Value) -> Value:
-    """d f / dλ on the grid, (n, 681): central differences, one-sided at the ends."""
-    steps = (f.slice(1, M, 1) - f.slice(0, M - 1, 1)) / STEP
-    inner = 0.5 * (steps.slice(0, M - 2, 1) + steps.slice(1, M - 1, 1))
-    return g.op("Concat", steps.slice(0, 1, 1), inner, steps.slice(M - 2, M - 1, 1), axis=1)
+    """d f / dλ on the grid, (..., 681): central differences, one-sided at the ends."""
+    steps = (f.slice(1, M, -1) - f.slice(0, M - 1, -1)) / STEP
+    inner = 0.5 * (steps.slice(0, M - 2, -1) + steps.slice(1, M - 1, -1))
+    return g.op("Concat", steps.slice(0, 1, -1), inner, steps.slice(M - 2, M - 1, -1), axis=-1)
 
 
 def unfold(g: Graph, s: Value) -> Value:
