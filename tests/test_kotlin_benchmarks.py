@@ -75,17 +75,17 @@ def test_the_calibrator_s_benchmark_compares_and_says_what_it_lacks(
 def test_the_calibrator_s_benchmark_refuses_other_curves(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     curves = {"ssf": {colour: [0.5, 1.0] for colour in ("red", "green", "blue")}}
     (tmp_path / "kotlin.json").write_text(json.dumps(curves | {"ssf": curves["ssf"] | {"red": [0.6, 1.0]}}))
-    monkeypatch.setattr(kotlin_calibrate, "python", lambda made, k: (1.0, curves))
-    monkeypatch.setattr(kotlin_calibrate, "words", lambda made, k, out: [])
+    monkeypatch.setattr(kotlin_calibrate, "python", lambda shot: (1.0, curves))
+    monkeypatch.setattr(kotlin_calibrate, "words", lambda shot, out: [])
 
     class Fake:
-        def calibrate(self, words: list[str]) -> float:
-            return 0.5
+        def calibrate(self, words: list[str]) -> tuple[float, float]:
+            return 0.5, 0.1
 
     with pytest.raises(SystemExit, match="differ"):
-        kotlin_calibrate.measure(Fake(), None, 1, 2, tmp_path)  # type: ignore[arg-type]
+        kotlin_calibrate.measure(Fake(), None, 2, tmp_path)  # type: ignore[arg-type]
     (tmp_path / "kotlin.json").write_text(json.dumps(curves))
-    assert kotlin_calibrate.measure(Fake(), None, 1, 2, tmp_path)["ratio"] == 0.5  # type: ignore[arg-type]
+    assert kotlin_calibrate.measure(Fake(), None, 2, tmp_path)["ratio"] == 0.5  # type: ignore[arg-type]
 
 
 def test_the_colour_s_benchmark_reads_its_times_and_judges_reading_and_lab(

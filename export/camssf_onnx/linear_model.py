@@ -80,7 +80,9 @@ class Rows:
 def paper_rows(g: Graph, rows: Rows, basis: Basis) -> tuple[Whitened, Curves]:
     """F Ψ x = y with F = R L dλ, L scaled so that Σ ρ_w L dλ = 1; Σ diagonal. One shot, one problem a channel."""
     atoms = g.constant(basis.dictionary[0], name="dictionary")  # (m, r)
-    seen_white, reflectance = (each.slice(0, 1, 0).squeeze(0) for each in (rows.seen_white, rows.given["reflectance"]))
+    seen_white, reflectance = (
+        each.slice(0, 1, 0).squeeze(0) for each in (rows.seen_white, rows.given["reflectance"])
+    )
     power, lamp = (each.slice(0, 1, 0).squeeze(0) for each in (rows.power, rows.given["lamp"]))
     scale = seen_white.slice(0, 1, 0).sum(0, 1)
     everything = power.unsqueeze(1) * reflectance  # (k, n, m)
@@ -183,7 +185,7 @@ class Folded:
         tolerance: (n, 1). white_tolerance: a number. lamp_tolerance: (h, 1, k, 1, 1).
         share: (3 k, 3 k) of the chart's smooth error that two rows of a patch have in common.
         own: (k, 1, k, 1), 1 where a shot is the same.
-        h, by_patch, flat, blocks: shapes (h,), (h n, 3 k, -1), (h, N, -1) and (h, N, K, R).
+        h, by_patch, flat, blocks: shapes (h,), (h n, 3 k, -1), (h, N, -1) and (h, 3, n k, K, r).
         r: a number.
     """
 
@@ -318,17 +320,18 @@ class Folded:
         g, r = rows.b.graph, self.r
         A, b, U = (each.like(self.flat) for each in (rows.A, rows.b, rows.common))
         N = size_of(g, b, 1)
-        n = g.op("Div", N, size_of(g, rows.block, 1))
-        by_patch = rows.block.like(g.op("Concat", self.h, n.unsqueeze(0), g.op("Shape", rows.block).slice(1, 3, 0), axis=0))
-        spaced = by_patch.unsqueeze(3) * identity(g, n).unsqueeze(1, 3)  # (h, n, 3 k, n, 3 k)
+        three_k = size_of(g, rows.block, 1)
+        n = g.op("Div", N, three_k)
+        block = rows.block.like(g.op("Concat", self.h, n.unsqueeze(0), three_k.unsqueeze(0), g.ints(-1), axis=0))
+        spaced = block.unsqueeze(3) * identity(g, n).unsqueeze(1, 3)  # (h, n, 3 k, n, 3 k)
         N = N.unsqueeze(0)
         sigma = spaced.like(g.op("Concat", self.h, N, N, axis=0)) + outer(U)
         modes, bent = self.bend(rows, state)
-        modes, bent = modes.like(self.flat), bent.like(self.blocks)
-        spread = (mode_covariance.unsqueeze(1) @ (bent @ code_covariance.unsqueeze(1))).like(self.flat)
-        sigma = sigma + spread @ bent.like(self.flat).transpose(0, 2, 1)
+        curvature = self.curvature(bent, mode_covariance, code_covariance)
+        sigma = sigma + curvature
         gains = self.patchwise(self.gains, 1).like(self.flat)
-        own = self.gain_own * self.patchwise(self.gains.unsqueeze(4) * EYE[:, None, None, :, None, None], 2).like(self.flat)
+        each_channel = self.gains.unsqueeze(4) * EYE[:, None, None, :, None, None]  # (h, 3, k, n, 3, k, g)
+        own = self.gain_own * self.patchwise(each_channel, 2).like(self.flat)
         b = b + modes @ offset + gains @ gained
         by_lamps, modes = modes, g.op("Concat", modes, gains, axis=2)
         sigma = sigma + outer(own) + (1.0 - looks) * outer(modes) + looks * outer(A)
@@ -345,9 +348,9 @@ class Folded:
             of_code = E.slice(0, 3 * r, 2)
             of_gains = g.op("Slice", E, self.K.here(g) + g.ints(3 * r + 1), g.ints(2**31), g.ints(2))
             across = of_code.transpose(0, 2, 1)
-            half = bent.here(g).like(self.flat)
-            lamps = outer(across @ by_lamps) + (across @ spread) @ (half.transpose(0, 2, 1) @ of_code)
-            variance = sum_of_squares(g.op("Concat", by_lamps, own, axis=2)) + (spread * half).sum(2, keep=True)
+            lamps = outer(across @ by_lamps) + across @ curvature.here(g) @ of_code
+            own_curvature = (curvature.here(g) * identity(g, N.here(g).squeeze(0))).sum(2, keep=True)
+            variance = sum_of_squares(g.op("Concat", by_lamps, own, axis=2)) + own_curvature
             uneven = outer(across @ gains) + outer(across @ own)
             return g.op("Concat", of_code, of_gains, axis=2), lamps, uneven, variance
 
@@ -355,7 +358,7 @@ class Folded:
         return [A, b.squeeze(2), log_det, modes, *errors, *self.after(A, b, modes)]
 
     def bend(self, rows: Rowed, state: Sequence[Value]) -> tuple[Value, Value]:
-        """D and B of `camssf.recovery.linear_model`, patch by patch: (h n, 3 k, K) and (h n, 3 k, K R)."""
+        """D (h, N, K) and B (h, 3, n k, K, r) of `camssf.recovery.linear_model`: a row by its own channel's code."""
         curve, lamp, *_ = state
         relative = rows.against_white / lamp.unsqueeze(1, 3)  # the modes are relative to the lamp as given
         across = self.modes.transpose(0, 1, 3, 2).unsqueeze(1)  # (h, 1, k, v, q)
@@ -367,8 +370,22 @@ class Folded:
         bent = bent - off.unsqueeze(5) * (rows.against_white @ atoms).unsqueeze(4)
         bent = bent - steps.unsqueeze(5) * (rows.white @ atoms).unsqueeze(4)
         D_ = steps.unsqueeze(4) * self.own  # (h, 3, k, n, k, q)
-        B_ = bent.unsqueeze(4, 6) * self.own.unsqueeze(4, 5) * EYE[:, None, None, None, None, :, None]
-        return self.patchwise(D_, 1), self.patchwise(B_, 3)
+        B_ = (bent.unsqueeze(4) * self.own.unsqueeze(4)).transpose(0, 1, 3, 2, 4, 5, 6).like(self.blocks)
+        return self.patchwise(D_, 1).like(self.flat), B_
+
+    def curvature(self, B_: Value, mode_covariance: Value, code_covariance: Value) -> Value:
+        """Σ over q, r, p, s of B_qr C_qp X_rs B_ps, (h, N, N); two channels have their block of X in common."""
+        g, r = B_.graph, self.r
+        X = code_covariance.reshape(-1, 3, r, 3, r).transpose(0, 1, 3, 2, 4)  # (h, 3, 3, r, r)
+        left = mode_covariance.unsqueeze(1, 2) @ B_  # (h, 3, n k, K, r)
+        left = left.like(g.op("Concat", self.h, g.ints(3, 1, -1, r), axis=0)) @ X  # (h, 3, 3, n k K, r)
+        codes = self.K * g.ints(r)
+        left = left.like(g.op("Concat", self.h, g.ints(3, 3, -1), codes, axis=0))
+        across = B_.like(g.op("Concat", self.h, g.ints(1, 3, -1), codes, axis=0)).transpose(0, 1, 2, 4, 3)
+        k, N = g.op("Shape", self.white).slice(1, 2, 0), self.flat.slice(1, 2, 0)
+        spread = left @ across  # (h, 3, 3, n k, n k)
+        spread = spread.like(g.op("Concat", self.h, g.ints(3, 3, -1), k, g.op("Div", N, k * g.ints(3)), k, axis=0))
+        return spread.transpose(0, 3, 1, 4, 5, 2, 6).like(g.op("Concat", self.h, N, N, axis=0))
 
     def after(self, A: Value, b: Value, modes: Value) -> list[Value]:
         """The next point, from rows whitened with A Aᵀ in Σ; `modes` is D of the lamps, then of the gains."""
@@ -463,6 +480,6 @@ def fold_observation(
         h,
         g.op("Concat", h * n, three_k, g.ints(-1), axis=0),
         g.op("Concat", h, n * three_k, g.ints(-1), axis=0),
-        g.op("Concat", h, n * three_k, K, g.ints(3 * r), axis=0),
+        g.op("Concat", h, g.ints(3, -1), K, g.ints(r), axis=0),
         r,
     )  # fmt: skip

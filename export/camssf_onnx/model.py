@@ -25,7 +25,7 @@ from camssf.errors import InvalidArgument
 from camssf.recovery.basis import Basis
 from camssf.recovery.layers import DEPTH, LAYERS
 from camssf.recovery.pivoting import finish_steps
-from camssf_onnx.algebra import D, M, inverse, whiten
+from camssf_onnx.algebra import D, M, inverse, whiten_and_root
 from camssf_onnx.budget import explain
 from camssf_onnx.duality_gap import duality_gap as gap_of
 from camssf_onnx.elastic_net import mode_posterior, pose
@@ -166,7 +166,12 @@ def build(basis: Basis, *, iteration: str = "splitting", depth: int = DEPTH, fin
             gain_code = g.op("Expand", 0.0, gained)
         found |= {"gain_code": gain_code, "gain_estimate": (gain_code.unsqueeze(1) @ here["gain_modes"]).squeeze(1)}
         answer = curves(code, own)
-        found |= {"ssf": answer.ssf, "ssf_std": answer.std, "predicted": answer.predicted, "lamp_estimate": answer.lamp}
+        found |= {
+            "ssf": answer.ssf,
+            "ssf_std": answer.std,
+            "predicted": answer.predicted,
+            "lamp_estimate": answer.lamp,
+        }
         if whitened.errors is not None:
             explained = explain(here["explain"], whitened.errors, (mean, spread), answer, (signals.here(g), r))
             found |= zip(("budget", "predicted_std"), explained, strict=True)
@@ -178,8 +183,8 @@ def build(basis: Basis, *, iteration: str = "splitting", depth: int = DEPTH, fin
         A, b = whitened.A.here(g), whitened.b.here(g).unsqueeze(2)
         across = A.transpose(0, 2, 1)
         K = across @ A + np.eye(R)
-        found, log_det = whiten(g, K, g.op("Concat", across @ b, np.eye(R) + 0.0 * K, axis=2))
-        mean = found.slice(1, 2**31, 2).transpose(0, 2, 1) @ found.slice(0, 1, 2)  # (h, R, 1)
+        pull, log_det, root = whiten_and_root(g, K, across @ b)
+        mean = root.solve(pull).slice(0, R, 1)  # (h, R, 1)
         evidence = _evidence(b - A @ mean, mean, whitened.log_det.here(g) + log_det)
         return [evidence if name == "evidence" else nothing(g, name) for name in shapes]
 
