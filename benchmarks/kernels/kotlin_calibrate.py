@@ -3,9 +3,9 @@
 A simulated 12-megapixel photo of a phone, lossless JPEG, no white and no dark frame, corners by hand; once with its
 lamp named, once not: from the file to the result document as JSON. One warm JVM and this process take turns, one
 thread each; the ratio is taken pair by pair. Both work out all that the document holds, and their curves must agree.
-Then Kotlin's `toJson`, the first of the JVM and the median of the warm ones, and the opening of a session, the
-median without the first, which loads ONNX Runtime. Bars: 0.6 x Python, toJson 30 ms, a session 100 ms.
-Exit status 1 where one is missed. Needs `mvn -f android-bindings package`.
+Then Kotlin's `toJson`, the first of the JVM and the median of the warm ones, and the opening of a session, the median
+without the first, which loads ONNX Runtime. Bars: 0.6 x Python, toJson 30 ms, a session 100 ms. Exit status 1 where
+one is missed. Needs `mvn -f android-bindings package`.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from camssf.spectra.cameras import DEMO_PHONE
 BAR, JSON_BAR, SESSION_BAR = 0.6, 0.030, 0.100
 CLOSE = 1e-9
 """Largest difference of two curves of peak 1 that is none."""
-LAMPS = {"lamp named": "D55", "no lamp named": None}
+LAMPS = {"lamp named": "D55", "no lamp named": "auto"}
 BASES = ("phones", "cameras", "ryyb")
 WARM = 8
 """Pairs that are not counted: the JVM compiles what it runs often."""
@@ -99,8 +99,7 @@ class Jvm:
 def words(shot: Shot, out: Path) -> list[str]:
     """Kotlin's command line."""
     corners = ",".join(repr(float(v)) for v in np.ravel(shot.corners))
-    lamp = [] if shot.lamp is None else ["--lamp", str(shot.lamp)]
-    return [str(shot.photo), *lamp, "--corners", corners, "-o", str(out)]
+    return [str(shot.photo), "--lamp", str(shot.lamp), "--corners", corners, "-o", str(out)]
 
 
 def python(shot: Shot) -> tuple[float, dict[str, Any]]:
