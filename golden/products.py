@@ -80,7 +80,8 @@ def model_inputs(model: Model, given: dict[str, Any]) -> dict[str, Floats]:
     none = {"lamp_modes": np.zeros((k, 1, WAVELENGTHS.size)), "gain_modes": np.zeros((k, 1, n)), "gain_own": 0.0}
     none |= {"prior_scale": prior_scale(given), "explain": 1.0}
     told = none | {name: value for name, value in given.items() if np.size(value)}
-    return {each.name: np.asarray(told[each.name], float) for each in model.session.get_inputs()}
+    names = (each.name for each in model.session.get_inputs())
+    return {name: np.asarray(told[name], float) for name in names if name != "solve"}
 
 
 def objective_of(given: dict[str, Any], rows: LinearModel, code: Floats) -> Floats:

@@ -14,9 +14,10 @@ from camssf.recovery.basis import read_basis, widened
 from camssf.recovery.budget import explain
 from camssf.recovery.linear_model import SOURCES, LinearModel, linear_model
 from camssf.recovery.observation import Observation
-from camssf.recovery.onnx_model import SHIPPED, Model, load_model, onnx_runtime
+from camssf.recovery.onnx_model import OF_HYPOTHESES, SHIPPED, Model, load_model, onnx_runtime
 from camssf.recovery.prediction import predict
 from camssf.recovery.sensitivity import SolverSettings, Ssf, answer
+from camssf.recovery.solve import log_evidences
 from camssf.recovery.unnamed_light import by_modes, posterior
 from camssf.spectra import read_lamp
 from golden.compare import blur, norm, optimality, peak
@@ -159,16 +160,21 @@ def outputs_of(
     model: Model, observation: Observation, prior_scale: float = 1.0, explain: float = 1.0
 ) -> dict[str, Floats]:
     """All outputs of the model for an observation without a mask."""
+    return model.run(model_inputs_of(observation, prior_scale, explain))
+
+
+def model_inputs_of(observation: Observation, prior_scale: float, explain: float) -> dict[str, Floats]:
+    """The model's inputs for it."""
     y = observation.signals
     modes = observation.lamp_modes if observation.lamp_modes.shape[1] else np.zeros((len(y), 1, WAVELENGTHS.size))
     gains = observation.gain_modes if observation.gain_modes.shape[1] else np.zeros((len(y), 1, y.shape[1]))
     names = ("standard_error", "reflectance", "chart_tolerance", "white_reflectance", "white_tolerance", "lamp",
              "lamp_tolerance", "gain_own")  # fmt: skip
-    return model.run({
+    return {
         "chart": y, "white": np.ones_like(y), "dark": np.zeros_like(y), "lamp_modes": modes, "l2": np.array(1.0),
         "gain_modes": gains, "gamma": np.array(0.05), "nonnegative": np.array(0.0),
         "prior_scale": np.array(prior_scale), "explain": np.array(explain),
-    } | {name: np.asarray(getattr(observation, name), float) for name in names})  # fmt: skip
+    } | {name: np.asarray(getattr(observation, name), float) for name in names}  # fmt: skip
 
 
 def modes_told(model: Model, observation: Observation, prior_scale: float = 1.0) -> tuple[Floats, Floats]:
@@ -264,6 +270,31 @@ def test_budget_and_bands_only_where_the_call_asks_for_them(basis: str) -> None:
     }
 
 
+@pytest.mark.parametrize("k", [1, 2])
+@pytest.mark.parametrize("loose", [True, False], ids=["kinds of light", "named lamps"])
+def test_hypotheses_are_weighed_in_one_call(k: int, loose: bool) -> None:
+    """Lamps, their modes and faded charts: each has the reference's evidence, whatever stands beside it."""
+    rng = np.random.default_rng(k)
+    chart, day = chart_and_lamp("D55", slice(0, 24))
+    y = np.stack([theory(chart, day, toy_camera())] * k) * (1 + 0.01 * rng.normal(size=(k, 24, 3)))
+    kinds = [read_lamp(name) for name in (("daylight", "bulb", "white-led") if loose else ("D65", "A", "FL2"))]
+    guesses = [
+        Observation(
+            y, chart * (1 - 0.05 * i), np.stack([kind.values] * k), standard_error=np.full(y.shape, 0.004),
+            chart_tolerance=np.full(24, 0.03), lamp_tolerance=np.full(k, kind.tolerance),
+            lamp_modes=np.stack([np.vstack([kind.modes, np.zeros((8 - len(kind.modes), WAVELENGTHS.size))])] * k),
+        )
+        for i, kind in enumerate(kinds)
+    ]  # fmt: skip
+    given = [model_inputs_of(each, prior_scale=0.7, explain=0.0) for each in guesses]
+    stack = given[0] | {name: np.stack([each[name] for each in given]) for name in OF_HYPOTHESES}
+    for basis in ("phones", "cameras"):
+        (found,) = load_model(basis).session.run(["evidence"], stack | {"solve": np.array(0.0)})
+        expected = log_evidences(guesses, widened(read_basis(basis), 0.7))
+        assert found == pytest.approx(expected, rel=1e-10)
+        assert np.ptp(expected) > 1
+
+
 ROWS = ["ssf/cameras-nikon", "ssf/cameras-lamp-modes", "ssf/cameras-lamp-family", "ssf/cameras-lamp-one-of-two",
         "ssf/gaussian-paper", "ssf/gaussian-three-patches"]  # fmt: skip
 
@@ -280,28 +311,28 @@ def opened(model: Any) -> Model:
 
 
 @cache
-def row_reader(basis: str) -> Any:
+def row_reader(basis: str) -> Model:
     """The shipped model with its whitened rows as two outputs more: built anew, which must give its bytes."""
     onnx = pytest.importorskip("onnx", reason="onnx is not installed (extra: export)")
     from camssf_onnx import __main__ as command
     from camssf_onnx import model as source
 
-    posed: list[Any] = []
-    pose = source.pose
+    name = "learned_rows" if basis == "cameras" else "paper_rows"
+    build_rows, built = getattr(source, name), []
 
-    def spy(rows: Any, *rest: Any) -> Any:
-        posed.append(rows)
-        return pose(rows, *rest)
+    def spy(*arguments: Any) -> Any:
+        built.append(build_rows(*arguments))
+        return built[-1]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(source, "pose", spy)
+        patch.setattr(source, name, spy)
         model = source.build(read_basis(basis))
     assert model.SerializeToString(deterministic=True) == (command.DATA / f"camssf-{basis}.onnx").read_bytes()
-    ((A, b),) = posed
-    for name, value in (("rows", A), ("target", b)):
+    ((whitened, _),) = built
+    for name, value in (("rows", whitened.A), ("target", whitened.b)):
         model.graph.node.append(onnx.helper.make_node("Identity", [value.name], [name]))
         model.graph.output.append(onnx.helper.make_tensor_value_info(name, onnx.TensorProto.DOUBLE, None))
-    return opened(model).session
+    return opened(model)
 
 
 def rows_apart(own: tuple[Floats, Floats], linear: LinearModel) -> float:
@@ -326,7 +357,8 @@ def test_the_model_forms_the_reference_s_rows(name: str) -> None:
     """A, b and Σ themselves: a gap proves an answer to an engine's own rows only."""
     given, reference = arrays(CASES[name]), problem(CASES[name])
     basis = given["basis"]
-    own = row_reader(basis).run(["rows", "target"], model_inputs(load_model(basis), given))
+    found = row_reader(basis).run(model_inputs(load_model(basis), given), ("rows", "target"))
+    own = found["rows"], found["target"]
     assert rows_apart(own, reference) <= 1e-11
     assert rows_apart(own, replace(reference, covariance=reference.covariance * (1 + 1e-9))) > 1e-10
 
@@ -417,7 +449,7 @@ def test_every_input_must_be_given(basis: str) -> None:
     """No input has a default: ONNX Runtime for Java takes no value for one that has."""
     model, given = load_model(basis), inputs_of(basis)
     assert model.session.get_overridable_initializers() == []
-    assert {each.name for each in model.session.get_inputs()} == set(given)
+    assert {each.name for each in model.session.get_inputs()} == {*given, "solve"}
     for name in given:
         with pytest.raises(ValueError, match=name):
             model.run({other: value for other, value in given.items() if other != name})

@@ -2,9 +2,9 @@
 
 Makes a 12-megapixel lossless-JPEG DNG of a simulated chart, then in one run, in turns: `rawpy.imread().raw_image`,
 which unpacks the samples, and `camssf.calibrate(...)`: reading, chart search, patches, curves, scores and verdict,
-without HTML. Imports and first calls are not counted. Bars: at most 2 × the decode (goal 1.3 ×); memory peak, of a
-process of its own and beyond what its imports take (Linux only), at most 4 × the mosaic. Exit status 1 where
-a bar is missed.
+without HTML. One thread. Imports and first calls are not counted. Bars: at most 2 × the decode (goal 1.3 ×); memory
+peak, of a process of its own and beyond what its imports take (Linux only), at most 4 × the mosaic. Exit status 1
+where a bar is missed.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import time
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from benchmarks.shared import command_parser
+from benchmarks.shared import command_parser, one_thread
 
 SIZE = (4000, 3000)
 RATIO_BAR, MEMORY_BAR = 2.0, 4.0
@@ -114,4 +114,5 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
+    one_thread(__spec__)
     sys.exit(main())

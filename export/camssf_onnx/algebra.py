@@ -24,30 +24,26 @@ class Root:
     """Σ = L Lᵀ by panels of pivots.
 
     Attributes:
-        rows: (turns, c, panel, N' + p) of (Lᵀ | L⁻¹ columns).
+        upper: (c, N', N') Lᵀ.
         blocks: (turns, c, panel, panel) L⁻¹ of each panel's own pivots.
-        turns, size: number of panels and N'.
+        turns: number of panels.
     """
 
-    rows: Value
+    upper: Value
     blocks: Value
     turns: Value
-    size: Value
 
     def solve(self, columns: Value) -> Value:
         """L⁻ᵀ columns, (c, N', p) each: substitution from the last panel to the first."""
         g, panel = columns.graph, PANEL
         last = self.turns.here(g) - g.constant(1, np.int64)
-        size = self.size.here(g).unsqueeze(0)
-        upper = g.op("Slice", self.rows, g.ints(0), size, g.ints(3)).transpose(1, 0, 2, 3)
-        upper = upper.like(g.op("Concat", g.ints(-1), size, size, axis=0))  # Lᵀ
 
         def substitute(body: Graph, step: Value, state: list[Value]) -> Body:
             (Z,) = state
             turn = last - step
             at = turn * body.constant(panel, np.int64) + body.constant(np.arange(panel), np.int64)
             found = self.blocks.here(body).take(turn, 0).transpose(0, 2, 1) @ Z.take(at, 1)
-            return Body([Z - upper.here(body).take(at, 2) @ found], [found])
+            return Body([Z - self.upper.here(body).take(at, 2) @ found], [found])
 
         _, left = g.loop(substitute, [columns], [D], self.turns, "solve")  # (turns, c, panel, p), the last one first
         back = g.op("Range", last, g.constant(-1, np.int64), g.constant(-1, np.int64))
@@ -57,9 +53,9 @@ class Root:
 def whiten(g: Graph, sigma: Value, columns: Value, panel: int = PANEL) -> tuple[Value, Value]:
     """L⁻¹ columns with Σ = L Lᵀ, and ln det Σ: (c, N, N) and (c, N, p) give (c, N', p) and (c,).
 
-    Works by panels of pivots: the inverse of a panel's small Cholesky factor turns its rows of (Σ | columns) into
-    rows of L⁻¹ (Σ | columns), and one product of these is subtracted from the rest. N is padded to whole panels, Σ by
-    the identity and columns by zeros.
+    Works by panels of pivots, from the first to the last: what the rows found so far explain is subtracted from the
+    panel's rows of (Σ | columns), and the inverse of the panel's small Cholesky factor turns the rest into rows of
+    L⁻¹ (Σ | columns). N is padded to whole panels, Σ by the identity and columns by zeros.
     """
     found, log_det, _ = _whiten(g, sigma, columns, panel, rooted=False)
     return found, log_det
@@ -83,24 +79,25 @@ def _whiten(g: Graph, sigma: Value, columns: Value, panel: int, *, rooted: bool)
     new = g.op("Not", g.op("Less", order, N)).real()
     sigma = g.op("Pad", sigma, g.op("Concat", g.ints(0, 0, 0, 0), fill, fill, axis=0)) + new * same(g, order)
     columns = g.op("Pad", columns, g.op("Concat", g.ints(0, 0, 0, 0), fill, none, axis=0))
+    given = g.op("Concat", sigma, columns, axis=2)
     steps = np.arange(panel)
 
     def eliminate(body: Graph, step: Value, state: list[Value]) -> Body:
-        (Z,) = state
+        (before,) = state  # a row of zeros, then those found so far
         at = step * whole.here(body) + body.constant(steps, np.int64)
-        rows = Z.take(at, 1)  # (c, panel, N' + p)
+        rows = given.here(body).take(at, 1) - before.take(at, 2).transpose(0, 2, 1) @ before  # (c, panel, N' + p)
         root, pivots = _root(rows.take(at, 2), panel)
-        found = root @ rows
-        across = body.op("Slice", found, body.ints(0), size.here(body).unsqueeze(0), body.ints(2))
-        return Body([Z - across.transpose(0, 2, 1) @ found], [found, pivots, root] if rooted else [found, pivots])
+        after = body.op("Concat", before, root @ rows, axis=1)
+        return Body([after], [pivots, root] if rooted else [pivots])
 
-    _, left, pivots, *blocks = g.loop(eliminate, [g.op("Concat", sigma, columns, axis=2)], [D], turns, "whiten")
-    # (turns, c, panel, N' + p)
-    kept = g.op("Slice", left, size.unsqueeze(0), g.ints(2**31), g.ints(3))
-    found, log_det = kept.transpose(1, 0, 2, 3).like(g.op("Shape", columns)), g.op("Log", pivots).sum(0, 2, 3)
+    found, pivots, *blocks = g.loop(eliminate, [given.slice(0, 1, 1) * 0.0], [D], turns, "whiten")
+    log_det = g.op("Log", pivots).sum(0, 2, 3)
+    size = size.unsqueeze(0)
+    kept = g.op("Slice", found, g.op("Concat", g.ints(1), size, axis=0), g.ints(2**31, 2**31), g.ints(1, 2))
     if not rooted:
-        return found, log_det, None
-    return found, log_det, Root(left, blocks[0], turns, size)
+        return kept, log_det, None
+    upper = g.op("Slice", found, g.ints(1, 0), g.op("Concat", g.ints(2**31), size, axis=0), g.ints(1, 2))
+    return kept, log_det, Root(upper, blocks[0], turns)
 
 
 def _root(matrix: Value, size: int) -> tuple[Value, Value]:
@@ -109,15 +106,16 @@ def _root(matrix: Value, size: int) -> tuple[Value, Value]:
     g = matrix.graph
     rest = g.op("Concat", matrix, matrix * 0.0 + np.eye(size), axis=2)
     for j in range(size):
-        row = rest.slice(j, j + 1, 1)  # (c, 1, 2 s)
+        row = rest
+        if j + 1 < size:
+            row, rest = g.ops("Split", rest, g.ints(1, size - 1 - j), outputs=2, axis=1)  # (c, 1, 2 s)
         pivot = row.slice(j, j + 1, 2)
-        row = row / g.op("Sqrt", pivot)
         left.append(row)
         pivots.append(pivot)
         if j + 1 < size:
-            rest = rest - row.slice(0, size, 2).transpose(0, 2, 1) * row
-    root = g.op("Concat", *left, axis=1).slice(size, 2 * size, 2)
-    return root, g.op("Concat", *pivots, axis=1)
+            rest = rest - rest.slice(j, j + 1, 2) / pivot * row
+    every = g.op("Concat", *pivots, axis=1)
+    return g.op("Concat", *left, axis=1).slice(size, 2 * size, 2) / g.op("Sqrt", every), every
 
 
 def inverse(g: Graph, matrix: Value, size: int) -> tuple[Value, Value]:
@@ -150,10 +148,10 @@ def fold(g: Graph, f: Value) -> Value:
 
 
 def slope(g: Graph, f: Value) -> Value:
-    """d f / dλ on the grid, (n, 681): central differences, one-sided at the ends."""
-    steps = (f.slice(1, M, 1) - f.slice(0, M - 1, 1)) / STEP
-    inner = 0.5 * (steps.slice(0, M - 2, 1) + steps.slice(1, M - 1, 1))
-    return g.op("Concat", steps.slice(0, 1, 1), inner, steps.slice(M - 2, M - 1, 1), axis=1)
+    """d f / dλ on the grid, (..., 681): central differences, one-sided at the ends."""
+    steps = (f.slice(1, M, -1) - f.slice(0, M - 1, -1)) / STEP
+    inner = 0.5 * (steps.slice(0, M - 2, -1) + steps.slice(1, M - 1, -1))
+    return g.op("Concat", steps.slice(0, 1, -1), inner, steps.slice(M - 2, M - 1, -1), axis=-1)
 
 
 def unfold(g: Graph, s: Value) -> Value:

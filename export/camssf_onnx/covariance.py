@@ -30,8 +30,8 @@ class LinearisedSignals:
     """`LinearisedSignals` of `camssf.recovery.covariance`, with the curve as a separate factor.
 
     Attributes:
-        curve: (3, 1, v, 1) s. predicted, level: (3, k, n, 1) ŷ and 1 - ĥ.
-        patches, edges: (3, k, n, v). light, white: (3, k, 1, v). against_white: (3, k, n, v).
+        curve: (h, 3, 1, v, 1) s. predicted, level: (h, 3, k, n, 1) ŷ and 1 - ĥ.
+        patches, edges: (h, 3, k, n, v). light, white: (h, 3, k, 1, v). against_white: (h, 3, k, n, v).
     """
 
     curve: Value
@@ -47,7 +47,8 @@ class LinearisedSignals:
 def covariance(known: Folded, signals_at: LinearisedSignals) -> tuple[Value, Value, Value]:
     """Σ without modes: `camssf.recovery.covariance.covariance`.
 
-    Blocks (n, 3 k, 3 k) of the chart's errors; U (n, 3 k, u) of the white's, then of the lamps'; noise (n, 3 k, 1).
+    Blocks (h n, 3 k, 3 k) of the chart's errors; U (h n, 3 k, u) of the white's, then of the lamps';
+    noise (h n, 3 k, 1).
     """
     over_chart, over_lamp, over_table = (
         signals_at.curve * smooth_errors(length)
@@ -56,16 +57,16 @@ def covariance(known: Folded, signals_at: LinearisedSignals) -> tuple[Value, Val
     edges = signals_at.edges @ over_table
     g = edges.graph
     floor = ABSOLUTE * (signals_at.light @ over_table) + 0.0 * edges
-    chart = g.op("Concat", RELATIVE * (signals_at.patches @ over_chart), floor, edges, axis=3)
-    rows = known.patchwise((known.tolerance * chart).transpose(2, 0, 1, 3))
+    chart = g.op("Concat", RELATIVE * (signals_at.patches @ over_chart), floor, edges, axis=4)
+    rows = known.patchwise(known.tolerance * chart)
     white = known.white_tolerance * signals_at.predicted * (signals_at.white @ over_chart)
     lamp = known.lamp_tolerance * (signals_at.against_white @ over_lamp)
-    lamp = g.op("Concat", lamp, DRIFT * signals_at.predicted, axis=3)
-    lamp = lamp.unsqueeze(3) * known.own  # (3, k, n, k, p)
-    common = [known.patchwise(white.transpose(2, 0, 1, 3)), known.patchwise(lamp.transpose(2, 0, 1, 3, 4))]
+    lamp = g.op("Concat", lamp, DRIFT * signals_at.predicted, axis=4)
+    lamp = lamp.unsqueeze(4) * known.own  # (h, 3, k, n, k, p)
+    common = [known.patchwise(white), known.patchwise(lamp, 1)]
     block = outer(rows) * known.share
     one = identity(g, size_of(g, block, 1))
-    level = known.patchwise(signals_at.level.transpose(2, 0, 1, 3))  # (n, 3 k, 1)
+    level = known.patchwise(signals_at.level)  # (h n, 3 k, 1)
     noise, own = (level * level * each.unsqueeze(2) for each in (known.noise, known.independent))
     own = g.op("Max", own - g.op("Max", FLOOR**2 - noise, 0.0), 0.0)
     return block + own * one, g.op("Concat", *common, axis=2), g.op("Max", noise, FLOOR**2)
@@ -78,7 +79,7 @@ class Errors:
     With E = Σ⁻¹ A and S the code's posterior covariance, x̂ = S Eᵀ b.
 
     Attributes:
-        mean, atoms: of the basis, (3, v) and, anchored, (3, v, r).
+        mean, atoms: of the basis, (3, v) and, anchored to the first hypothesis, (3, v, r).
         by_source: (6, R, R) Eᵀ Σ_t E of the sources t in the order of `SOURCES`.
         signal, error: (1, N, R) B and F, own: (1, N, 1), with which the variance of a true signal minus its
             prediction is the diagonal of B S Fᵀ, plus `own`: `errors_by_source`.
@@ -110,7 +111,7 @@ def errors_by_source(
     def explained(g: Graph) -> list[Value]:
         here, at = within(known, g), within(rows, g)
         E, lamp_modes, uneven, further = solve(g)
-        noise, A, U, D = (each.like(here.flat) for each in (at.noise, at.A, at.common, here.patchwise(here.gains)))
+        noise, A, U, D = (each.like(here.flat) for each in (at.noise, at.A, at.common, here.patchwise(here.gains, 1)))
         of_code, of_gains = E.slice(0, R, 2), E.slice(R, 2**31, 2)
         across = of_code.transpose(0, 2, 1)
         noisy = noise * of_code
@@ -124,7 +125,7 @@ def errors_by_source(
         B, B_gains = A - D @ on_gains.slice(0, R, 2), D - D @ on_gains.slice(R, 2**31, 2)
         own = (at.chart * identity(g, size_of(g, at.chart, 1))).sum(2).like(here.flat) + sum_of_squares(U) + further
         own = own + (D * (2.0 * noise * of_gains - B_gains)).sum(2, keep=True)
-        W = (at.white_signal.unsqueeze(2, 3) + 0.0 * here.y).transpose(2, 0, 1, 3).like(here.flat)
+        W = here.patchwise(at.white_signal.unsqueeze(3, 4) + 0.0 * here.y).like(here.flat)
         return [terms, W * B, W * (2.0 * noisy - B), W * W * own]
 
     def unexplained(g: Graph) -> list[Value]:

@@ -41,8 +41,8 @@ EYE = np.eye(3)
 class Whitened:
     """p problems in rows of unit covariance: A (p, N, R), b (p, N).
 
-    With a prior (p = 1) ln det Σ (1,), D of the lamp modes (1, N, k q) and of the gain modes (1, N, k g), and the
-    errors by source; else None.
+    With a prior p is h, one problem a hypothesis, with ln det Σ (h,), D of the lamp modes (h, N, k q) and of the gain
+    modes (h, N, k g), and the errors by source; else None.
     """
 
     A: Value
@@ -58,7 +58,7 @@ Curves = Callable[[Value, Value | None], Answer]
 
 
 class Rows:
-    """Eq. (5) and the integrals that every basis needs. Channels come first: (3, k, n)."""
+    """Eq. (5) and the integrals that every basis needs. Channels come first: (3, k, n); hypotheses before all: h."""
 
     def __init__(self, g: Graph, given: dict[str, Value]) -> None:
         self.g, self.given = g, given
@@ -67,8 +67,8 @@ class Rows:
         self.signals = (given["chart"] - given["dark"]) / white
         self.y = self.signals.transpose(2, 0, 1)
         self.error = given["standard_error"].transpose(2, 0, 1)
-        self.power = given["lamp"] * STEP  # (k, m)
-        self.seen_white = self.power * given["white_reflectance"]  # (k, m)
+        self.power = given["lamp"] * STEP  # (h, k, m)
+        self.seen_white = self.power * given["white_reflectance"].unsqueeze(1)  # (h, k, m)
 
     def gain(self) -> Value:
         """Raw white signal of the first shot relative to green, (3,)."""
@@ -80,8 +80,12 @@ class Rows:
 def paper_rows(g: Graph, rows: Rows, basis: Basis) -> tuple[Whitened, Curves]:
     """F Ψ x = y with F = R L dλ, L scaled so that Σ ρ_w L dλ = 1; Σ diagonal. One shot, one problem a channel."""
     atoms = g.constant(basis.dictionary[0], name="dictionary")  # (m, r)
-    scale = rows.seen_white.slice(0, 1, 0).sum(0, 1)
-    everything = rows.power.unsqueeze(1) * rows.given["reflectance"]  # (k, n, m)
+    seen_white, reflectance = (
+        each.slice(0, 1, 0).squeeze(0) for each in (rows.seen_white, rows.given["reflectance"])
+    )
+    power, lamp = (each.slice(0, 1, 0).squeeze(0) for each in (rows.power, rows.given["lamp"]))
+    scale = seen_white.slice(0, 1, 0).sum(0, 1)
+    everything = power.unsqueeze(1) * reflectance  # (k, n, m)
     seen = everything.slice(0, 1, 0).squeeze(0)  # (n, m)
     b = rows.y.slice(0, 1, 1).squeeze(1)
     error = rows.error.slice(0, 1, 1).squeeze(1)
@@ -92,9 +96,9 @@ def paper_rows(g: Graph, rows: Rows, basis: Basis) -> tuple[Whitened, Curves]:
     def curves(x: Value, spread: Value | None) -> Answer:
         del spread  # no prior, no band
         s = atoms @ x.transpose(1, 0)  # (m, 3)
-        s = s / (rows.seen_white.slice(0, 1, 0) @ s)
-        response = rows.seen_white @ s
-        return Answer(s, s * np.nan, (everything @ s) / response.unsqueeze(1), rows.given["lamp"], response)
+        s = s / (seen_white.slice(0, 1, 0) @ s)
+        response = seen_white @ s
+        return Answer(s, s * np.nan, (everything @ s) / response.unsqueeze(1), lamp, response)
 
     return whitened, curves
 
@@ -112,27 +116,28 @@ def learned_rows(g: Graph, rows: Rows, basis: Basis, prior_scale: Value) -> tupl
     v, r = basis.dictionary[:, ::10].shape[1:]
     shape = g.op("Shape", rows.signals)
     k, n = shape.slice(0, 1, 0), shape.slice(1, 2, 0)
-    given_twice = g.op("Concat", given["reflectance"], slope(g, given["reflectance"]), axis=0)  # (2 n, m)
-    folded = fold(g, rows.power.unsqueeze(1) * given_twice)  # (k, 2 n, v)
-    parts = folded.like(g.op("Concat", k, g.ints(2, -1, v), axis=0))
-    patches, edges = parts.slice(0, 1, 1).squeeze(1), parts.slice(1, 2, 1).squeeze(1)  # (k, n, v) each
-    whites = fold(g, g.op("Concat", rows.seen_white, rows.power, axis=0))  # (2 k, v)
-    pair = whites.like(g.ints(2, -1, v))
-    white, flat_light = pair.slice(0, 1, 0).squeeze(0), pair.slice(1, 2, 0).squeeze(0)  # (k, v) each
-    first = white.slice(0, 1, 0)
-    share = (first @ atoms) / (first @ mean.unsqueeze(2))  # (3, 1, r)
-    atoms = atoms - mean.unsqueeze(2) * share  # anchored to the first white
+    h = g.op("Shape", given["lamp"]).slice(0, 1, 0)
+    given_twice = g.op("Concat", given["reflectance"], slope(g, given["reflectance"]), axis=1)  # (c, 2 n, m)
+    folded = fold(g, rows.power.unsqueeze(2) * given_twice.unsqueeze(1))  # (h, k, 2 n, v)
+    parts = folded.like(g.op("Concat", h, k, g.ints(2, -1, v), axis=0))
+    patches, edges = parts.slice(0, 1, 2).squeeze(2), parts.slice(1, 2, 2).squeeze(2)  # (h, k, n, v) each
+    whites = fold(g, g.op("Concat", rows.seen_white, rows.power, axis=1))  # (h, 2 k, v)
+    pair = whites.like(g.op("Concat", h, g.ints(2, -1, v), axis=0))
+    white, flat_light = pair.slice(0, 1, 1).squeeze(1), pair.slice(1, 2, 1).squeeze(1)  # (h, k, v) each
+    first = white.slice(0, 1, 1).unsqueeze(1)  # (h, 1, 1, v)
+    share = (first @ atoms) / (first @ mean.unsqueeze(2))  # (h, 3, 1, r)
+    atoms = atoms - mean.unsqueeze(2) * share  # (h, 3, v, r), anchored to the first white
 
     known = fold_observation(g, rows, (mean, atoms), (patches, edges, white, flat_light), r)
     one = g.ints(1)
     start = [
-        mean * 1.0,
+        g.op("Expand", mean, g.op("Concat", h, g.ints(3, v), axis=0)),
         white * 0.0 + 1.0,
-        g.op("Expand", 1.0, g.op("Concat", k, n, one, axis=0)),
-        g.op("Expand", 0.0, g.op("Concat", known.K, one, axis=0)),
-        g.op("Expand", 0.0, g.op("Concat", known.G, one, axis=0)),
-        identity(g, known.K.squeeze(0)),
-        g.constant(np.eye(3 * r)),
+        g.op("Expand", 1.0, g.op("Concat", h, k, n, one, axis=0)),
+        g.op("Expand", 0.0, g.op("Concat", h, known.K, one, axis=0)),
+        g.op("Expand", 0.0, g.op("Concat", h, known.G, one, axis=0)),
+        g.op("Expand", identity(g, known.K.squeeze(0)), g.op("Concat", h, known.K, known.K, axis=0)),
+        g.op("Expand", np.eye(3 * r), g.op("Concat", h, g.ints(3 * r, 3 * r), axis=0)),
     ]
     turns = g.op("Cast", known.any_modes, to=I64) + g.constant(1, np.int64)
     left = g.loop(known.turn(turns), start, [D] * len(start), turns, "look")[len(start) :]
@@ -142,41 +147,45 @@ def learned_rows(g: Graph, rows: Rows, basis: Basis, prior_scale: Value) -> tupl
 
     def curves(x: Value, spread: Value | None) -> Answer:
         assert spread is not None
-        s = mean + (atoms @ x.unsqueeze(2)).squeeze(2)  # (3, v)
-        first = white.slice(0, 1, 0).transpose(1, 0)
+        g = x.graph
+        of_first = (each.here(g).slice(0, 1, 0).squeeze(0) for each in (atoms, white, lamp, given["lamp"]))
+        psi, white_now, bend, power = of_first
+        chart, rho = (given[name].here(g).slice(0, 1, 0).squeeze(0) for name in ("reflectance", "white_reflectance"))
+        s = mean + (psi @ x.unsqueeze(2)).squeeze(2)  # (3, v)
+        first = white_now.slice(0, 1, 0).transpose(1, 0)
         scale = (s @ first).squeeze(1)  # (3,)
         s = s / scale.unsqueeze(1)
-        here, between = variance_of_curves(g, moves_of_peak_one(g, s, atoms), spread)
+        here, between = variance_of_curves(g, moves_of_peak_one(g, s, psi), spread)
         both = g.op("Concat", between.reshape(3, M - 1), here.slice(-1, 2**31, 1), axis=1)
         std = g.op("Sqrt", g.op("Max", both, 0.0)) / scale.unsqueeze(1)
         values = unfold(g, s).transpose(1, 0)  # (m, 3)
-        light = given["lamp"] * unfold(g, lamp)  # (k, m)
-        seen = (light.unsqueeze(1) * given["reflectance"]) @ values
-        response = (light * given["white_reflectance"]) @ values  # (k, 3)
+        light = power * unfold(g, bend)  # (k, m)
+        seen = (light.unsqueeze(1) * chart) @ values
+        response = (light * rho) @ values  # (k, 3)
         predicted = seen / response.unsqueeze(1)
         return Answer(values, std.transpose(1, 0), predicted, light, response * STEP * (mean @ first).squeeze(1))
 
-    return Whitened(A, b, log_det, modes, gains, Errors(mean, atoms, *errors)), curves
+    return Whitened(A, b, log_det, modes, gains, Errors(mean, atoms.slice(0, 1, 0).squeeze(0), *errors)), curves
 
 
 @dataclass(frozen=True)
 class Folded:
     """The observation folded onto the nodes, and constants of its rows: `_Folded` of `camssf.recovery.linear_model`.
 
-    Channel 3, shot k, patch n, mode q, gain mode g, node v, atom r; R = 3 r codes, K = k q modes, G = k g gain modes,
-    N = 3 k n rows.
+    Hypothesis h, channel 3, shot k, patch n, mode q, gain mode g, node v, atom r; R = 3 r codes, K = k q modes,
+    G = k g gain modes, N = 3 k n rows.
 
     Attributes:
-        mean, atoms: (3, v) and (3, v, r). patches, edges: (k, n, v). white, light: (k, v).
-        modes: (k, q, v). loose: (k, 1, 1) whether a lamp has any. K: (1,) their number.
+        mean, atoms: (3, v) and (h, 3, v, r). patches, edges: (h, k, n, v). white, light: (h, k, v).
+        modes: (h, k, q, v). loose: (h, k, 1, 1) whether a lamp has any. K: (1,) their number.
         gain_modes: (k, g, n). G: (1,) their number. any_modes: whether there is any, of lamps or gains.
-        gains: (n, 3, k, k, g) their D. gain_own: size of each channel's own part relative to the gain modes.
+        gains: (h, 3, k, n, k, g) their D. gain_own: size of each channel's own part relative to the gain modes.
         explain: whether the errors by source are wanted.
-        y: (3, k, n, 1). noise, independent: (n, 3 k) variance of noise and of the chart's own part.
-        tolerance: (n, 1). white_tolerance: a number. lamp_tolerance: (k, 1, 1).
+        y: (3, k, n, 1). noise, independent: (h n, 3 k) variance of noise and of the chart's own part.
+        tolerance: (n, 1). white_tolerance: a number. lamp_tolerance: (h, 1, k, 1, 1).
         share: (3 k, 3 k) of the chart's smooth error that two rows of a patch have in common.
         own: (k, 1, k, 1), 1 where a shot is the same.
-        by_patch, flat, blocks: shapes (n, 3 k, -1), (1, N, -1) and (N, K, R).
+        h, by_patch, flat, blocks: shapes (h,), (h n, 3 k, -1), (h, N, -1) and (h, 3, n k, K, r).
         r: a number.
     """
 
@@ -203,6 +212,7 @@ class Folded:
     lamp_tolerance: Value
     share: Value
     own: Value
+    h: Value
     by_patch: Value
     flat: Value
     blocks: Value
@@ -234,35 +244,35 @@ class Folded:
     def rows(self, state: Sequence[Value]) -> Rowed:
         """A, b and the parts of Σ at a point, patch by patch."""
         curve, lamp, level, *_ = state
-        y = self.y * level
-        s = curve.unsqueeze(1, 3)  # (3, 1, v, 1)
-        bend = lamp.unsqueeze(1)  # (k, 1, v)
-        W = curve @ (self.white * lamp).transpose(1, 0)  # (3, k)
-        seen = self.patches * bend / W.unsqueeze(2, 3)  # (3, k, n, v)
-        white = (self.white * lamp / W.unsqueeze(2)).unsqueeze(2)  # (3, k, 1, v)
-        light = (self.light * lamp / W.unsqueeze(2)).unsqueeze(2)
-        expected = seen @ s  # (3, k, n, 1) ŷ
+        y = self.y * level.unsqueeze(1)  # (h, 3, k, n, 1)
+        s = curve.unsqueeze(2, 4)  # (h, 3, 1, v, 1)
+        bend = lamp.unsqueeze(2)  # (h, k, 1, v)
+        W = curve @ (self.white * lamp).transpose(0, 2, 1)  # (h, 3, k)
+        seen = (self.patches * bend).unsqueeze(1) / W.unsqueeze(3, 4)  # (h, 3, k, n, v)
+        white = ((self.white * lamp).unsqueeze(1) / W.unsqueeze(3)).unsqueeze(3)  # (h, 3, k, 1, v)
+        light = ((self.light * lamp).unsqueeze(1) / W.unsqueeze(3)).unsqueeze(3)
+        expected = seen @ s  # (h, 3, k, n, 1) ŷ
         g = expected.graph
-        about = g.op("Where", self.loose, expected, y)
+        about = g.op("Where", self.loose.unsqueeze(1), expected, y)
         a = seen - about * white
         against_white = seen - expected * white
-        A = (a @ self.atoms.unsqueeze(1)).unsqueeze(3) * EYE[:, None, None, :, None]  # (3, k, n, 3, r)
+        A = (a @ self.atoms.unsqueeze(2)).unsqueeze(4) * EYE[:, None, None, :, None]  # (h, 3, k, n, 3, r)
         b = y - about - a @ self.mean.unsqueeze(1, 3)
-        edges = EDGE * self.edges * bend / W.unsqueeze(2, 3)
-        level = g.op("Expand", level, g.op("Shape", y))
+        edges = (EDGE * self.edges * bend).unsqueeze(1) / W.unsqueeze(3, 4)
+        level = g.op("Expand", level.unsqueeze(1), g.op("Shape", y))
         chart, common, noise = covariance(
             self, LinearisedSignals(s, expected, level, seen, edges, light, white, against_white)
         )
-        rows = self.patchwise(A.transpose(2, 0, 1, 3, 4)), self.patchwise(b.transpose(2, 0, 1, 3))
+        rows = self.patchwise(A, 1), self.patchwise(b)
         block = chart + noise * identity(g, size_of(g, chart, 1))
         return Rowed(*rows, block, chart, common, noise, W, against_white, white)
 
-    def patchwise(self, rows: Value) -> Value:
-        """(n, 3, k, ...) → (n, 3 k, columns)."""
-        return rows.like(self.by_patch)
+    def patchwise(self, rows: Value, more: int = 0) -> Value:
+        """(h, 3, k, n, columns), with `more` axes of columns, → (h n, 3 k, columns)."""
+        return rows.transpose(0, 3, 1, 2, *range(4, 5 + more)).like(self.by_patch)
 
     def sparse(self, rows: Rowed) -> list[Value]:
-        """L⁻¹ A (1, N', R), L⁻¹ b (1, N'), ln det Σ (1,) and L⁻¹ D = 0, where Σ = B + U Uᵀ with B block diagonal.
+        """L⁻¹ A (h, N', R), L⁻¹ b (h, N'), ln det Σ (h,) and L⁻¹ D = 0, where Σ = B + U Uᵀ with B block diagonal.
 
         Then the errors by source.
 
@@ -280,25 +290,26 @@ class Folded:
         own, U = every.slice(0, 3 * self.r + 1, 2), every.slice(3 * self.r + 1, 2**31, 2)
         across = U.transpose(0, 2, 1)
         count = size_of(g, U, 2)
-        one = identity(g, count).unsqueeze(0)
-        S = one + across @ U
+        S = identity(g, count) + across @ U
+        one = identity(g, count) + 0.0 * S
         found, log_common = whiten(g, S, g.op("Concat", across @ own, one, axis=2))
         found, back = found.slice(0, 3 * self.r + 1, 2), found.slice(3 * self.r + 1, 2**31, 2)
         V = back.transpose(0, 2, 1) @ found
         rest = own - U @ V
         joined = g.op("Concat", rest, V, axis=1)
         A, b = joined.slice(0, 3 * self.r, 2), joined.slice(3 * self.r, 3 * self.r + 1, 2).squeeze(2)
-        none = b.unsqueeze(2) * g.op("Expand", 0.0, self.K + self.G)  # (1, N', K + G)
+        none = b.unsqueeze(2) * g.op("Expand", 0.0, self.K + self.G)  # (h, N', K + G)
         plain = rest.slice(0, 3 * self.r, 2)
 
         def solved(g: Graph) -> tuple[Value, Value, Value, Value]:
             back = root.here(g).transpose(0, 2, 1)
             E = (back @ plain.here(g).like(self.by_patch)).like(self.flat)
-            no_gains = 0.0 * self.patchwise(self.gains.here(g)).like(self.flat)
+            no_gains = 0.0 * self.patchwise(self.gains.here(g), 1).like(self.flat)
             no_term = g.op("Expand", 0.0, g.ints(1, 3 * self.r, 3 * self.r))
             return g.op("Concat", E, no_gains, axis=2), no_term, no_term, 0.0 * rows.noise.here(g).like(self.flat)
 
-        return [A, b, log_blocks.sum(0, keep=True) + log_common, none, *errors_by_source(self, rows, solved)]
+        log_det = log_blocks.like(g.op("Concat", self.h, g.ints(-1), axis=0)).sum(1) + log_common
+        return [A, b, log_det, none, *errors_by_source(self, rows, solved)]
 
     def dense(self, rows: Rowed, state: Sequence[Value], looks: Value) -> list[Value]:
         """As `sparse` where there are modes, from the whole Σ, and the next point: `_first_pass`.
@@ -308,16 +319,19 @@ class Folded:
         _, _, _, offset, gained, mode_covariance, code_covariance = state
         g, r = rows.b.graph, self.r
         A, b, U = (each.like(self.flat) for each in (rows.A, rows.b, rows.common))
-        n = size_of(g, rows.block, 0)
-        spaced = rows.block.unsqueeze(2) * identity(g, n).unsqueeze(1, 3)  # (n, 3 k, n, 3 k)
-        N = size_of(g, b, 1).unsqueeze(0)
-        sigma = spaced.like(g.op("Concat", g.ints(1), N, N, axis=0)) + outer(U)
+        N = size_of(g, b, 1)
+        three_k = size_of(g, rows.block, 1)
+        n = g.op("Div", N, three_k)
+        block = rows.block.like(g.op("Concat", self.h, n.unsqueeze(0), three_k.unsqueeze(0), g.ints(-1), axis=0))
+        spaced = block.unsqueeze(3) * identity(g, n).unsqueeze(1, 3)  # (h, n, 3 k, n, 3 k)
+        N = N.unsqueeze(0)
+        sigma = spaced.like(g.op("Concat", self.h, N, N, axis=0)) + outer(U)
         modes, bent = self.bend(rows, state)
-        modes, bent = modes.like(self.flat), bent.like(self.blocks)
-        spread = (mode_covariance @ (bent @ code_covariance)).like(self.flat)
-        sigma = sigma + spread @ bent.like(self.flat).transpose(0, 2, 1)
-        gains = self.patchwise(self.gains).like(self.flat)
-        own = self.gain_own * self.patchwise(self.gains.unsqueeze(3) * EYE[:, None, :, None, None]).like(self.flat)
+        curvature = self.curvature(bent, mode_covariance, code_covariance)
+        sigma = sigma + curvature
+        gains = self.patchwise(self.gains, 1).like(self.flat)
+        each_channel = self.gains.unsqueeze(4) * EYE[:, None, None, :, None, None]  # (h, 3, k, n, 3, k, g)
+        own = self.gain_own * self.patchwise(each_channel, 2).like(self.flat)
         b = b + modes @ offset + gains @ gained
         by_lamps, modes = modes, g.op("Concat", modes, gains, axis=2)
         sigma = sigma + outer(own) + (1.0 - looks) * outer(modes) + looks * outer(A)
@@ -334,9 +348,9 @@ class Folded:
             of_code = E.slice(0, 3 * r, 2)
             of_gains = g.op("Slice", E, self.K.here(g) + g.ints(3 * r + 1), g.ints(2**31), g.ints(2))
             across = of_code.transpose(0, 2, 1)
-            half = bent.here(g).like(self.flat)
-            lamps = outer(across @ by_lamps) + (across @ spread) @ (half.transpose(0, 2, 1) @ of_code)
-            variance = sum_of_squares(g.op("Concat", by_lamps, own, axis=2)) + (spread * half).sum(2, keep=True)
+            lamps = outer(across @ by_lamps) + across @ curvature.here(g) @ of_code
+            own_curvature = (curvature.here(g) * identity(g, N.here(g).squeeze(0))).sum(2, keep=True)
+            variance = sum_of_squares(g.op("Concat", by_lamps, own, axis=2)) + own_curvature
             uneven = outer(across @ gains) + outer(across @ own)
             return g.op("Concat", of_code, of_gains, axis=2), lamps, uneven, variance
 
@@ -344,41 +358,57 @@ class Folded:
         return [A, b.squeeze(2), log_det, modes, *errors, *self.after(A, b, modes)]
 
     def bend(self, rows: Rowed, state: Sequence[Value]) -> tuple[Value, Value]:
-        """D and B of `camssf.recovery.linear_model`, patch by patch: (n, 3, k, K) and (n, 3, k, K, 3, r)."""
+        """D (h, N, K) and B (h, 3, n k, K, r) of `camssf.recovery.linear_model`: a row by its own channel's code."""
         curve, lamp, *_ = state
-        relative = rows.against_white / lamp.unsqueeze(1)  # the modes are relative to the lamp as given
-        across = self.modes.transpose(0, 2, 1)  # (k, v, q)
-        atoms = self.atoms.unsqueeze(1)  # (3, 1, v, r)
-        steps = (relative * curve.unsqueeze(1, 2)) @ across  # (3, k, n, q)
-        bent = (relative.unsqueeze(3) * self.modes.unsqueeze(1)) @ atoms.unsqueeze(1)  # (3, k, n, q, r)
-        off = (rows.white / lamp.unsqueeze(1) * curve.unsqueeze(1, 2)) @ across  # (3, k, 1, q)
-        bent = bent - off.unsqueeze(4) * (rows.against_white @ atoms).unsqueeze(3)
-        bent = bent - steps.unsqueeze(4) * (rows.white @ atoms).unsqueeze(3)
-        D_ = steps.unsqueeze(3) * self.own  # (3, k, n, k, q)
-        B_ = bent.unsqueeze(3, 5) * self.own.unsqueeze(4, 5) * EYE[:, None, None, None, None, :, None]
-        return D_.transpose(2, 0, 1, 3, 4), B_.transpose(2, 0, 1, 3, 4, 5, 6)
+        relative = rows.against_white / lamp.unsqueeze(1, 3)  # the modes are relative to the lamp as given
+        across = self.modes.transpose(0, 1, 3, 2).unsqueeze(1)  # (h, 1, k, v, q)
+        atoms = self.atoms.unsqueeze(2)  # (h, 3, 1, v, r)
+        s = curve.unsqueeze(2, 3)  # (h, 3, 1, 1, v)
+        steps = (relative * s) @ across  # (h, 3, k, n, q)
+        bent = (relative.unsqueeze(4) * self.modes.unsqueeze(1, 3)) @ atoms.unsqueeze(2)  # (h, 3, k, n, q, r)
+        off = (rows.white / lamp.unsqueeze(1, 3) * s) @ across  # (h, 3, k, 1, q)
+        bent = bent - off.unsqueeze(5) * (rows.against_white @ atoms).unsqueeze(4)
+        bent = bent - steps.unsqueeze(5) * (rows.white @ atoms).unsqueeze(4)
+        D_ = steps.unsqueeze(4) * self.own  # (h, 3, k, n, k, q)
+        B_ = (bent.unsqueeze(4) * self.own.unsqueeze(4)).transpose(0, 1, 3, 2, 4, 5, 6).like(self.blocks)
+        return self.patchwise(D_, 1).like(self.flat), B_
+
+    def curvature(self, B_: Value, mode_covariance: Value, code_covariance: Value) -> Value:
+        """Σ over q, r, p, s of B_qr C_qp X_rs B_ps, (h, N, N); two channels have their block of X in common."""
+        g, r = B_.graph, self.r
+        X = code_covariance.reshape(-1, 3, r, 3, r).transpose(0, 1, 3, 2, 4)  # (h, 3, 3, r, r)
+        left = mode_covariance.unsqueeze(1, 2) @ B_  # (h, 3, n k, K, r)
+        left = left.like(g.op("Concat", self.h, g.ints(3, 1, -1, r), axis=0)) @ X  # (h, 3, 3, n k K, r)
+        codes = self.K * g.ints(r)
+        left = left.like(g.op("Concat", self.h, g.ints(3, 3, -1), codes, axis=0))
+        across = B_.like(g.op("Concat", self.h, g.ints(1, 3, -1), codes, axis=0)).transpose(0, 1, 2, 4, 3)
+        k, N = g.op("Shape", self.white).slice(1, 2, 0), self.flat.slice(1, 2, 0)
+        spread = left @ across  # (h, 3, 3, n k, n k)
+        spread = spread.like(g.op("Concat", self.h, g.ints(3, 3, -1), k, g.op("Div", N, k * g.ints(3)), k, axis=0))
+        return spread.transpose(0, 3, 1, 4, 5, 2, 6).like(g.op("Concat", self.h, N, N, axis=0))
 
     def after(self, A: Value, b: Value, modes: Value) -> list[Value]:
         """The next point, from rows whitened with A Aᵀ in Σ; `modes` is D of the lamps, then of the gains."""
         g = b.graph
         turned = modes.transpose(0, 2, 1)
-        one = identity(g, (self.K + self.G).squeeze(0)).unsqueeze(0)
-        root, _ = whiten(g, one + turned @ modes, g.op("Concat", turned @ b, one, axis=2), 1)
+        precision = identity(g, (self.K + self.G).squeeze(0)) + turned @ modes
+        one = identity(g, (self.K + self.G).squeeze(0)) + 0.0 * precision
+        root, _ = whiten(g, precision, g.op("Concat", turned @ b, one, axis=2), 1)
         pull, back = root.slice(0, 1, 2), root.slice(1, 2**31, 2)
         turned = back.transpose(0, 2, 1)
-        found, of_all = (turned @ pull).squeeze(0), (turned @ back).squeeze(0)  # (K + G, 1), (K + G, K + G)
+        found, of_all = turned @ pull, turned @ back  # (h, K + G, 1), (h, K + G, K + G)
         across = A.transpose(0, 2, 1)
-        code = (across @ (b - modes @ found)).reshape(3, self.r, 1)
-        curve = self.mean + (self.atoms @ code).squeeze(2)
-        offset = g.op("Slice", found, g.ints(0), self.K, g.ints(0))
-        gained = g.op("Slice", found, self.K, g.ints(2**31), g.ints(0))
-        mode_covariance = g.op("Slice", of_all, g.ints(0, 0), g.op("Concat", self.K, self.K, axis=0), g.ints(0, 1))
-        size = g.op("Concat", g.op("Shape", self.white).slice(0, 1, 0), g.ints(1, -1), axis=0)
-        bend = 1.0 + (offset.like(size) @ self.modes).squeeze(1)  # (k, v)
-        level = 1.0 - (gained.like(size) @ self.gain_modes).squeeze(1)  # (k, n)
+        code = (across @ (b - modes @ found)).reshape(-1, 3, self.r, 1)
+        curve = self.mean + (self.atoms @ code).squeeze(3)
+        offset = g.op("Slice", found, g.ints(0), self.K, g.ints(1))
+        gained = g.op("Slice", found, self.K, g.ints(2**31), g.ints(1))
+        mode_covariance = g.op("Slice", of_all, g.ints(0, 0), g.op("Concat", self.K, self.K, axis=0), g.ints(1, 2))
+        size = g.op("Concat", g.op("Shape", self.white).slice(0, 2, 0), g.ints(1, -1), axis=0)
+        bend = 1.0 + (offset.like(size) @ self.modes).squeeze(2)  # (h, k, v)
+        level = 1.0 - (gained.like(size) @ self.gain_modes).squeeze(2)  # (h, k, n)
         return [
-            curve, g.op("Max", bend, DARKEST), g.op("Max", level, DARKEST).unsqueeze(2), offset, gained,
-            mode_covariance, np.eye(3 * self.r) - (across @ A).squeeze(0),
+            curve, g.op("Max", bend, DARKEST), g.op("Max", level, DARKEST).unsqueeze(3), offset, gained,
+            mode_covariance, np.eye(3 * self.r) - across @ A,
         ]  # fmt: skip
 
 
@@ -387,10 +417,10 @@ class Rowed:
     """Rows at a point, patch by patch, and the parts of Σ without modes.
 
     Attributes:
-        A, b: (n, 3 k, R) and (n, 3 k, 1).
-        block: (n, 3 k, 3 k) covariance within a patch, `chart` plus `noise`. chart: (n, 3 k, 3 k).
-        common: (n, 3 k, u) U of the errors common to the patches. noise: (n, 3 k, 1). white_signal: (3, k) W.
-        against_white, white: (3, k, n, v) and (3, k, 1, v), for the modes.
+        A, b: (h n, 3 k, R) and (h n, 3 k, 1).
+        block: (h n, 3 k, 3 k) covariance within a patch, `chart` plus `noise`. chart: (h n, 3 k, 3 k).
+        common: (h n, 3 k, u) U of the errors common to the patches. noise: (h n, 3 k, 1). white_signal: (h, 3, k) W.
+        against_white, white: (h, 3, k, n, v) and (h, 3, k, 1, v), for the modes.
     """
 
     A: Value
@@ -412,14 +442,18 @@ def fold_observation(
     given = rows.given
     shape = g.op("Shape", rows.y)
     k, n = shape.slice(1, 2, 0), shape.slice(2, 3, 0)
+    h = g.op("Shape", given["lamp"]).slice(0, 1, 0)
     steps = g.constant([10], np.int64)
-    modes = g.op("Slice", given["lamp_modes"], g.ints(0), g.ints(M), g.ints(2), steps)  # (k, q, v)
-    sizes = g.op("ReduceMax", g.op("Abs", modes), g.ints(1, 2), keepdims=1)  # (k, 1, 1)
-    K = k * g.op("Shape", modes).slice(1, 2, 0)
+    modes = g.op("Slice", given["lamp_modes"], g.ints(0), g.ints(M), g.ints(3), steps)  # (h, k, q, v)
+    sizes = g.op("ReduceMax", g.op("Abs", modes), g.ints(2, 3), keepdims=1)  # (h, k, 1, 1)
+    K = k * g.op("Shape", modes).slice(2, 3, 0)
     independent = INDEPENDENT_SHARE * given["chart_tolerance"] * rows.y
     three_k = k * g.constant([3], np.int64)
-    by_row = g.op("Concat", n, three_k, axis=0)
-    noise, own_chart = ((each * each).transpose(2, 0, 1).like(by_row) for each in (rows.error, independent))
+    by_row = g.op("Concat", h * n, three_k, axis=0)
+    of_each = g.op("Concat", h, g.ints(1, 1, 1), axis=0)
+    noise, own_chart = (
+        g.op("Expand", (each * each).transpose(2, 0, 1), of_each).like(by_row) for each in (rows.error, independent)
+    )
     share = g.op("Expand", CHANNEL_SHARE + (1.0 - CHANNEL_SHARE) * EYE[:, None, :, None],
                  g.op("Concat", g.ints(3), k, g.ints(3), k, axis=0))  # fmt: skip
     patches, edges, white, light = scenes
@@ -432,19 +466,20 @@ def fold_observation(
         mean, atoms, patches, edges, white, light,
         modes, loose, K,
         gain_modes, k * g.op("Shape", gain_modes).slice(1, 2, 0),
-        g.op("Or", g.op("Greater", sizes.max(0, 1, 2), 0.0), uneven),
-        gains.transpose(2, 0, 1, 3, 4), given["gain_own"],
+        g.op("Or", g.op("Greater", sizes.max(0, 1, 2, 3), 0.0), uneven),
+        g.op("Expand", gains, g.op("Concat", h, g.ints(1, 1, 1, 1, 1), axis=0)), given["gain_own"],
         g.op("Greater", given["explain"], 0.5),
         rows.y.unsqueeze(3),
         noise,
         own_chart,
         given["chart_tolerance"].unsqueeze(1),
         given["white_tolerance"],
-        given["lamp_tolerance"].unsqueeze(1, 2),
+        given["lamp_tolerance"].unsqueeze(1, 3, 4),
         share.like(g.op("Concat", three_k, three_k, axis=0)),
         own,
-        g.op("Concat", n, three_k, g.ints(-1), axis=0),
-        g.op("Concat", g.ints(1), n * three_k, g.ints(-1), axis=0),
-        g.op("Concat", n * three_k, K, g.ints(3 * r), axis=0),
+        h,
+        g.op("Concat", h * n, three_k, g.ints(-1), axis=0),
+        g.op("Concat", h, n * three_k, g.ints(-1), axis=0),
+        g.op("Concat", h, g.ints(3, -1), K, g.ints(r), axis=0),
         r,
     )  # fmt: skip

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib import resources
@@ -28,6 +29,10 @@ OUTPUTS = (
 )  # fmt: skip
 
 
+OF_HYPOTHESES = ("reflectance", "white_reflectance", "lamp", "lamp_tolerance", "lamp_modes")
+"""Inputs with a leading axis of hypotheses."""
+
+
 @dataclass(frozen=True)
 class Model:
     """A loaded model.
@@ -42,10 +47,17 @@ class Model:
     sha256: str
     metadata: dict[str, str]
 
-    def run(self, inputs: dict[str, Floats]) -> dict[str, Floats]:
-        """Outputs by name. Every input that docs/architecture.md names must be given, float64."""
-        values = self.session.run(list(OUTPUTS), {name: np.asarray(value, float) for name, value in inputs.items()})
-        return dict(zip(OUTPUTS, values, strict=True))
+    def run(self, inputs: dict[str, Floats], outputs: Sequence[str] = OUTPUTS) -> dict[str, Floats]:
+        """Outputs by name for one hypothesis.
+
+        Every input that docs/architecture.md names but `solve` must be given, without the axis of hypotheses.
+        """
+        given = {name: np.asarray(value, float) for name, value in inputs.items()} | {"solve": np.array(1.0)}
+        given |= {name: given[name][None] for name in OF_HYPOTHESES if name in given}
+        found = dict(zip(outputs, self.session.run(list(outputs), given), strict=True))
+        if "evidence" in found:
+            found["evidence"] = found["evidence"][0]
+        return found
 
 
 def onnx_runtime() -> Any:

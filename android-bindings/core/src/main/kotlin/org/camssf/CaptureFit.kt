@@ -104,7 +104,7 @@ internal class CaptureFit(
         if (others.isEmpty()) return table
         val posed = conditionedOn(ssf)
         fun evidence(of: ChartTable): Double =
-            posed.of(of.faded(ssf.chartFading)).logEvidence(used, posed.lamps, emptySet(), posed.priorScale)
+            posed.of(of.faded(ssf.chartFading)).logEvidences(used, listOf(posed.lamps), emptySet(), posed.priorScale)[0]
         val own = evidence(table)
         val nats = others.map { evidence(it) }
         val best = nats.indices.maxByOrNull { nats[it] }!!
@@ -196,7 +196,7 @@ internal class CaptureFit(
             val own = kinds(used, j, unnamed, tell)
             all.flatMap { before -> own.map { before + it } }
         }
-        return kinds.map { guess(used, it) }
+        return guesses(used, kinds)
     }
 
     /** The kinds of shot j's light that are combined with those of the other shots; "" if it was named. */
@@ -206,29 +206,32 @@ internal class CaptureFit(
         if (unnamed == 1) return kinds
         val alone = only(j)
         val own = PatchMask(1, n) { _, i -> used[j, i] }
-        return AnyLight.likelyKinds(alone.families(), kinds.map { alone.guess(own, listOf(it)) }, tell)
+        return AnyLight.likelyKinds(alone.families(), alone.guesses(own, kinds.map { listOf(it) }), tell)
     }
 
-    private fun guess(used: PatchMask, kinds: List<String>): LampGuess {
-        val belief = lamps.indices.filter { lamps[it].unnamed }.sumOf { j ->
-            lamps[j].logPrior[lamps[j].kinds.indexOfFirst { it.name == kinds[j] }]
+    private fun guesses(used: PatchMask, kinds: List<List<String>>): List<LampGuess> {
+        val observations = observations(used, kinds.map { own -> lamps.mapIndexed { j, lamp -> light(lamp, own[j]) } })
+        return kinds.mapIndexed { i, own ->
+            val belief = lamps.indices.filter { lamps[it].unnamed }.sumOf { j ->
+                lamps[j].logPrior[lamps[j].kinds.indexOfFirst { it.name == own[j] }]
+            }
+            LampGuess(own, observations[i], belief)
         }
-        return LampGuess(kinds, observation(used, lamps.mapIndexed { j, lamp -> light(lamp, kinds[j]) }), belief)
     }
 
     /**
-     * ln of the marginal likelihood of the `used` patches under these lamps, with each basis's prior `scale`
-     * times as wide. With several bases, of which only those named by `bases` count, it is that of their mixture by
-     * prior odds, up to the ln of the sum of these odds.
+     * ln of the marginal likelihood of the `used` patches under each of several sets of lamps, one lamp a shot, with
+     * each basis's prior `scale` times as wide. With several bases, of which only those named by `bases` count, it is
+     * that of their mixture by prior odds, up to the ln of the sum of these odds.
      */
-    fun logEvidence(used: PatchMask, lamps: List<Lamp>, bases: Set<String>, scale: Double): Double {
-        val given = observation(used, lamps)
-        if (engines.size == 1) return Recover.logEvidence(engines[0], given, scale)
-        return Choice.logSum(
-            engines.filter { it.basis in bases }.map { engine ->
-                Recover.logEvidence(engine, given, scale) + ln(priorOdds[Choice.MAKERS_OF[engine.basis]] ?: 1.0)
-            },
-        )
+    fun logEvidences(used: PatchMask, lamps: List<List<Lamp>>, bases: Set<String>, scale: Double): DoubleArray {
+        val given = observations(used, lamps)
+        if (engines.size == 1) return Recover.logEvidences(engines[0], given, scale)
+        val nats = engines.filter { it.basis in bases }.map { engine ->
+            val odds = ln(priorOdds[Choice.MAKERS_OF[engine.basis]] ?: 1.0)
+            Recover.logEvidences(engine, given, scale) to odds
+        }
+        return DoubleArray(lamps.size) { i -> Choice.logSum(nats.map { (own, odds) -> own[i] + odds }) }
     }
 
     /**
@@ -264,23 +267,24 @@ internal class CaptureFit(
 
     private fun rows(of: PatchTable, selected: IntArray) = Tensor(of.rows(selected), k, selected.size, 3)
 
-    private fun observation(used: PatchMask, lamps: List<Lamp>): Observation {
+    private fun observation(used: PatchMask, lamps: List<Lamp>): Observation = observations(used, listOf(lamps))[0]
+
+    /** Observations of the same signals and the same chart under several sets of lamps. */
+    private fun observations(used: PatchMask, lamps: List<List<Lamp>>): List<Observation> {
         val selected = used.selected
         val t = selected.size
-        return Observation(
-            rows(values, selected),
-            rows(hiding(used), selected),
-            Known(
-                Tensor(selected.map { table.reflectance(it) }.flatten(), t, Grid.SIZE),
-                Tensor(DoubleArray(t) { if (paper) 0.0 else table.sharedTolerance[selected[it]] }, t),
-                Tensor(white, Grid.SIZE),
-                whiteTolerance,
-                Tensor(lamps.map { it.sharedValues }.flatten(), k, Grid.SIZE),
-                Tensor(DoubleArray(k) { lamps[it].tolerance }, k),
-                modes(lamps),
-                gains.takeUnless { it.modes.values.isEmpty() }?.of(selected),
-            ),
-        )
+        val signals = rows(values, selected)
+        val errors = rows(hiding(used), selected)
+        val reflectance = Tensor(selected.map { table.reflectance(it) }.flatten(), t, Grid.SIZE)
+        val tolerance = Tensor(DoubleArray(t) { if (paper) 0.0 else table.sharedTolerance[selected[it]] }, t)
+        val rho = Tensor(white, Grid.SIZE)
+        val uneven = gains.takeUnless { it.modes.values.isEmpty() }?.of(selected)
+        return lamps.map { own ->
+            val power = Tensor(own.map { it.sharedValues }.flatten(), k, Grid.SIZE)
+            val ofLamp = Tensor(DoubleArray(k) { own[it].tolerance }, k)
+            val known = Known(reflectance, tolerance, rho, whiteTolerance, power, ofLamp, modes(own), uneven)
+            Observation(signals, errors, known)
+        }
     }
 
     /** (k, q, 681) lamp modes, padded with zeros to the largest number of modes. */

@@ -2,6 +2,7 @@ package org.camssf
 
 import org.camssf.photo.Capture
 import org.camssf.recovery.AnyLight
+import org.camssf.recovery.Recover
 import org.camssf.spectra.Lamp
 import org.camssf.verdict.Light
 import kotlin.math.min
@@ -131,21 +132,22 @@ internal class Course private constructor(private val steps: List<Step>) {
             val unnamed = lamps.count { it.unnamed }
             // Every kind of every unnamed light with every family, the family's test, and the lights' posteriors.
             val kinds = lamps.filter { it.unnamed }.take(AnyLight.MOST).fold(1) { all, lamp -> all * lamp.kinds.size }
-            val runs = if (unnamed == 0) 1 else families * kinds + LIGHTS
+            val runs = if (unnamed == 0) 1 else families + LIGHTS
             val size = 1 + PER_SHOT * (k - 1)
             val folds = if (settings.fit == null) Solve.FOLDS else 0
             val alone = if (k > 1 && prior) k else 0
             val named = k - unnamed
             val comparing = prior && named > 0 && k <= Light.MOST_SHOTS_COMPARED
             val compared = if (comparing) 1 + named * Light.RIVALS.size else 0
+            val stacks = List(compared) { it }.chunked(Recover.STACK)
             // The parts of the capture are solved with the basis and the kinds of light that the whole has found.
             return listOf(Step(Stage.SOLVING, null, SOLVE * families * kinds * size, runs)) +
                 List(folds) { Step(Stage.VALIDATING, null, SOLVE * size) } +
                 List(alone) { Step(Stage.VALIDATING, null, SOLVE) } +
-                List(compared) { Step(Stage.JUDGING, null, JUDGE * families * size) }
+                stacks.map { Step(Stage.JUDGING, null, JUDGE * families * size * it.size) }
         }
 
-        /** Runs of a model for an unnamed light besides those of each kind. */
-        private const val LIGHTS = 3
+        /** Runs of a model for an unnamed light after the evidence of each basis: two widths, the test, the light. */
+        private const val LIGHTS = 4
     }
 }

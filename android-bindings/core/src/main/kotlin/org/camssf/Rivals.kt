@@ -2,6 +2,7 @@ package org.camssf
 
 import org.camssf.photo.PatchMask
 import org.camssf.recovery.Choice
+import org.camssf.recovery.Recover
 import org.camssf.recovery.Ssf
 import org.camssf.spectra.Lamp
 import org.camssf.verdict.Light
@@ -25,25 +26,21 @@ internal object Rivals {
      * @param fit before it is conditioned on the answer.
      * @param used the patches that entered the fit.
      * @param new number of new shots; the lamps of a previous result, behind them, are not doubted again.
-     * @param tell called before each run of the model.
+     * @param tell called before each stack of lamps.
      */
     fun of(fit: CaptureFit, ssf: Ssf, used: PatchMask, new: Int = fit.lamps.size, tell: () -> Unit): List<Rival> {
         if (ssf.sharedStd == null || fit.lamps.size > Light.MOST_SHOTS_COMPARED) return emptyList()
         val scale = if (ssf.priorScale == 1.0) Light.NARROW else 1.0 // the learned width for an unfamiliar camera
         val bases = Choice.MAKERS_OF.values.toSet() + ssf.basis
-        fun observation(lamps: List<Lamp>): Double {
-            tell()
-            return fit.logEvidence(used, lamps, bases, scale)
-        }
         val named = (0 until new).filterNot { fit.lamps[it].unnamed }
         if (named.isEmpty()) return emptyList()
         val lamps = if (fit.lamps.any { it.unnamed }) fit.under(ssf.kinds).lamps else fit.lamps
-        val given = observation(lamps)
-        return named.flatMap { j ->
-            Light.RIVALS.map { name ->
-                val others = lamps.toMutableList().also { it[j] = lamp(name) }
-                Rival(j, name, observation(others) - given)
-            }
+        val rivals = named.flatMap { j -> Light.RIVALS.map { j to it } }
+        val others = rivals.map { (j, name) -> lamps.toMutableList().also { it[j] = lamp(name) } }
+        val nats = (listOf(lamps) + others).chunked(Recover.STACK).flatMap { some ->
+            tell()
+            fit.logEvidences(used, some, bases, scale).toList()
         }
+        return rivals.mapIndexed { i, (j, name) -> Rival(j, name, nats[i + 1] - nats[0]) }
     }
 }

@@ -201,8 +201,8 @@ class FailuresTest {
         assertThrows(InvalidArgument::class.java) { OnnxEngine.open("cameras", "x.onnx", ByteArray(10)) }
         OnnxEngine.load("cameras").use { engine ->
             val one = Tensor.scalar(1.0)
-            val known = Known(one, one, one, 1.0, one, one, one)
-            val inputs = ModelInputs(Frames(one, one, one), one, known, 1.0, 1.0, true)
+            val known = Known(one, one, one, 1.0, one, one, Tensor.full(0.0, 1, 1, 681))
+            val inputs = ModelInputs(Frames(one, one, one), one, listOf(known), 1.0, 1.0, true)
             val error = assertThrows(InvalidArgument::class.java) { engine.run(inputs) }
             assertTrue(error.cause is ai.onnxruntime.OrtException, error.toString())
         }

@@ -22,6 +22,7 @@ import org.camssf.photo.PhotoSource
 import org.camssf.photo.Shot
 import org.camssf.photo.dng.DngReader
 import org.camssf.photo.dng.DngSource
+import org.camssf.recovery.Recover
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
 import org.camssf.verdict.Light
@@ -122,7 +123,7 @@ class SsfCalibratorTest {
     }
 
     @Test
-    fun `each rival costs one run, and none where the capture is refused`() {
+    fun `rivals are weighed in stacks, and none where the capture is refused`() {
         fun dng(name: String) = PhotoSource.of(File(root, "golden/dng/$name.dng"))
         val flat = Corners.of(19.44, 19.44, 160.56, 19.44, 160.56, 112.56, 19.44, 112.56)
         val (white, dark) = listOf("white", "dark").map { dng("patches-$it") }
@@ -137,7 +138,7 @@ class SsfCalibratorTest {
             }
             val (sound, asked) = steps(shot())
             calibrated(sound)
-            assertEquals(1 + Light.RIVALS.size, asked)
+            assertEquals((1 + Light.RIVALS.size + Recover.STACK - 1) / Recover.STACK, asked)
             val (wrong, none) = steps(shaded)
             assertEquals(Status.REFUSED, wrong.verdict.outcome, wrong.verdict.reasons.joinToString { it.message })
             assertEquals(0, none)

@@ -36,7 +36,10 @@ internal class AnyLight(
     private val penalties: Penalties,
     private val tell: () -> Unit,
 ) {
-    private class LampHypothesis(val guess: LampGuess, val family: Choice.Family)
+    private class LampHypothesis(val guess: LampGuess, val family: Choice.Family) {
+        /** ln of its prior odds. */
+        val logPrior: Double get() = guess.belief + family.belief
+    }
 
     /**
      * The curves that explain the signals under lights that are not named.
@@ -67,7 +70,12 @@ internal class AnyLight(
         }
         var answer = chosen(0.0)
         if (answer.second.passed) return answer.first.tested(answer.second, 0.0)
-        val fading = FadedChart.fading { evidence(narrowed, guesses.map { guess -> guess.faded(it) }) }
+        val fading = FadedChart.fading { amounts ->
+            val faded = amounts.flatMap { amount -> guesses.map { it.faded(amount) } }
+            val hypotheses = faded.flatMap { guess -> narrowed.map { LampHypothesis(guess, it) } }
+            val log = joint(hypotheses, evidences(hypotheses, tell)).chunked(guesses.size * narrowed.size)
+            DoubleArray(amounts.size) { Choice.logSum(log[it]) }
+        }
         if (fading > 0.0) answer = chosen(fading)
         val (found, test) = answer
         if (test.passed) return found.tested(test, fading)
@@ -78,34 +86,18 @@ internal class AnyLight(
             .tested(test, fading)
     }
 
-    /** ln of the marginal likelihood of the signals, over all hypotheses. */
-    private fun evidence(families: List<Choice.Family>, guesses: List<LampGuess>): Double = Choice.logSum(
-        families.flatMap { family ->
-            guesses.map {
-                tell()
-                Recover.logEvidence(family.engine, it.observation, family.scale) + (it.belief + family.belief)
-            }
-        },
-    )
-
     /** The mixture of the hypotheses of these families. */
     private fun weighed(families: List<Choice.Family>, guesses: List<LampGuess>, of: DoubleArray): Ssf {
         val hypotheses = families.flatMap { family -> guesses.map { LampHypothesis(it, family) } }
-        val attempts = hypotheses.map { each ->
-            tell()
-            Recover.attempt(each.family.engine, each.guess.observation, frames, penalties, each.family.scale)
-        }
-        val nats = attempts.map { it.logEvidence }
-        val likely = Choice.probabilities(
-            hypotheses.mapIndexed { i, each -> nats[i] + (each.guess.belief + each.family.belief) },
-        )
+        val nats = evidences(hypotheses, tell)
+        val likely = Choice.probabilities(joint(hypotheses, nats))
         val compared = hypotheses.mapIndexed { i, each ->
             Hypothesis(each.family.engine.basis, nats[i], likely[i], each.guess.kinds)
         }
         val weights = Choice.posteriorWeights(compared)
         val least = min(SOLVED, weights.max())
         val kept = weights.indices.filter { weights[it] >= least }
-        val answers = kept.map { answer(attempts[it].checkConverged(), hypotheses[it]) }
+        val answers = kept.map { answer(hypotheses[it]) }
         val mixture = Mixture(answers, kept.map { weights[it] })
         val seen = kept.map { light(hypotheses[it]) }
         val lights = guesses[0].kinds.indices.map { j ->
@@ -130,12 +122,13 @@ internal class AnyLight(
      * product of light and curve; but a camera may be as far from that mean as the learned width says. The code is given
      * in units of the learned width: s = μ + w Ψ x = μ + Ψ (w x).
      */
-    private fun answer(found: Ssf, hypothesis: LampHypothesis): Ssf {
+    private fun answer(hypothesis: LampHypothesis): Ssf {
         val scale = hypothesis.family.scale
-        if (scale >= 1.0) return found
-        tell()
-        val engine = hypothesis.family.engine
-        return found.withBandsOf(Recover.recover(engine, hypothesis.guess.observation, frames, penalties), scale)
+        fun at(width: Double): Ssf {
+            tell()
+            return Recover.recover(hypothesis.family.engine, hypothesis.guess.observation, frames, penalties, width)
+        }
+        return if (scale >= 1.0) at(scale) else at(scale).withBandsOf(at(1.0), scale)
     }
 
     /** Posterior of each shot's lamp under a hypothesis; its smooth error is expressed as modes too. */
@@ -199,17 +192,31 @@ internal class AnyLight(
 
         /** The kinds of one shot's light that are probable enough to be combined with those of other shots. */
         fun likelyKinds(families: List<Choice.Family>, guesses: List<LampGuess>, tell: () -> Unit): List<String> {
-            val hypotheses = narrowed(families, guesses).flatMap { family -> guesses.map { family to it } }
-            val likely = Choice.probabilities(
-                hypotheses.map { (family, guess) ->
-                    tell()
-                    Recover.logEvidence(family.engine, guess.observation, family.scale) + guess.belief + family.belief
-                },
-            )
+            val hypotheses =
+                narrowed(families, guesses).flatMap { family -> guesses.map { LampHypothesis(it, family) } }
+            val likely = Choice.probabilities(joint(hypotheses, evidences(hypotheses, tell)))
             return guesses.map { it.kinds[0] }.filter { kind ->
-                hypotheses.indices.filter { hypotheses[it].second.kinds[0] == kind }.sumOf { likely[it] } >= SCREENED
+                hypotheses.indices.filter { hypotheses[it].guess.kinds[0] == kind }.sumOf { likely[it] } >= SCREENED
             }
         }
+
+        /** ln of the evidence of each hypothesis; those of one family are computed together. */
+        private fun evidences(hypotheses: List<LampHypothesis>, tell: () -> Unit): DoubleArray {
+            val found = DoubleArray(hypotheses.size)
+            for ((family, own) in hypotheses.indices.groupBy { hypotheses[it].family }) {
+                for (some in own.chunked(Recover.STACK)) {
+                    tell()
+                    val observations = some.map { hypotheses[it].guess.observation }
+                    val nats = Recover.logEvidences(family.engine, observations, family.scale)
+                    some.forEachIndexed { i, at -> found[at] = nats[i] }
+                }
+            }
+            return found
+        }
+
+        /** The same plus ln of the prior odds. */
+        private fun joint(hypotheses: List<LampHypothesis>, nats: DoubleArray): List<Double> =
+            hypotheses.mapIndexed { i, each -> nats[i] + each.logPrior }
 
         /** Prior probability of a light that is of no kind; any kind may be taken for it. */
         private val NO_KIND get() = Rules.shipped.number("lamp.no_kind")

@@ -78,9 +78,10 @@ internal object Choice {
         }
         var answer = chosen(observation)
         if (answer.second.passed) return answer.first.tested(answer.second, 0.0)
-        val fading = FadedChart.fading { amount ->
-            val given = observation.faded(amount)
-            logSum(families.map { Recover.logEvidence(it.engine, given, it.scale) + it.belief })
+        val fading = FadedChart.fading { amounts ->
+            val given = amounts.map { observation.faded(it) }
+            val nats = families.map { Recover.logEvidences(it.engine, given, it.scale) to it.belief }
+            DoubleArray(amounts.size) { i -> logSum(nats.map { (own, belief) -> own[i] + belief }) }
         }
         val given = observation.faded(fading)
         if (fading > 0.0) answer = chosen(given)

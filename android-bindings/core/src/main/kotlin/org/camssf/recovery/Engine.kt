@@ -6,6 +6,8 @@ import java.io.Closeable
  * The inputs of a model.
  *
  * @property standardError (k, n, 3) of the signals.
+ * @property hypotheses what is known of chart, white and lamps, once for each hypothesis; they differ in reflectances,
+ *   lamps and lamp modes alone, and either all or none have modes.
  * @property l2 λ₂.
  * @property gamma γ, one number.
  * @property nonnegative whether x ≥ 0 is required.
@@ -15,7 +17,7 @@ import java.io.Closeable
 internal class ModelInputs(
     val frames: Frames,
     val standardError: Tensor,
-    val known: Known,
+    val hypotheses: List<Known>,
     val l2: Double,
     val gamma: Double,
     val nonnegative: Boolean,
@@ -28,7 +30,7 @@ internal class ModelInputs(
  *
  * For k shots, n patches, r coefficients a channel and p problems (1 on a basis with a mean, whose channels are one
  * problem, else 3) the shapes are: `ssf`, `ssf_std` (681, 3), `code` (r, 3), `code_covariance` (3 r, 3 r), `signals`,
- * `predicted` (k, n, 3), `gap` (3), `layers_gap`, `finish_steps` (p), `evidence` (), `channel_gain` (3),
+ * `predicted` (k, n, 3), `gap` (3), `layers_gap`, `finish_steps` (p), `evidence` (1), `channel_gain` (3),
  * `lamp_estimate` (k, 681); for q lamp modes a shot `mode_estimate` (k, q) and `mode_covariance` (k q, k q); for g
  * gain modes a shot `gain_code` (k, g); with `explain` `predicted_std` (k, n, 3) and `budget` (7, 3), else NaN.
  * `ssf_std`, `code_covariance`, `evidence`, `mode_estimate`, `mode_covariance`, `predicted_std` and `budget` are NaN
@@ -41,9 +43,10 @@ internal class ModelOutputs private constructor(private val found: Map<String, D
     operator fun get(name: String): DoubleArray = found.getValue(name)
 
     companion object {
+        const val EVIDENCE = "evidence"
         val NAMES = listOf(
             "ssf", "ssf_std", "code", "code_covariance", "signals", "predicted", "gap", "layers_gap", "finish_steps",
-            "evidence", "channel_gain", "lamp_estimate", "mode_estimate", "mode_covariance", "gain_code",
+            EVIDENCE, "channel_gain", "lamp_estimate", "mode_estimate", "mode_covariance", "gain_code",
             "predicted_std", "budget",
         )
 
@@ -75,6 +78,9 @@ internal interface Engine : Closeable {
     /** The metadata of the model file. */
     val metadata: Map<String, String>
 
-    /** Runs the model. Calls from several threads wait for each other. */
+    /** Solves the one hypothesis of the inputs. Calls from several threads wait for each other. */
     fun run(inputs: ModelInputs): ModelOutputs
+
+    /** ln of the marginal likelihood of the signals under each hypothesis, but for a constant; solves nothing. */
+    fun logEvidences(inputs: ModelInputs): DoubleArray
 }

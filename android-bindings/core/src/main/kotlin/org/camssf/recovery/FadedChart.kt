@@ -24,12 +24,13 @@ internal object FadedChart {
      * The chart's most probable fading, the posterior mean of v, or 0 if its posterior odds are below
      * [Choice.CLEAR].
      *
-     * @param logEvidence ln of the marginal likelihood of the signals for a fading v, over all hypotheses.
+     * @param logEvidences ln of the marginal likelihood of the signals for each fading v, over all hypotheses.
      */
-    fun fading(logEvidence: (Double) -> Double): Double {
-        val none = logEvidence(0.0)
+    fun fading(logEvidences: (DoubleArray) -> DoubleArray): Double {
+        val amounts = amounts
+        val nats = logEvidences(doubleArrayOf(0.0) + amounts)
         val prior = FADED / (1.0 - FADED) / amounts.size
-        val odds = amounts.map { prior * exp(min(logEvidence(it) - none, LARGEST)) }
+        val odds = amounts.indices.map { prior * exp(min(nats[it + 1] - nats[0], LARGEST)) }
         if (!(odds.sum() >= Choice.CLEAR)) return 0.0
         return amounts.indices.sumOf { amounts[it] * odds[it] } / odds.sum()
     }

@@ -10,6 +10,7 @@ import org.camssf.model.Models
 import java.nio.ByteBuffer
 import java.nio.ByteOrder
 import java.nio.DoubleBuffer
+import kotlin.math.max
 
 /** Runs a model with ONNX Runtime, with the options of the Python package, so that the numbers are the same. */
 internal class OnnxEngine private constructor(override val basis: String, content: ByteArray) : Engine {
@@ -44,32 +45,30 @@ internal class OnnxEngine private constructor(override val basis: String, conten
         }
     }
 
-    @Synchronized
-    override fun run(inputs: ModelInputs): ModelOutputs {
-        check(open) { "This SsfCalibrator was closed. Open another." }
-        try {
-            return answer(inputs)
-        } catch (error: OrtException) {
-            throw InvalidArgument("The model of '$basis' does not run: ${error.message}.", ADVICE, cause = error)
-        }
-    }
+    override fun run(inputs: ModelInputs): ModelOutputs = answer(inputs, true) { ModelOutputs(it) }
 
-    private fun answer(inputs: ModelInputs): ModelOutputs {
-        val known = inputs.known
-        val modes = known.lampModes
+    override fun logEvidences(inputs: ModelInputs): DoubleArray =
+        answer(inputs, false) { it(ModelOutputs.EVIDENCE) }
+
+    @Synchronized
+    private fun <T> answer(inputs: ModelInputs, solve: Boolean, read: ((String) -> DoubleArray) -> T): T {
+        check(open) { "This SsfCalibrator was closed. Open another." }
+        val hypotheses = inputs.hypotheses
+        val known = hypotheses[0]
+        // One chart serves all hypotheses if they have the same one.
+        val charts = if (hypotheses.all { it.reflectance === known.reflectance }) listOf(known) else hypotheses
         val given = linkedMapOf(
             "chart" to inputs.frames.chart,
             "white" to inputs.frames.white,
             "dark" to inputs.frames.dark,
             "standard_error" to inputs.standardError,
-            "reflectance" to known.reflectance,
+            "reflectance" to Tensor.stack(charts.map { it.reflectance }),
             "chart_tolerance" to known.chartTolerance,
-            "white_reflectance" to known.whiteReflectance,
+            "white_reflectance" to Tensor.stack(charts.map { it.whiteReflectance }),
             "white_tolerance" to Tensor.scalar(known.whiteTolerance),
-            "lamp" to known.lamp,
-            "lamp_tolerance" to known.lampTolerance,
-            // The model needs at least one mode; a mode of zeros has no effect.
-            "lamp_modes" to if (modes.values.isEmpty()) Tensor.full(0.0, modes.shape[0], 1, Grid.SIZE) else modes,
+            "lamp" to Tensor.stack(hypotheses.map { it.lamp }),
+            "lamp_tolerance" to Tensor.stack(hypotheses.map { it.lampTolerance }),
+            "lamp_modes" to lampModes(hypotheses),
             "gain_modes" to gainModes(inputs),
             "gain_own" to Tensor.scalar(known.gains?.own ?: 0.0),
             "l2" to Tensor.scalar(inputs.l2),
@@ -77,23 +76,43 @@ internal class OnnxEngine private constructor(override val basis: String, conten
             "nonnegative" to Tensor.scalar(if (inputs.nonnegative) 1.0 else 0.0),
             "prior_scale" to Tensor.scalar(inputs.priorScale),
             "explain" to Tensor.scalar(if (inputs.explain) 1.0 else 0.0),
+            "solve" to Tensor.scalar(if (solve) 1.0 else 0.0),
         )
         val tensors = LinkedHashMap<String, OnnxTensor>()
         try {
             given.mapValuesTo(tensors) { tensor(it.value) }
-            session.run(tensors).use { result ->
-                return ModelOutputs { name ->
+            val wanted = if (solve) ModelOutputs.NAMES else listOf(ModelOutputs.EVIDENCE)
+            session.run(tensors, wanted.toSet()).use { result ->
+                return read { name ->
                     val buffer = (result.get(name).get() as OnnxTensor).doubleBuffer
                     DoubleArray(buffer.remaining()).also { buffer.get(it) }
                 }
             }
+        } catch (error: OrtException) {
+            throw InvalidArgument("The model of '$basis' does not run: ${error.message}.", ADVICE, cause = error)
         } finally {
             tensors.values.forEach { it.close() }
         }
     }
 
+    /** (h, k, q, 681), padded with modes of zeros, which have no effect, to the largest number of modes, at least one. */
+    private fun lampModes(hypotheses: List<Known>): Tensor {
+        val q = max(1, hypotheses.maxOf { it.lampModes.shape[1] })
+        return Tensor.stack(
+            hypotheses.map { known ->
+                val modes = known.lampModes
+                val (k, own) = modes.shape
+                if (own == q) return@map modes
+                val padded = Tensor.full(0.0, k, q, Grid.SIZE)
+                val size = own * Grid.SIZE
+                for (j in 0 until k) modes.values.copyInto(padded.values, j * q * Grid.SIZE, j * size, (j + 1) * size)
+                padded
+            },
+        )
+    }
+
     private fun gainModes(inputs: ModelInputs): Tensor {
-        val modes = inputs.known.gains?.modes
+        val modes = inputs.hypotheses[0].gains?.modes
         if (modes != null && modes.values.isNotEmpty()) return modes
         val shape = inputs.frames.chart.shape
         return Tensor.full(0.0, shape.getOrElse(0) { 1 }, 1, shape.getOrElse(1) { 1 })

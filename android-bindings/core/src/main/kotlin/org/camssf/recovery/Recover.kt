@@ -52,6 +52,9 @@ internal class Known(
     val lampModes: Tensor,
     val gains: Gains? = null,
 ) {
+    /** Whether the lamps or the light on the patches have modes. */
+    val hasModes: Boolean get() = listOfNotNull(lampModes, gains?.modes).any { modes -> modes.values.any { it != 0.0 } }
+
     /** The same with other tolerances (k) of the lamps. */
     fun withLampTolerance(tolerance: Tensor): Known =
         Known(reflectance, chartTolerance, whiteReflectance, whiteTolerance, lamp, tolerance, lampModes, gains)
@@ -83,35 +86,11 @@ internal object Recover {
     /** Sources of the uncertainty budget, in the order of the model and of the result document. */
     val SOURCES = listOf("noise", "chart", "white", "lamp", "lamp modes", "uneven light", "unseen")
 
+    /** Largest number of hypotheses in one call: more take no less time each, and more memory. */
+    const val STACK = 7
+
     /** Relative duality gap above which [NotConverged] is thrown. */
     const val LARGEST_GAP = 1e-9
-
-    /**
-     * One solution of the model, not yet checked for convergence: comparing hypotheses does not need the check.
-     *
-     * @property logEvidence ln of the marginal likelihood up to a constant; NaN on a basis without a prior.
-     */
-    class Attempt internal constructor(
-        private val found: ModelOutputs,
-        private val gains: Gains?,
-        private val penalties: Penalties,
-        private val basis: String,
-        private val priorScale: Double,
-    ) {
-        val logEvidence: Double get() = found["evidence"][0]
-
-        /**
-         * The curves.
-         *
-         * @throws NotConverged a relative duality gap above 1e-9, or curves without a response to white.
-         */
-        fun checkConverged(): Ssf {
-            believe(found["gap"])
-            checkRespondsToWhite(found["ssf"])
-            val answer = curves(found, penalties, basis, priorScale)
-            return if (gains == null) answer.gaining(DoubleArray(0)) else answer
-        }
-    }
 
     /**
      * The curves that explain the signals.
@@ -130,16 +109,7 @@ internal object Recover {
         frames: Frames?,
         penalties: Penalties,
         priorScale: Double = 1.0,
-    ): Ssf = attempt(engine, observation, frames, penalties, priorScale).checkConverged()
-
-    /** [recover] without the check for convergence. */
-    fun attempt(
-        engine: Engine,
-        observation: Observation,
-        frames: Frames?,
-        penalties: Penalties,
-        priorScale: Double,
-    ): Attempt {
+    ): Ssf {
         check(observation, engine.basis)
         checkScale(priorScale, engine.basis)
         val paper = engine.basis == OnnxEngine.PAPER
@@ -150,9 +120,9 @@ internal object Recover {
         val positive = penalties.nonnegative ?: paper
         val weight = penalties.l2 ?: if (paper) 0.0 else L2
         val shown = frames ?: bare(y)
-        fun run(gamma: Double): ModelOutputs = engine.run(
-            ModelInputs(shown, observation.standardError, observation.known, weight, gamma, positive, priorScale),
-        )
+        val known = listOf(observation.known)
+        fun run(gamma: Double): ModelOutputs =
+            engine.run(ModelInputs(shown, observation.standardError, known, weight, gamma, positive, priorScale))
         checkPenalties(weight, penalties.gamma, engine.basis)
         val gamma = penalties.gamma?.let { given -> DoubleArray(3) { given[it % given.size] } }
             ?: if (paper) Discrepancy(observation, positive, ::run).gammas() else DoubleArray(3) { GAMMA }
@@ -160,18 +130,37 @@ internal object Recover {
         // The model takes one γ a call, so each different γ of the paper's channels is a call of its own.
         val answers = gamma.distinct().associateWith { run(it) }
         val found = ModelOutputs.byChannel(gamma.map { answers.getValue(it) })
-        return Attempt(found, observation.known.gains, Penalties(weight, gamma, positive), engine.basis, priorScale)
+        believe(found["gap"])
+        checkRespondsToWhite(found["ssf"])
+        val answer = curves(found, Penalties(weight, gamma, positive), engine.basis, priorScale)
+        return if (observation.known.gains == null) answer.gaining(DoubleArray(0)) else answer
     }
 
     /**
-     * ln of the marginal likelihood of the signals, nats, up to a constant, on a basis with a prior. It is a closed
-     * form: independent of the penalties, and without a convergence check.
+     * ln of the marginal likelihood of the signals, nats, up to a constant, under each hypothesis, on a basis with a
+     * prior. It is a closed form: independent of the penalties, and without a convergence check.
      *
+     * @param observations of one capture with one chart tolerance: they differ in reflectances, lamps and lamp modes.
      * @throws InvalidArgument invalid shapes or values.
      * @throws LampUnfit a lamp with negative power, or none, on the grid.
      */
+    fun logEvidences(engine: Engine, observations: List<Observation>, priorScale: Double): DoubleArray {
+        checkScale(priorScale, engine.basis)
+        for (each in observations) check(each, engine.basis)
+        val found = DoubleArray(observations.size)
+        // The model expands all or none of its hypotheses about their modes.
+        for (alike in observations.indices.groupBy { observations[it].known.hasModes }.values) {
+            for (some in alike.chunked(STACK)) {
+                val nats = engine.logEvidences(plain(some.map { observations[it] }, priorScale, false))
+                some.forEachIndexed { i, at -> found[at] = nats[i] }
+            }
+        }
+        return found
+    }
+
+    /** [logEvidences] of one observation. */
     fun logEvidence(engine: Engine, observation: Observation, priorScale: Double): Double =
-        plain(engine, observation, priorScale)["evidence"][0]
+        logEvidences(engine, listOf(observation), priorScale)[0]
 
     /**
      * Posterior mean (k q) and covariance (k q, k q) of the lamp modes.
@@ -225,9 +214,14 @@ internal object Recover {
     ): ModelOutputs {
         check(observation, engine.basis)
         checkScale(priorScale, engine.basis)
-        val shown = bare(observation.signals)
-        val known = observation.known
-        return engine.run(ModelInputs(shown, observation.standardError, known, L2, GAMMA, false, priorScale, explain))
+        return engine.run(plain(listOf(observation), priorScale, explain))
+    }
+
+    /** Inputs for the default penalties. */
+    private fun plain(observations: List<Observation>, priorScale: Double, explain: Boolean): ModelInputs {
+        val (signals, standardError) = observations[0].let { it.signals to it.standardError }
+        val hypotheses = observations.map { it.known }
+        return ModelInputs(bare(signals), standardError, hypotheses, L2, GAMMA, false, priorScale, explain)
     }
 
     /** Frames with black level 0 and white 1. */

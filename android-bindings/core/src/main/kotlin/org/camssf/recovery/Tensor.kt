@@ -19,6 +19,14 @@ internal class Tensor(val values: DoubleArray, vararg val shape: Int) {
 
         fun full(value: Double, vararg shape: Int): Tensor = Tensor(DoubleArray(shape.product()) { value }, *shape)
 
+        /** Tensors of one shape along a new first axis. */
+        fun stack(parts: List<Tensor>): Tensor {
+            val size = parts[0].values.size
+            val values = DoubleArray(parts.size * size)
+            parts.forEachIndexed { i, part -> part.values.copyInto(values, i * size) }
+            return Tensor(values, parts.size, *parts[0].shape)
+        }
+
         private fun IntArray.product(): Int = fold(1) { size, side -> size * side }
     }
 }

@@ -182,7 +182,7 @@ class ChoiceTest {
                 val alone = Recover.recover(engines[i], given, null, penalties)
                 assertEquals(engines[i].basis, each.basis)
                 assertEquals(alone.logEvidence, each.logEvidence)
-                assertEquals(alone.logEvidence, Recover.logEvidence(engines[i], given, 1.0))
+                assertEquals(alone.logEvidence!!, Recover.logEvidence(engines[i], given, 1.0), 1e-9)
                 assertEquals(emptyList<Hypothesis>(), alone.choice)
             }
             // Phones, with an RYYB sensor or not, against cameras.

@@ -21,10 +21,21 @@ import kotlin.system.exitProcess
  * -o result.json`, options repeated for several shots in the photos' order.
  *
  * With `--serve` alone, every line on standard input holds such arguments, parted by tabs; the answer is a line with the
- * status (0, 2 for a wrong call, 5 for a refusal) and the seconds it took. Models stay open between them.
+ * status (0, 2 for a wrong call, 5 for a refusal), the seconds it took, and those of `toJson`. Models stay open between
+ * them. A line `--open BASIS` opens and closes the models of a basis; its answer holds the seconds of opening.
  */
 public class Calibrate private constructor() : Closeable {
     private val calibrators = HashMap<String, SsfCalibrator>()
+    private var toJson = 0L
+
+    private fun serve(words: List<String>): String {
+        val start = System.nanoTime()
+        if (words[0] == "--open") {
+            return SsfCalibrator.open(words[1]).use { "0 ${(System.nanoTime() - start) / NANO}" }
+        }
+        val status = run(words)
+        return "$status ${(System.nanoTime() - start) / NANO} ${toJson / NANO}"
+    }
 
     private fun run(arguments: List<String>): Int {
         try {
@@ -51,7 +62,10 @@ public class Calibrate private constructor() : Closeable {
         )
         val found = calibrators.getOrPut(basis) { SsfCalibrator.open(basis) }.calibrateBlocking(capture, settings)
         val partial = File(output.path + ".partial")
-        partial.writeText(found.toJson())
+        val start = System.nanoTime()
+        val text = found.toJson()
+        toJson = System.nanoTime() - start
+        partial.writeText(text)
         check(partial.renameTo(output)) { "cannot write $output" }
         if (found !is Refused) return 0
         System.err.println(found.error)
@@ -115,6 +129,7 @@ public class Calibrate private constructor() : Closeable {
 
     public companion object {
         private const val AUTO = "auto"
+        private const val NANO = 1e9
         private const val USAGE =
             "calibrate PHOTO... [--lamp NAME|auto] --corners x,y,x,y,x,y,x,y [--white DNG] [--dark DNG] " +
                 "[--lamp-tolerance T] [--chart NAME] [--white-reflectance R] [--lens-shading as-stored|apply] " +
@@ -130,9 +145,7 @@ public class Calibrate private constructor() : Closeable {
                 if (arguments.toList() != listOf("--serve")) return@use command.run(arguments.toList())
                 while (true) {
                     val line = readlnOrNull() ?: break
-                    val start = System.nanoTime()
-                    val status = command.run(line.split("\t"))
-                    println("$status ${(System.nanoTime() - start) / 1e9}")
+                    println(command.serve(line.split("\t")))
                 }
                 0
             }

@@ -197,7 +197,7 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
             ModelInputs(
                 frames,
                 given("standard_error"),
-                known(case),
+                listOf(known(case)),
                 given("l2").values[0],
                 given("gamma").values[0],
                 case.inputs.getValue("nonnegative").jsonPrimitive.boolean,
