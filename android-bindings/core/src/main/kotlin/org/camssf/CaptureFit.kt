@@ -104,7 +104,8 @@ internal class CaptureFit(
         if (others.isEmpty()) return table
         val posed = conditionedOn(ssf)
         fun evidence(of: ChartTable): Double =
-            posed.of(of.faded(ssf.chartFading)).logEvidences(used, listOf(posed.lamps), emptySet(), posed.priorScale)[0]
+            posed.of(of.faded(ssf.chartFading))
+                .logEvidences(used, listOf(posed.lamps), emptySet(), posed.priorScale)[0]
         val own = evidence(table)
         val nats = others.map { evidence(it) }
         val best = nats.indices.maxByOrNull { nats[it] }!!
@@ -210,7 +211,8 @@ internal class CaptureFit(
     }
 
     private fun guesses(used: PatchMask, kinds: List<List<String>>): List<LampGuess> {
-        val observations = observations(used, kinds.map { own -> lamps.mapIndexed { j, lamp -> light(lamp, own[j]) } })
+        val observations =
+            observations(used, kinds.map { own -> lamps.mapIndexed { j, lamp -> light(lamp, own[j]) } })
         return kinds.mapIndexed { i, own ->
             val belief = lamps.indices.filter { lamps[it].unnamed }.sumOf { j ->
                 lamps[j].logPrior[lamps[j].kinds.indexOfFirst { it.name == own[j] }]

@@ -53,7 +53,9 @@ internal class Known(
     val gains: Gains? = null,
 ) {
     /** Whether the lamps or the light on the patches have modes. */
-    val hasModes: Boolean get() = listOfNotNull(lampModes, gains?.modes).any { modes -> modes.values.any { it != 0.0 } }
+    val hasModes: Boolean get() = listOfNotNull(lampModes, gains?.modes).any { modes ->
+        modes.values.any { it != 0.0 }
+    }
 
     /** The same with other tolerances (k) of the lamps. */
     fun withLampTolerance(tolerance: Tensor): Known =
