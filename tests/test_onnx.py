@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.claims.certify import model_rows, row_reader
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery.basis import read_basis, widened
 from camssf.recovery.budget import explain
@@ -310,31 +311,6 @@ def opened(model: Any) -> Model:
     return Model(session, "", {entry.key: entry.value for entry in model.metadata_props})
 
 
-@cache
-def row_reader(basis: str) -> Model:
-    """The shipped model with its whitened rows as two outputs more: built anew, which must give its bytes."""
-    onnx = pytest.importorskip("onnx", reason="onnx is not installed (extra: export)")
-    from camssf_onnx import __main__ as command
-    from camssf_onnx import model as source
-
-    name = "learned_rows" if basis == "cameras" else "paper_rows"
-    build_rows, built = getattr(source, name), []
-
-    def spy(*arguments: Any) -> Any:
-        built.append(build_rows(*arguments))
-        return built[-1]
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(source, name, spy)
-        model = source.build(read_basis(basis))
-    assert model.SerializeToString(deterministic=True) == (command.DATA / f"camssf-{basis}.onnx").read_bytes()
-    ((whitened, _),) = built
-    for name, value in (("rows", whitened.A), ("target", whitened.b)):
-        model.graph.node.append(onnx.helper.make_node("Identity", [value.name], [name]))
-        model.graph.output.append(onnx.helper.make_tensor_value_info(name, onnx.TensorProto.DOUBLE, None))
-    return opened(model)
-
-
 def rows_apart(own: tuple[Floats, Floats], linear: LinearModel) -> float:
     """How far whitened rows are from those of A, b and Σ, in what no rotation of them changes.
 
@@ -357,8 +333,10 @@ def test_the_model_forms_the_reference_s_rows(name: str) -> None:
     """A, b and Σ themselves: a gap proves an answer to an engine's own rows only."""
     given, reference = arrays(CASES[name]), problem(CASES[name])
     basis = given["basis"]
-    found = row_reader(basis).run(model_inputs(load_model(basis), given), ("rows", "target"))
-    own = found["rows"], found["target"]
+    pytest.importorskip("onnx", reason="onnx is not installed (extra: export)")
+    reader = row_reader(basis)
+    assert reader is not None
+    own = model_rows(reader, model_inputs(load_model(basis), given))
     assert rows_apart(own, reference) <= 1e-11
     assert rows_apart(own, replace(reference, covariance=reference.covariance * (1 + 1e-9))) > 1e-10
 

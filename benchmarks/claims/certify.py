@@ -65,7 +65,7 @@ from benchmarks.shared import cameras, command_parser, console, lamp, one_thread
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery.basis import interpolate, read_basis
 from camssf.recovery.covariance import CHART_CORRELATION, smooth_errors
-from camssf.recovery.onnx_model import SHIPPED, load_model
+from camssf.recovery.onnx_model import SHIPPED, Model, load_model
 from camssf.recovery.penalties import GAMMA, L2
 from camssf.recovery.sensitivity import LARGEST_GAP
 from camssf.recovery.solve import solve
@@ -205,7 +205,7 @@ def draw_default(seed: int, index: int) -> Problem:
 
 
 @cache
-def row_reader(basis: str) -> Any:
+def row_reader(basis: str) -> Model | None:
     """The shipped model with its whitened rows as two outputs more, `rows` (p, N, r) and `target` (p, N).
 
     None without onnx. It is built anew by the same sources, which must first give the shipped bytes.
@@ -216,29 +216,29 @@ def row_reader(basis: str) -> Any:
         from camssf_onnx import model as source
     except ImportError:
         return None
-    posed: list[Any] = []
+    name = "paper_rows" if basis == "gaussian" else "learned_rows"
+    build_rows, built = getattr(source, name), []
 
-    def spy(rows: Any, *rest: Any) -> Any:
-        posed.append(rows)
-        return pose(rows, *rest)
+    def spy(*arguments: Any) -> Any:
+        built.append(build_rows(*arguments))
+        return built[-1]
 
-    pose = source.pose
-    with patch.object(source, "pose", spy):
+    with patch.object(source, name, spy):
         model = source.build(read_basis(basis))
     shipped = (resources.files("camssf") / "data" / f"camssf-{basis}.onnx").read_bytes()
     if model.SerializeToString(deterministic=True) != shipped:
         raise RuntimeError(f"camssf-{basis}.onnx is not what its sources make: run python -m camssf_onnx build")
-    ((A, b),) = posed
-    for name, value in (("rows", A), ("target", b)):
-        model.graph.node.append(onnx.helper.make_node("Identity", [value.name], [name]))
-        model.graph.output.append(onnx.helper.make_tensor_value_info(name, onnx.TensorProto.DOUBLE, None))
-    return open_model(model.SerializeToString())
+    ((whitened, _),) = built
+    for output, value in (("rows", whitened.A), ("target", whitened.b)):
+        model.graph.node.append(onnx.helper.make_node("Identity", [value.name], [output]))
+        model.graph.output.append(onnx.helper.make_tensor_value_info(output, onnx.TensorProto.DOUBLE, None))
+    return Model(open_model(model.SerializeToString()), "", {})
 
 
-def model_rows(problem: Problem) -> tuple[Floats, Floats]:
-    """The whitened rows that the model solves, (p, N, r) and (p, N); needs onnx."""
-    A, b = row_reader(problem.basis).run(["rows", "target"], problem.inputs)
-    return A, b
+def model_rows(reader: Model, inputs: dict[str, Floats]) -> tuple[Floats, Floats]:
+    """The whitened rows that the model solves, (p, N, r) and (p, N)."""
+    found = reader.run(inputs, ("rows", "target"))
+    return found["rows"], found["target"]
 
 
 def rows_apart(own: tuple[Floats, Floats], fine: tuple[Long, Long]) -> Floats:
@@ -279,7 +279,8 @@ def judge(problem: Problem, ask_oracle: bool, engines: Sequence[str] = ENGINES) 
         out = load_model(problem.basis).run(problem.inputs)
         x = out["code"].T
         found["onnx"] = out["ssf"].T
-        own = fine if row_reader(problem.basis) is None else model_rows(problem)
+        reader = row_reader(problem.basis)
+        own = fine if reader is None else model_rows(reader, problem.inputs)
         measured |= {
             "onnx": out["gap"][: len(A)],
             "onnx_recomputed": gaps(*(each.astype(np.longdouble) for each in own), x, problem),

@@ -57,7 +57,7 @@ LOST = 0.1
 """Of the light at 420 nm, in a yellowed lens."""
 SAME = "same"
 NAMED, UNNAMED = "named", "not named"
-"""How the later lamp is given, beside TORCH."""
+"""How the later lamp is given; or TORCH."""
 
 
 def moved(low: float, high: float) -> Callable[[Floats], Floats]:

@@ -13,9 +13,9 @@ import java.util.zip.ZipOutputStream
 import kotlin.math.abs
 
 /**
- * Golden cases of every stage and whole calibrations through one jar of everything an app has but camera2, shrunk and obfuscated
- * by R8 with the rules that the jars carry and nothing else: what an app's release build does to us, as far as a JVM can
- * show it.
+ * Golden cases of every stage and whole calibrations through one jar of everything an app has but camera2, shrunk and
+ * obfuscated by R8 with the rules that the jars carry and nothing else: what an app's release build does to us, as far
+ * as a JVM can show it.
  */
 @Tag("R-ANDROID")
 class ShrunkJarTest {
