@@ -148,7 +148,7 @@ def test_what_an_unnamed_light_costs(results: Path, capsys: pytest.CaptureFixtur
 
     status = any_light_cost.main(["--rounds", "1"])
     kept = json.loads((results / "any_light_cost.json").read_text())
-    assert len(kept["rows"]) == 12
+    assert len(kept["rows"]) == 14
     assert kept["kinds"] > 1.0
     assert status == ("MISSED" in capsys.readouterr().out)
 
