@@ -44,7 +44,7 @@ class Server:
         return self.process.communicate(timeout=30)[1]
 
     def folders(self) -> list[Path]:
-        return list(self.temporary.glob("camssf-app-*/*"))
+        return list(self.temporary.glob("camssf-*/*"))
 
     def ask(self, path: str, method: str = "GET", body: Any = None, **headers: str) -> tuple[int, bytes]:
         url = urlsplit(self.address)

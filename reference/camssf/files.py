@@ -177,6 +177,24 @@ def made_folder(folder: Path) -> Iterator[None]:
         raise
 
 
+@contextmanager
+def temporary_folder() -> Iterator[Path]:
+    """A folder for the work within, in the system's folder for temporary files.
+
+    Raises:
+        InvalidArgument: it cannot be made.
+    """
+    try:
+        folder = tempfile.TemporaryDirectory(prefix="camssf-", ignore_cleanup_errors=True)
+    except OSError as error:
+        raise InvalidArgument(
+            f"There is no room for temporary files ({error.strerror or error}).",
+            "Free some space, or set TMPDIR to a folder that you may write to.",
+        ) from error
+    with folder as name:
+        yield Path(name)
+
+
 def _exchange(folder: Path, contents: Mapping[str, bytes | str | None]) -> None:
     """Write to a temporary folder, then move the files into place; on failure restore the old ones."""
     beside = Path(tempfile.mkdtemp(prefix=".camssf-", dir=folder))

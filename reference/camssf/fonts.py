@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from threading import Lock
+
+from camssf.files import temporary_folder
 
 _LOADING = Lock()
 
@@ -16,12 +17,15 @@ def prepare_matplotlib() -> None:
 
     The font list is only needed during the import, so it goes into a temporary folder. If matplotlib's folders
     already exist, or MPLCONFIGDIR is set, matplotlib uses these as usual.
+
+    Raises:
+        InvalidArgument: there is no room for temporary files.
     """
     with _LOADING:
         if "matplotlib.font_manager" in sys.modules or os.environ.get("MPLCONFIGDIR") or _at_home():
             return
-        with TemporaryDirectory(prefix="camssf-", ignore_cleanup_errors=True) as folder:
-            os.environ["MPLCONFIGDIR"] = folder
+        with temporary_folder() as folder:
+            os.environ["MPLCONFIGDIR"] = str(folder)
             try:
                 import matplotlib.font_manager  # noqa: F401
             finally:

@@ -10,7 +10,6 @@ import os
 import posixpath
 import re
 import shutil
-import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
@@ -18,7 +17,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from camssf.errors import InvalidArgument
-from camssf.files import check_local, local, local_folder, write_file
+from camssf.files import check_local, local, local_folder, temporary_folder, write_file
 from camssf.libraries import library
 
 Place: TypeAlias = Path
@@ -182,8 +181,8 @@ def local_copy(path: Place) -> Iterator[Path]:
     if not is_remote(path):
         yield path
         return
-    with tempfile.TemporaryDirectory(prefix="camssf-") as folder:
-        yield fetch(path, Path(folder))
+    with temporary_folder() as folder:
+        yield fetch(path, folder)
 
 
 @contextmanager

@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import secrets
 import socket
-import tempfile
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from importlib.resources import files
@@ -31,6 +30,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from camssf.app.session import Session
 from camssf.app.tasks import UPLOADS
 from camssf.errors import InvalidArgument
+from camssf.files import temporary_folder
 
 HOST = "127.0.0.1"
 LARGEST_PHOTO = 512 * 2**20
@@ -88,8 +88,8 @@ class Sessions:
     @asynccontextmanager
     async def lifespan(self, app: Starlette) -> AsyncIterator[None]:
         """Make the temporary folder of all sessions, and remove it at the end."""
-        with tempfile.TemporaryDirectory(prefix="camssf-app-", ignore_cleanup_errors=True) as root:
-            self.root = Path(root)
+        with temporary_folder() as root:
+            self.root = root
             yield
 
     def close(self) -> None:

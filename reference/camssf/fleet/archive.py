@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
@@ -18,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from camssf.errors import CalibrationError, InvalidArgument
+from camssf.files import temporary_folder
 from camssf.fleet.inputs import Stamp, file_in, layout_in, stamp, stamps
 from camssf.fleet.manifest import Job, Manifest
 from camssf.fleet.outcome import Outcome, Summary
@@ -69,9 +69,9 @@ class Archive:
         if not is_remote(place):
             yield place
             return
-        with tempfile.TemporaryDirectory(prefix="camssf-") as name:
-            yield Path(name)
-            for path in sorted(Path(name).iterdir(), key=lambda path: path.name == RESULT):
+        with temporary_folder() as folder:
+            yield folder
+            for path in sorted(folder.iterdir(), key=lambda path: path.name == RESULT):
                 write_place(place / path.name, path.read_bytes())
 
     def keep(self, job: Job, made_from: str, outcome: Outcome) -> Outcome:

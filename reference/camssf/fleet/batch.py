@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -18,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from camssf.errors import CalibrationError, InvalidArgument
-from camssf.files import local_folder, write_file, write_files
+from camssf.files import local_folder, temporary_folder, write_file, write_files
 from camssf.fleet.archive import Archive, unfinished
 from camssf.fleet.inputs import basis_hash, file_hash, file_in, layout_in
 from camssf.fleet.manifest import Job, Manifest
@@ -192,8 +191,8 @@ def _local_job(job: Job) -> Iterator[Job]:
     if not remote:
         yield job
         return
-    with tempfile.TemporaryDirectory(prefix="camssf-") as name:
-        copies = {url: str(fetch(place(url), Path(name) / str(i))) for i, url in enumerate(remote)}
+    with temporary_folder() as folder:
+        copies = {url: str(fetch(place(url), folder / str(i))) for i, url in enumerate(remote)}
         fields: dict[str, Any] = {
             name: tuple(copies.get(each, each) for each in getattr(job, name)) for name in FRAMES
         }
