@@ -9,6 +9,7 @@ import re
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -141,6 +142,14 @@ def test_without_the_extra_it_says_what_to_install(
 def test_a_port_that_is_taken_is_an_error_in_words(server: Server, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["app", "--no-browser", "--port", str(urlsplit(server.address).port)]) == 2
     assert "--port" in capsys.readouterr().err
+
+
+def test_without_room_for_temporary_files_it_is_an_error_in_words(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "none"))
+    assert main(["app", "--no-browser"]) == 2
+    assert "no room for temporary files" in capsys.readouterr().err
 
 
 @pytest.mark.full

@@ -16,9 +16,9 @@ import camssf
 
 PACKAGE = Path(camssf.__file__).parent
 FLOORS = (
-    {"version", "errors", "grid", "fonts"},
+    {"version", "errors", "grid"},
     {"files", "rules", "libraries"},
-    {"places"},
+    {"places", "fonts"},
     {"spectra", "error_codes"},
     {"recovery"},
     {"options", "learning"},

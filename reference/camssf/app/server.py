@@ -10,7 +10,7 @@ import json
 import secrets
 import socket
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import ExitStack
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -81,16 +81,9 @@ class SameOrigin:
 class Sessions:
     """The endpoints, and the sessions of the tabs by name."""
 
-    def __init__(self) -> None:
-        self.root = Path()
+    def __init__(self, root: Path) -> None:
+        self.root = root
         self.open: dict[str, Session] = {}
-
-    @asynccontextmanager
-    async def lifespan(self, app: Starlette) -> AsyncIterator[None]:
-        """Make the temporary folder of all sessions, and remove it at the end."""
-        with temporary_folder() as root:
-            self.root = root
-            yield
 
     def close(self) -> None:
         """Close all sessions."""
@@ -198,16 +191,20 @@ async def _style(request: Request) -> Response:
 
 
 class _Server(uvicorn.Server):
-    """uvicorn's server; it ends the sessions' tasks first, so that no answer is cut off."""
+    """uvicorn's server; it ends the sessions' tasks first, so that no answer is cut off.
 
-    def __init__(self, config: uvicorn.Config, sessions: Sessions) -> None:
+    It also removes the temporary folder, since after a signal uvicorn's `run` does not return.
+    """
+
+    def __init__(self, config: uvicorn.Config, sessions: Sessions, folder: ExitStack) -> None:
         super().__init__(config)
-        self.sessions = sessions
+        self.sessions, self.folder = sessions, folder
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """End the tasks, then the connections."""
+        """End the tasks, then the connections; remove the temporary folder."""
         self.sessions.close()
         await super().shutdown(sockets)
+        self.folder.close()
 
 
 def application(key: str, sessions: Sessions) -> Starlette:
@@ -227,7 +224,6 @@ def application(key: str, sessions: Sessions) -> Starlette:
         routes=[Mount(f"/{key}", routes=routes)],
         middleware=[*guards, Middleware(SameOrigin)],
         exception_handlers={HTTPException: _wrong, ClientDisconnect: _wrong},
-        lifespan=sessions.lifespan,
     )
 
 
@@ -239,7 +235,7 @@ def serve(port: int, ready: Any) -> None:
         ready: called with the page's address once the port is open.
 
     Raises:
-        InvalidArgument: the port is taken.
+        InvalidArgument: the port is taken, or there is no room for temporary files.
     """
     try:
         listener = socket.create_server((HOST, port))
@@ -248,10 +244,12 @@ def serve(port: int, ready: Any) -> None:
         raise InvalidArgument(
             f"Port {port} cannot be opened ({words}).", "Leave --port out, or name another."
         ) from error
-    key, sessions = secrets.token_urlsafe(16), Sessions()
-    config = uvicorn.Config(
-        application(key, sessions), http="h11", ws="none", loop="asyncio", log_level="error", access_log=False,
-        server_header=False, timeout_graceful_shutdown=2,
-    )  # fmt: skip
-    ready(f"http://{HOST}:{listener.getsockname()[1]}/{key}/")
-    _Server(config, sessions).run(sockets=[listener])
+    key = secrets.token_urlsafe(16)
+    with listener, ExitStack() as folder:
+        sessions = Sessions(folder.enter_context(temporary_folder()))
+        config = uvicorn.Config(
+            application(key, sessions), http="h11", ws="none", loop="asyncio", lifespan="off", log_level="error",
+            access_log=False, server_header=False, timeout_graceful_shutdown=2,
+        )  # fmt: skip
+        ready(f"http://{HOST}:{listener.getsockname()[1]}/{key}/")
+        _Server(config, sessions, folder).run(sockets=[listener])
