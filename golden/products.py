@@ -21,7 +21,8 @@ from camssf.recovery.basis import Basis, gaussian_basis, read_basis, widened
 from camssf.recovery.linear_model import LinearModel, linear_model
 from camssf.recovery.observation import Observation
 from camssf.recovery.onnx_model import Model
-from camssf.spectra import ChartTable, Lamp, Unnamed, read_chart
+from camssf.spectra import ChartTable, Lamp, read_chart
+from camssf.spectra.lamps import AUTO, TORCH, unnamed_light
 from camssf.spectra.layouts import LAYOUTS
 from golden.compare import optimality
 from golden.contract import words
@@ -108,11 +109,11 @@ def build_capture(given: dict[str, Any], engine: str) -> tuple[Capture, Options]
         name="golden", width=600, height=400, orientation=1, exposure=None, iso=None, gain_map=False,
         make=given.get("make", "golden"), model=given.get("model", "golden"), sha256="",
     )  # fmt: skip
-    unnamed = given.get("unnamed", ())
+    unnamed = dict.fromkeys(given.get("unnamed", ()), AUTO) | dict.fromkeys(given.get("torch", ()), TORCH)
     matrices = given.get("colour_matrices") or [[] for _ in given["shots"]]
     shots = tuple(
         MeasuredShot(
-            lamp=Unnamed() if j in unnamed else build_lamp(values, tolerance, modes),
+            lamp=unnamed_light(unnamed[j]) if j in unnamed else build_lamp(values, tolerance, modes),
             photo=replace(
                 photo,
                 colour_matrices=tuple(ColourMatrix(each["light"], tuple(each["values"])) for each in matrices[j - 1]),

@@ -724,7 +724,7 @@ def test_without_a_lamp_a_camera_is_refused(triple: list[str], capsys: pytest.Ca
         assert cli.main(["calibrate", triple[0], *words]) == errors.LampUnfit.exit_status
         out, err = capsys.readouterr()
         assert json.loads(out)["verdict"]["reasons"][0]["code"] == "lamp_unfit"
-        assert "the light was not named" in err
+        assert "the light's spectrum was not given" in err
         assert "daylight, bulb, white-led, fluorescent" in err
 
 

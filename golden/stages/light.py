@@ -72,6 +72,8 @@ def cases() -> Iterator[Json]:
                 PHONE, ["LED-B3"], [1], colour_matrices=[[matrix("A", 0.9), matrix("D65", 1.1)]])  # fmt: skip
     yield light("wrong-matrices", "Colour matrices that give a white of no kind: the kinds stay as they are.", PHONE,
                 ["LED-B3"], [1], colour_matrices=[[matrix("D65", 3.0)]])  # fmt: skip
+    yield light("torch", "The phone's torch, a white LED, beside named daylight.", PHONE, ["LED-B3", "D55"], [],
+                torch=[1])  # fmt: skip
     yield light("error-four", "Four lights at once are too many.", PHONE, ["D55", "A", "LED-B3", "FL2"], [1, 2, 3, 4],
                 expect="invalid_argument")  # fmt: skip
 
@@ -150,7 +152,7 @@ STAGE = Stage(
             "likeliest rmsre_percent kinds power power_std kelvin kelvin_std status codes messages values "
             "thresholds said"
         ),
-        words("make model colour_matrices"),
+        words("make model colour_matrices torch"),
         rounded=words("ssf ssf_std power power_std predicted"),
     ),
     requires=always("signals", "model"),

@@ -74,7 +74,7 @@ class AnyLightTest {
     fun `a camera that may be no phone is refused with what to name`() = SsfCalibrator.open().use { calibrator ->
         val found = calibrator.calibrateBlocking(capture) as Refused
         assertEquals("lamp_unfit", found.error.code)
-        assertTrue("the light was not named" in found.error.message, found.error.message)
+        assertTrue("spectrum was not given" in found.error.message, found.error.message)
         assertTrue("daylight, bulb, white-led, fluorescent" in found.error.advice, found.error.advice)
         assertTrue("\"name\":\"auto\"" in found.toJson())
     }

@@ -160,12 +160,18 @@ internal class Captures(private val forms: Forms, private val frames: Statistics
         fun with(matrices: List<ColourMatrix>) =
             Photo("golden", 600, 400, 1, null, null, false, make, model, "", matrices)
         val (lamp, modes, tolerance) = listOf("lamp", "lamp_modes", "lamp_tolerance").map { given(it) }
-        val unnamed = (case.inputs["unnamed"] as? JsonArray).orEmpty().map { it.jsonPrimitive.int }
+        val (unnamed, torch) = listOf("unnamed", "torch").map { name ->
+            (case.inputs[name] as? JsonArray).orEmpty().map { it.jsonPrimitive.int - 1 }
+        }
         val shots = case.inputs.getValue("shots").jsonArray.mapIndexed { j, entry ->
             val means = frames.means(entry.jsonObject)
             val own = List(modes.shape[1]) { row(modes, j * modes.shape[1] + it) }
             val named = Lamp("golden", row(lamp, j), tolerance.values[j], own, "golden/spectra")
-            val light = if (j + 1 in unnamed) Lamp.auto() else named
+            val light = when (j) {
+                in unnamed -> Lamp.auto()
+                in torch -> Lamp.torch()
+                else -> named
+            }
             val (white, dark) = listOf(means.white, means.dark).map { frame -> photo.takeIf { frame != null } }
             MeasuredShot(light, with(matrices(j)), white, dark, pose, means, LensShading.AS_STORED)
         }
