@@ -27,17 +27,22 @@ import org.camssf.Refused
 import org.camssf.SsfCalibrator
 import org.camssf.camerax.ChartCamera
 import org.camssf.photo.Capture
-import org.camssf.photo.Corners
-import org.camssf.photo.PhotoSource
 import org.camssf.photo.Shot
 import org.camssf.spectra.ChartTable
+import org.camssf.verdict.Status
 import java.io.File
 import java.util.Locale
 
-/** One screen: the preview with the guide's advice, then the photo, then the result. A tap begins again. */
+/**
+ * One screen: the preview with the guide's advice, then the photo, then the result. After a doubtful result a tap
+ * adds a photo, which should be taken in another light; after any other it begins again.
+ */
 class SampleActivity : ComponentActivity() {
     private lateinit var view: PreviewView
     private lateinit var text: TextView
+
+    /** The photos that the next one is added to. */
+    private val shots = ArrayList<Shot>()
 
     override fun onCreate(savedInstanceState: Bundle?) {
         super.onCreate(savedInstanceState)
@@ -88,25 +93,28 @@ class SampleActivity : ComponentActivity() {
     private fun photograph(camera: ChartCamera, analysis: ImageAnalysis, capture: ImageCapture) {
         text.setOnClickListener(null)
         lifecycleScope.launch {
-            val file = File(cacheDir, "chart.dng")
+            val file = File(cacheDir, "chart-${shots.size + 1}.dng") // read again with the next photo
             text.text = try {
                 val corners = camera.awaitChart(analysis) { text.text = it.words }
                 text.text = "Taking the photo …"
-                words(calibrate(camera.takeDng(capture, file), corners))
+                val all = shots + Shot(camera.takeDng(capture, file), corners)
+                val found = calibrate(all)
+                shots.clear()
+                val doubtful = found is Calibrated && found.verdict.outcome == Status.DOUBTFUL
+                if (doubtful && all.size < MOST_SHOTS) shots += all
+                words(found)
             } catch (error: CalibrationException) { // no photo, or no ONNX Runtime
                 "${error.message} ${error.advice}"
-            } finally {
-                file.delete()
             }
             text.setOnClickListener { photograph(camera, analysis, capture) }
         }
     }
 
-    private suspend fun calibrate(photo: PhotoSource, corners: Corners): Calibration {
+    private suspend fun calibrate(shots: List<Shot>): Calibration {
         val calibrator = withContext(Dispatchers.Default) { SsfCalibrator.open() }
         return calibrator.use {
             lateinit var found: Calibration
-            it.calibrationFlow(Capture(Shot(photo, corners), ChartTable.read("classic24"))).collect { state ->
+            it.calibrationFlow(Capture(shots, ChartTable.read("classic24"))).collect { state ->
                 when (state) {
                     is CalibrationState.Running -> text.text = "${(100 * state.progress.part).toInt()} %"
                     is CalibrationState.Finished -> found = state.calibration
@@ -132,6 +140,7 @@ class SampleActivity : ComponentActivity() {
 
     private companion object {
         const val CAMERA = 1
+        const val MOST_SHOTS = 3 // without a named lamp
         const val MATCH = FrameLayout.LayoutParams.MATCH_PARENT
         const val WRAP = FrameLayout.LayoutParams.WRAP_CONTENT
     }
