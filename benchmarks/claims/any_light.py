@@ -8,7 +8,9 @@ then two shots and three, none of them named.
 
 The ordinary lights: daylight of 4,800 to 10,000 K, bulbs of 2,500 to 3,000 K, LED-B1 to B5, BH1 and V1, FL2, FL7 and
 FL11 (a CIE lamp is taken out of the table of its kind first), and lights that no kind was made from: sky of 12,000
-and 20,000 K, daylight under a tree, and lamps that others measured (colour-science's SDS_LIGHT_SOURCES).
+and 20,000 K, daylight under a tree, and lamps that others measured (colour-science's SDS_LIGHT_SOURCES). Then lights
+that are of no kind: two lamps at once, half of the luminance from each, and the white of measured displays
+(colour-science's MSDS_DISPLAY_PRIMARIES).
 
 Phones are solved with a basis of the other phones, and with one of the other makers' phones; cameras with their maker
 left out, every sixth of the 52; another laboratory's cameras with both bases as shipped, each with the file's maker
@@ -61,6 +63,7 @@ from camssf.spectra import Lamp, Light, Unnamed, read_chart, read_lamp
 from camssf.spectra.families import FAMILIES, LampKind, principal_modes
 from camssf.spectra.layouts import LAYOUTS
 from camssf.spectra.sampled import colour_science
+from camssf.spectra.surfaces import observer
 
 LAMPS = {
     "daylight": ("D:4800", "D:5500", "D:6500", "D:7500", "D:10000"),
@@ -78,13 +81,18 @@ OWN = {
 KIND_OF = {lamp: kind for kind, lamps in LAMPS.items() for lamp in lamps}
 EVERY = KIND_OF | {lamp: kind for kind, lamps in OWN.items() for lamp in lamps}
 """The kind of each light, ordinary ones and own."""
+MIXTURES = (
+    "D:6500 with 2700K", "D:5500 with LED-B3", "D:12000 with LED-B1", "under a tree with 60 A/W (Soft White)",
+    "D:6500 with F32T8/TL841 (Triphosphor)", "2700K with LED-B4", "D:7500 with Luxeon WW 2880", "D:5500 with FL11",
+)  # fmt: skip
+DISPLAYS = ("Apple Studio Display", "Typical CRT Brainard 1997")
 PAIRS = (
     ("D:5500", "2700K"), ("D:6500", "LED-B3"), ("2700K", "LED-B4"), ("D:5500", "FL2"),
     ("D:12000", "Phosphor LED YAG"), ("under a tree", "60 A/W (Soft White)"),
 )  # fmt: skip
 TRIPLES = (("D:5500", "2700K", "LED-B3"), ("D:12000", "PHOS-4", "FL2"))
 NAMED, AUTO, MATRICES = "named", "auto", "matrices"
-SOURCES = colour_science().SDS_LIGHT_SOURCES
+SOURCES, PRIMARIES = colour_science().SDS_LIGHT_SOURCES, colour_science().MSDS_DISPLAY_PRIMARIES
 BLACK, SPAN = 512.0, 15000.0
 HARM = 0.06
 """RMSE above which an accepted answer of no phone is a failure."""
@@ -133,6 +141,13 @@ def power(lamp: str) -> Floats:
         found = read_lamp("D:6000").values * (
             1.0 + 0.35 * np.exp(-0.5 * ((WAVELENGTHS - 550.0) / 35.0) ** 2) + 0.3 * (WAVELENGTHS > 690.0)
         )
+    elif " with " in lamp:
+        both = np.stack([power(each) for each in lamp.split(" with ")])
+        found = (1.0 / (both @ observer("1931")[:, 1])) @ both
+    elif lamp in DISPLAYS:
+        primaries = PRIMARIES[lamp]
+        own = np.stack([np.interp(WAVELENGTHS, primaries.wavelengths, each) for each in primaries.values.T])
+        found = np.linalg.solve((own @ observer("1931")).T, read_lamp("D65").values @ observer("1931")) @ own
     elif lamp in SOURCES:
         found = np.interp(WAVELENGTHS, SOURCES[lamp].wavelengths, SOURCES[lamp].values)
     else:
@@ -240,7 +255,8 @@ def of_population(
 ) -> dict[str, list[Taken]]:
     """By what was given, of all devices and lamps."""
     rows: dict[str, list[Taken]] = {}
-    every: list[tuple[str, ...]] = [(lamp,) for lamp in EVERY] + [*(PAIRS + TRIPLES if pairs else ())]
+    every: list[tuple[str, ...]] = [(lamp,) for lamp in (*EVERY, *(MIXTURES + DISPLAYS if pairs else ()))]
+    every += PAIRS + TRIPLES if pairs else ()
     for number, device in enumerate(devices):
         basis: Basis = stands_in(device, key)
         with standing_in(basis):
@@ -254,10 +270,15 @@ def of_population(
                     ways |= {f"{AUTO}, no maker": (nobody, "", ())}
                 for word, (lights, who, stated) in ways.items():
                     title = word + {1: "", 2: ", two", 3: ", three"}[len(lamps)]
+                    title += ", mixtures" if lamps[0] in MIXTURES else ", displays" if lamps[0] in DISPLAYS else ""
                     given = capture(device, lamps, lights, who, seed, matrices=stated)
                     rows.setdefault(title, []).append(judged(given, device, lamps))
                 tell()
     return rows
+
+
+def _captures(pairs: bool) -> int:
+    return len(EVERY) + (len(MIXTURES + DISPLAYS + PAIRS + TRIPLES) if pairs else 0)
 
 
 def row(taken: Sequence[Taken]) -> dict[str, Any]:
@@ -308,7 +329,7 @@ def row(taken: Sequence[Taken]) -> dict[str, Any]:
 def _reliability(taken: Sequence[Taken]) -> list[tuple[float, float, int]]:
     """Probability of a kind, its share that is right, and their number, in bins of the probability."""
     pairs = np.array([
-        (share, kind == EVERY[one.lamps[0]]) for one in taken for kind, share in one.kinds.items()
+        (share, kind == EVERY.get(one.lamps[0])) for one in taken for kind, share in one.kinds.items()
     ]).reshape(-1, 2)  # fmt: skip
     bins = np.digitize(pairs[:, 0], BINS)
     own = [pairs[bins == i] for i in range(len(BINS) + 1)]
@@ -316,7 +337,7 @@ def _reliability(taken: Sequence[Taken]) -> list[tuple[float, float, int]]:
 
 
 def _right(one: Taken) -> bool:
-    return max(one.kinds, key=lambda kind: one.kinds[kind]) == EVERY[one.lamps[0]]
+    return max(one.kinds, key=lambda kind: one.kinds[kind]) == EVERY.get(one.lamps[0])
 
 
 def _mean(values: Sequence[float | None]) -> float | None:
@@ -386,7 +407,7 @@ def main(arguments: list[str] | None = None) -> int:
             if not title.startswith(options.only):
                 continue
             pairs = key in (OTHERS, OTHER_MAKER)
-            task = bar.add_task(title, total=len(devices) * (len(EVERY) + pairs * len(PAIRS + TRIPLES)))
+            task = bar.add_task(title, total=len(devices) * _captures(pairs))
             rows = of_population(devices, key, pairs, lambda task=task: bar.advance(task))  # type: ignore[misc]
             document[title] = {word: row(taken) for word, taken in rows.items()}
     show(document)
