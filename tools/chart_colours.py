@@ -1,10 +1,12 @@
-"""Makes data/finder.json from colour-science: the colours that the chart finder searches for, in Python and Kotlin.
+"""Makes the charts' colours in data/finder.json from colour-science: the finder searches for them, in both languages.
 
-`python -m tools.chart_colours` writes the file, `--check` tests that the sources still give the same.
+`python -m tools.chart_colours` writes the file, `--check` tests that the sources still give the same. The finder's
+limits in the same file are written by hand, and kept.
 """
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 
@@ -28,12 +30,13 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def tabulate() -> Json:
-    """The file's content: signals of a camera with Gaussian curves under a flat lamp, to four decimals."""
+    """The file's content: its limits, and signals of a Gaussian camera under a flat lamp, to four decimals."""
     tables = {"classic24": read_chart("classic24"), "sg140": semi_gloss()}
     return {
         "format": FORMAT,
         "generator": COMMAND,
         "origin": origin(),
+        "limits": json.loads(PLACE.read_text("utf-8"))["limits"],
         "kinds": {
             name: {
                 "columns": LAYOUTS[name].columns,

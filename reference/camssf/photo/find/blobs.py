@@ -8,19 +8,17 @@ from functools import cache, partial
 import numpy as np
 from numpy.typing import NDArray
 
+from camssf.photo.find.chart_colours import limit
 from camssf.photo.find.picture import SearchImage
 
-PASSES: tuple[tuple[int, int], ...] = ((5, 15), (5, 13), (13, 15), (13, 13), (24, 12))
-"""Thresholds of a bright pixel: reach of the window, px, and the sixteenths of its mean that a pixel must exceed."""
-
-SMALLEST_AREA, LARGEST_SHARE = 16, 20
-"""Smallest area of a blob, px; its largest area is that of the picture divided by LARGEST_SHARE."""
-
-FULL = (0.82, 1.12)
-"""Range of a blob's pixel count over its area by second moments, 12 √det: 1 for every parallelogram."""
-
-LONGEST_SHAPE = 14.0
-"""Largest (trace)² / det of the second moments: 4 for a square, 12 for a ratio of variances of ten."""
+PASSES: list[tuple[int, int]] = limit("passes")
+SMALLEST_AREA: int = limit("smallest_area")
+LARGEST_SHARE: int = limit("largest_share")
+FULL: tuple[float, float] = limit("full")
+LONGEST_SHAPE: float = limit("longest_shape")
+MOST: int = limit("most_blobs")
+CELL = 16
+"""Edge of the squares of the index by which blobs are looked up, px."""
 
 
 @dataclass(frozen=True)
@@ -53,13 +51,6 @@ def blobs_in(codes: SearchImage) -> list[Blob]:
                 cells.setdefault((int(blob.y) // CELL, int(blob.x) // CELL), []).append(len(kept))
                 kept.append(blob)
     return kept
-
-
-MOST = 1500
-"""Largest number of blobs of a picture; further ones are dropped to limit the run time."""
-
-CELL = 16
-"""Edge of the squares of the index by which blobs are looked up, px."""
 
 
 def _window(corner: NDArray[np.int64], reach: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -1,4 +1,4 @@
-"""Reads the colours of the charts that the finder recognises from `data/finder.json`."""
+"""Reads `data/finder.json`: the limits of the chart search and the colours of the charts, as Kotlin does."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import json
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
+from typing import Any
 
 import numpy as np
 
@@ -38,14 +39,24 @@ class ChartColours:
 
 
 @cache
-def chart_colours() -> tuple[ChartColours, ...]:
-    """All kinds of charts that the finder recognises."""
-    stored = json.loads(PLACE.read_text("utf-8"))
+def _stored() -> dict[str, Any]:
+    stored: dict[str, Any] = json.loads(PLACE.read_text("utf-8"))
     if stored["format"] != FORMAT:
         raise ValueError("finder.json is of another version")
+    return stored
+
+
+def limit(name: str) -> Any:
+    """A limit of the chart search, a number or a list of numbers; the file says what it limits, and in what unit."""
+    return _stored()["limits"][name]["value"]
+
+
+@cache
+def chart_colours() -> tuple[ChartColours, ...]:
+    """All kinds of charts that the finder recognises."""
     return tuple(
         ChartColours(
             name, each["columns"], each["rows"], (each["side"], each["side"]), np.array(each["colours"], np.float64)
         )
-        for name, each in stored["kinds"].items()
+        for name, each in _stored()["kinds"].items()
     )

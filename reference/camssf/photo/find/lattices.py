@@ -9,38 +9,20 @@ import math
 from dataclasses import dataclass
 
 from camssf.photo.find.blobs import Blob
+from camssf.photo.find.chart_colours import limit
 
-NEIGHBOUR = (10.0, 45.0)
-"""Squared distance of a neighbour in the blob's own second moments: 12 / side² = 15.5 for a patch of 0.88 pitch."""
-
-MOST_NEIGHBOURS = 12
-ALIKE = 3.0
-"""Largest ratio of two neighbours' areas."""
-
-SQUARE = (1.7, 0.35)
-"""Limits for two steps from a blob, in its second moments: largest ratio of their squared lengths, and largest cosine
-of the angle between them."""
-
-STEP = 0.22
-"""Largest distance of a blob from the position predicted by its neighbour, in steps."""
-
-FEWEST = 8
-"""Smallest number of blobs in a lattice."""
-
-PLACE = (0.25, 0.2, 0.15, 0.12)
-"""Largest distance of a blob from its place in the whole lattice in each round, in pitches."""
-
-SIZES = (0.5, 1.7)
-"""Range of a blob's area relative to the area that its lattice predicts there."""
-
-WIDEST = 40
-"""Largest distance from the seed to which a lattice grows, in places along each axis; beyond, it is a texture."""
-
-FAR = 14
-"""Number of places around the grown lattice in which further blobs are searched."""
-
-BRIDGE = 2
-"""Largest step between blobs of one lattice, in places along each axis: one may be missing."""
+NEIGHBOUR: tuple[float, float] = limit("neighbour")
+MOST_NEIGHBOURS: int = limit("most_neighbours")
+ALIKE: float = limit("alike")
+LENGTHS: float = limit("lengths")
+COSINE: float = limit("cosine")
+STEP: float = limit("step")
+FEWEST: int = limit("fewest")
+PLACE: list[float] = limit("place")
+SIZES: tuple[float, float] = limit("sizes")
+WIDEST: int = limit("widest")
+FAR: int = limit("far")
+BRIDGE: int = limit("bridge")
 
 Matrix = tuple[float, float, float, float, float, float, float, float, float]
 
@@ -170,11 +152,11 @@ def _basis(blobs: list[Blob], near: list[tuple[float, int]], seed: int) -> tuple
     best, basis = math.inf, None
     for m, (far_j, j) in enumerate(near):
         for far_k, k in near[m + 1 :]:
-            if far_j + far_k >= best or far_k > SQUARE[0] * far_j:
+            if far_j + far_k >= best or far_k > LENGTHS * far_j:
                 continue
             px, py, qx, qy = blobs[j].x - a.x, blobs[j].y - a.y, blobs[k].x - a.x, blobs[k].y - a.y
             dot = (a.yy * px * qx - a.xy * (px * qy + py * qx) + a.xx * py * qy) / a.det
-            if dot * dot > SQUARE[1] * SQUARE[1] * far_j * far_k:
+            if dot * dot > COSINE * COSINE * far_j * far_k:
                 continue
             best = far_j + far_k
             basis = (px, py, qx, qy) if px * qy - py * qx > 0 else (qx, qy, px, py)

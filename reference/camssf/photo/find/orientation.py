@@ -10,31 +10,17 @@ from numpy.typing import NDArray
 
 from camssf.grid import Floats
 from camssf.photo.find.blobs import Blob
-from camssf.photo.find.chart_colours import ChartColours
+from camssf.photo.find.chart_colours import ChartColours, limit
 from camssf.photo.find.lattices import Grid, Matrix, fitted, inverse, mapped
 from camssf.photo.find.picture import SearchImage
 
-ACCEPT = 0.75
-"""Agreement with a chart's colours from which a part of a lattice is accepted as that chart."""
-
-ACCEPT_LUMA = 0.85
-"""The same for a picture without colour."""
-
-FLOOR = 20.0
-"""Added to every code before its logarithm, to reduce the weight of noise in dark patches."""
-
-SPOTS = (-0.2, -0.1, 0.0, 0.1, 0.2)
-"""Offsets at which a patch's colour is sampled, in pitches from its centre, along both axes."""
-
-SEEN = 0.45
-"""Smallest share of a chart's patches that must have been found as blobs."""
-
-STRAY = 0.03
-"""Distance of a blob from its place in the final fit that is always allowed, in pitches; up to three times the median
-distance is allowed, too."""
-
-RING = 0.3
-"""Largest share of the places around a chart that may hold blobs; above it, the part belongs to a larger grid."""
+ACCEPT: float = limit("accept")
+ACCEPT_LUMA: float = limit("accept_luma")
+FLOOR: float = limit("floor")
+SPOTS: list[float] = limit("spots")
+SEEN: float = limit("seen")
+STRAY: float = limit("stray")
+RING: float = limit("ring")
 
 
 @dataclass(frozen=True)

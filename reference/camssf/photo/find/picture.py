@@ -13,14 +13,11 @@ from numpy.typing import NDArray
 
 from camssf.errors import InvalidArgument
 from camssf.grid import Floats
+from camssf.photo.find.chart_colours import limit
 from camssf.photo.read.dng import Mosaic
 
-LONGEST = 960
-"""Longest side of the picture that is searched, px; a larger one is reduced by whole-number blocks."""
-
-SMALLEST = 32
-"""Smallest side of a picture that can be searched, px."""
-
+LONGEST: int = limit("longest")
+SMALLEST: int = limit("smallest")
 TOP = 4095
 """The largest code."""
 

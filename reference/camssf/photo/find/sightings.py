@@ -8,13 +8,12 @@ import numpy as np
 
 from camssf.grid import Floats
 from camssf.photo.find.blobs import blobs_in
-from camssf.photo.find.chart_colours import ChartColours, chart_colours
+from camssf.photo.find.chart_colours import ChartColours, chart_colours, limit
 from camssf.photo.find.lattices import grids_of, mapped
 from camssf.photo.find.orientation import ACCEPT, ACCEPT_LUMA, orient, outline, placed
 from camssf.photo.find.picture import SMALLEST, SearchImage
 
-MOST_GRIDS = 24
-"""Largest number of lattices compared with the charts, those with most blobs first."""
+MOST_GRIDS: int = limit("most_grids")
 
 
 @dataclass(frozen=True)

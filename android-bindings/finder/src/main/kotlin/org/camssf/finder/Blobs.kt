@@ -11,22 +11,24 @@ import kotlin.math.sqrt
  * [xy], [yy] px² and their determinant [det]. The next [find] overwrites them. Use it on one thread at a time.
  */
 internal class Blobs {
+    private val limits = FinderFile.limits
+
     var size = 0
         private set
-    val x = DoubleArray(MOST)
-    val y = DoubleArray(MOST)
-    val area = DoubleArray(MOST)
-    val xx = DoubleArray(MOST)
-    val xy = DoubleArray(MOST)
-    val yy = DoubleArray(MOST)
-    val det = DoubleArray(MOST)
+    val x = DoubleArray(limits.mostBlobs)
+    val y = DoubleArray(limits.mostBlobs)
+    val area = DoubleArray(limits.mostBlobs)
+    val xx = DoubleArray(limits.mostBlobs)
+    val xy = DoubleArray(limits.mostBlobs)
+    val yy = DoubleArray(limits.mostBlobs)
+    val det = DoubleArray(limits.mostBlobs)
 
     private val components = Components()
     private var bright = IntArray(0)
     private var corner = IntArray(0)
     private var excess = IntArray(0)
     private var heads = IntArray(0)
-    private val next = IntArray(MOST)
+    private val next = IntArray(limits.mostBlobs)
 
     /** Finds the blobs of a picture; of overlapping blobs, the first is kept. */
     fun find(codes: Codes) {
@@ -38,7 +40,7 @@ internal class Blobs {
         val lines = height / CELL + 1
         if (heads.size < columns * lines) heads = IntArray(columns * lines)
         heads.fill(-1)
-        for (pass in PASSES) {
+        for (pass in limits.passes) {
             components.clear()
             for (row in 0 until height) scan(row, width, height, pass)
             components.each { add(it, width * height, columns, lines) }
@@ -129,7 +131,7 @@ internal class Blobs {
     /** Adds component i if it looks like a patch and lies on no kept blob of similar size. */
     private fun add(i: Int, pixels: Int, columns: Int, lines: Int) {
         val count = components.count[i]
-        if (size >= MOST || count < SMALLEST_AREA || count * LARGEST_SHARE > pixels) return
+        if (size >= limits.mostBlobs || count < limits.smallestArea || count * limits.largestShare > pixels) return
         val a = count.toDouble()
         val sx = components.x[i].toDouble()
         val sy = components.y[i].toDouble()
@@ -138,9 +140,9 @@ internal class Blobs {
         val myy = (components.yy[i].toDouble() * a - sy * sy) / (a * a) + 1.0 / 12
         val mxy = (components.xy[i].toDouble() * a - sx * sy) / (a * a)
         val d = mxx * myy - mxy * mxy
-        if (d <= 0 || (mxx + myy) * (mxx + myy) > LONGEST_SHAPE * d) return
+        if (d <= 0 || (mxx + myy) * (mxx + myy) > limits.longestShape * d) return
         val full = a / (12 * sqrt(d))
-        if (full < FULL_LEAST || full > FULL_MOST) return
+        if (full < limits.full[0] || full > limits.full[1]) return
         val px = sx / a
         val py = sy / a
         if (known(px, py, a, columns, lines)) return
@@ -178,33 +180,7 @@ internal class Blobs {
     }
 
     private companion object {
-        /**
-         * Thresholds of each pass: the window's reach, px, and how many sixteenths of its mean a pixel must exceed.
-         */
-        val PASSES =
-            arrayOf(intArrayOf(5, 15), intArrayOf(5, 13), intArrayOf(13, 15), intArrayOf(13, 13), intArrayOf(24, 12))
-
-        /** Largest number of blobs of a picture; further ones are left out to limit the time. */
-        const val MOST = 1500
-
         /** Edge of the squares that index the blobs by position, px. */
         const val CELL = 16
-
-        /** Smallest area of a blob, px; its largest area is the picture's area / LARGEST_SHARE. */
-        const val SMALLEST_AREA = 16
-        const val LARGEST_SHARE = 20
-
-        /**
-         * Bounds of the area by pixel count over the area by second moments, 12 √det; it is 1 for every
-         * parallelogram.
-         */
-        const val FULL_LEAST = 0.82
-        const val FULL_MOST = 1.12
-
-        /**
-         * Largest (trace)² / det of the second moments: 4 for a square, 12 for variances that differ by a factor of
-         * ten.
-         */
-        const val LONGEST_SHAPE = 14.0
     }
 }

@@ -19,6 +19,7 @@ public class ChartFinder private constructor(private val kinds: List<ChartKind>)
     /** A finder of this chart alone, which may have a layout of the user's own. */
     public constructor(chart: ChartTable) : this(listOf(ChartKind.of(chart)))
 
+    private val limits = FinderFile.limits
     private val whole = Codes()
     private val half = Codes()
     private val blobs = Blobs()
@@ -35,7 +36,7 @@ public class ChartFinder private constructor(private val kinds: List<ChartKind>)
     public fun find(picture: Picture): Found {
         whole.read(picture)
         var sightings = look(whole)
-        if (sightings.isEmpty() && min(whole.width, whole.height) >= 2 * SMALLEST) {
+        if (sightings.isEmpty() && min(whole.width, whole.height) >= 2 * limits.smallest) {
             half.halve(whole)
             sightings = look(half)
         }
@@ -48,9 +49,9 @@ public class ChartFinder private constructor(private val kinds: List<ChartKind>)
 
     private fun look(codes: Codes): List<Sighting> {
         blobs.find(codes)
-        val accept = if (codes.channels == 3) ACCEPT else ACCEPT_LUMA
+        val accept = if (codes.channels == 3) limits.accept else limits.acceptLuma
         val sightings = ArrayList<Sighting>()
-        for (grid in lattices.find().take(MOST_GRIDS)) {
+        for (grid in lattices.find().take(limits.mostGrids)) {
             var best: OrientedGrid? = null
             for (kind in kinds) {
                 val match = orientation.orient(codes, grid, kind) ?: continue
@@ -99,19 +100,5 @@ public class ChartFinder private constructor(private val kinds: List<ChartKind>)
         return a.patches.any { p ->
             b.patches.any { q -> (p.x - q.x) * (p.x - q.x) + (p.y - q.y) * (p.y - q.y) < near }
         }
-    }
-
-    private companion object {
-        private const val SMALLEST = 32
-
-        /**
-         * Smallest agreement with a chart's colours (correlation) that is accepted; ACCEPT_LUMA for pictures without
-         * colour.
-         */
-        private const val ACCEPT = 0.75
-        private const val ACCEPT_LUMA = 0.85
-
-        /** Largest number of lattices that are compared with the charts, those with most blobs first. */
-        private const val MOST_GRIDS = 24
     }
 }

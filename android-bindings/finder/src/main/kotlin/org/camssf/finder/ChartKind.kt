@@ -1,13 +1,8 @@
 package org.camssf.finder
 
-import kotlinx.serialization.json.Json
-import kotlinx.serialization.json.JsonObject
 import kotlinx.serialization.json.double
 import kotlinx.serialization.json.jsonArray
-import kotlinx.serialization.json.jsonObject
 import kotlinx.serialization.json.jsonPrimitive
-import org.camssf.InvalidArgument
-import org.camssf.model.Models
 import org.camssf.spectra.ChartTable
 
 /**
@@ -61,7 +56,7 @@ public class ChartKind private constructor(
 
         private fun stored(columns: Int, rows: Int, vararg layouts: String): ChartKind =
             ChartKind(columns, rows, layouts.toList()) {
-                val kind = FILE.getValue("kinds").jsonObject.getValue(layouts[0]).jsonObject
+                val kind = FinderFile.kind(layouts[0])
                 val side = kind.getValue("side").jsonPrimitive.double
                 val patches = kind.getValue("colours").jsonArray
                 val colours = DoubleArray(3 * patches.size) {
@@ -69,19 +64,5 @@ public class ChartKind private constructor(
                 }
                 Shape(side, side, colours)
             }
-
-        /** The patch edges and colours of the charts; Python uses the same file. */
-        private val FILE: JsonObject by lazy {
-            val text = try {
-                Models.read("finder.json").decodeToString()
-            } catch (error: IllegalStateException) {
-                throw InvalidArgument(error.message.orEmpty(), "Add camssf-model unchanged.", cause = error)
-            }
-            Json.parseToJsonElement(text).jsonObject.also {
-                check(it.getValue("format").jsonPrimitive.content == "camssf-finder/1") {
-                    "finder.json is of another version"
-                }
-            }
-        }
     }
 }

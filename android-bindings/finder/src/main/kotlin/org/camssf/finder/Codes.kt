@@ -208,12 +208,13 @@ internal class Codes {
     }
 
     companion object {
-        /** Longest side of the picture that is searched, px; a larger one is reduced by whole-number blocks. */
-        private const val LONGEST = 960
         private const val TOP = 4095
 
         /** Side of the blocks of pixels that are combined, px. */
-        private fun factor(height: Int, width: Int): Int = max(1, (max(height, width) + LONGEST - 1) / LONGEST)
+        private fun factor(height: Int, width: Int): Int {
+            val longest = FinderFile.limits.longest
+            return max(1, (max(height, width) + longest - 1) / longest)
+        }
 
         private fun byte(shifted: Int): Int = ((shifted + 32768) shr 16).coerceIn(0, 255)
     }

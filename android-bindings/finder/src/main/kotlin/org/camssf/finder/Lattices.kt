@@ -19,8 +19,10 @@ internal class Grid(val map: DoubleArray, val u: IntArray, val v: IntArray, val 
 
 /** Finds lattices: blobs that are neighbours in two directions, and the homography that maps to them. */
 internal class Lattices(private val blobs: Blobs) {
-    private val near = IntArray(MOST_NEIGHBOURS * blobs.x.size)
-    private val far = DoubleArray(MOST_NEIGHBOURS * blobs.x.size)
+    private val limits = FinderFile.limits
+    private val mostNeighbours = limits.mostNeighbours
+    private val near = IntArray(mostNeighbours * blobs.x.size)
+    private val far = DoubleArray(mostNeighbours * blobs.x.size)
     private val nears = IntArray(blobs.x.size)
     private val used = BooleanArray(blobs.x.size)
     private val taken = BooleanArray(blobs.x.size)
@@ -48,7 +50,7 @@ internal class Lattices(private val blobs: Blobs) {
         for (seed in 0 until blobs.size) {
             if (used[seed] || !basis(seed)) continue
             val count = grow(seed)
-            if (count < FEWEST) continue
+            if (count < limits.fewest) continue
             val grid = settle(count) ?: continue
             for (i in grid.blob) used[i] = true
             grids += grid
@@ -60,31 +62,31 @@ internal class Lattices(private val blobs: Blobs) {
      * Finds the nearest blobs that may be adjacent patches, by their squared distance in the blob's second moments.
      */
     private fun neighbours(i: Int) {
-        val from = i * MOST_NEIGHBOURS
+        val from = i * mostNeighbours
         var count = 0
         val area = blobs.area[i]
         val det = blobs.det[i]
         val xx = blobs.xx[i]
         val xy = blobs.xy[i]
         val yy = blobs.yy[i]
-        val reach = FARTHEST * det
+        val reach = limits.neighbour[1] * det
         for (j in 0 until blobs.size) {
-            if (j == i || blobs.area[j] > ALIKE * area || area > ALIKE * blobs.area[j]) continue
+            if (j == i || blobs.area[j] > limits.alike * area || area > limits.alike * blobs.area[j]) continue
             val dx = blobs.x[j] - blobs.x[i]
             val dy = blobs.y[j] - blobs.y[i]
             val apart = yy * dx * dx - 2 * xy * dx * dy + xx * dy * dy
-            if (!(NEAREST * det <= apart && apart <= reach)) continue
+            if (!(limits.neighbour[0] * det <= apart && apart <= reach)) continue
             val distance = apart / det
             var at = count
             while (at > 0 && distance < far[from + at - 1]) at--
-            if (at == MOST_NEIGHBOURS) continue
-            for (k in min(count, MOST_NEIGHBOURS - 1) downTo at + 1) {
+            if (at == mostNeighbours) continue
+            for (k in min(count, mostNeighbours - 1) downTo at + 1) {
                 far[from + k] = far[from + k - 1]
                 near[from + k] = near[from + k - 1]
             }
             far[from + at] = distance
             near[from + at] = j
-            if (count < MOST_NEIGHBOURS) count++
+            if (count < mostNeighbours) count++
         }
         nears[i] = count
     }
@@ -94,7 +96,7 @@ internal class Lattices(private val blobs: Blobs) {
      * there are none.
      */
     private fun basis(seed: Int): Boolean {
-        val from = seed * MOST_NEIGHBOURS
+        val from = seed * mostNeighbours
         val det = blobs.det[seed]
         val xx = blobs.xx[seed]
         val xy = blobs.xy[seed]
@@ -104,13 +106,13 @@ internal class Lattices(private val blobs: Blobs) {
             for (l in m + 1 until nears[seed]) {
                 val first = far[from + m]
                 val second = far[from + l]
-                if (first + second >= best || second > LENGTHS * first) continue
+                if (first + second >= best || second > limits.lengths * first) continue
                 val px = blobs.x[near[from + m]] - blobs.x[seed]
                 val py = blobs.y[near[from + m]] - blobs.y[seed]
                 val qx = blobs.x[near[from + l]] - blobs.x[seed]
                 val qy = blobs.y[near[from + l]] - blobs.y[seed]
                 val dot = (yy * px * qx - xy * (px * qy + py * qx) + xx * py * qy) / det
-                if (dot * dot > COSINE * COSINE * first * second) continue
+                if (dot * dot > limits.cosine * limits.cosine * first * second) continue
                 best = first + second
                 val clockwise = px * qy - py * qx > 0
                 basis[0] = if (clockwise) px else qx
@@ -141,7 +143,7 @@ internal class Lattices(private val blobs: Blobs) {
                 val dv = WAYS_V[way]
                 val u = queueU[at] + du
                 val v = queueV[at] + dv
-                if (abs(u) > WIDEST || abs(v) > WIDEST || places[(u + ORIGIN) * SIDE + v + ORIGIN] >= 0) continue
+                if (max(abs(u), abs(v)) > limits.widest || places[at(u, v)] >= 0) continue
                 val chosen = next(
                     i, du * steps[4 * at] + dv * steps[4 * at + 2],
                     du * steps[4 * at + 1] + dv * steps[4 * at + 3],
@@ -172,9 +174,9 @@ internal class Lattices(private val blobs: Blobs) {
     private fun next(i: Int, sx: Double, sy: Double): Int {
         val x = blobs.x[i] + sx
         val y = blobs.y[i] + sy
-        var best = STEP * STEP * (sx * sx + sy * sy)
+        var best = limits.step * limits.step * (sx * sx + sy * sy)
         var chosen = -1
-        for (k in i * MOST_NEIGHBOURS until i * MOST_NEIGHBOURS + nears[i]) {
+        for (k in i * mostNeighbours until i * mostNeighbours + nears[i]) {
             val j = near[k]
             val ex = blobs.x[j] - x
             val ey = blobs.y[j] - y
@@ -201,9 +203,9 @@ internal class Lattices(private val blobs: Blobs) {
             top = min(top, queueV[i])
             bottom = max(bottom, queueV[i])
         }
-        val bounds = intArrayOf(left - FAR, top - FAR, right + FAR, bottom + FAR)
+        val bounds = intArrayOf(left - limits.far, top - limits.far, right + limits.far, bottom + limits.far)
         var count = gather()
-        for (place in PLACE) {
+        for (place in limits.place) {
             val h = Maps.fitted(pairs, count) ?: return null
             for (i in 0 until count) {
                 val blob = places[at(pairs[4 * i].toInt(), pairs[4 * i + 1].toInt())]
@@ -212,7 +214,7 @@ internal class Lattices(private val blobs: Blobs) {
             shares.sort(0, count)
             inPlace(h, shares[count / 2], place, bounds)
             count = gather()
-            if (count < FEWEST) return null
+            if (count < limits.fewest) return null
         }
         val h = Maps.fitted(pairs, count) ?: return null
         val u = IntArray(count) { pairs[4 * it].toInt() }
@@ -260,7 +262,7 @@ internal class Lattices(private val blobs: Blobs) {
             val off = (u - p) * (u - p) + (v - q) * (v - q)
             if (off > place * place) continue
             val share = blobs.area[i] / (usual * Maps.area(h, p, q))
-            if (!(LEAST <= share && share <= MOST)) continue
+            if (!(limits.sizes[0] <= share && share <= limits.sizes[1])) continue
             val spot = at(p.toInt(), q.toInt())
             if (places[spot] < 0 || off < offs[spot]) {
                 offs[spot] = off
@@ -271,7 +273,7 @@ internal class Lattices(private val blobs: Blobs) {
     }
 
     /**
-     * Keeps the connected places, by steps of at most [BRIDGE], that hold most of the blobs that grew from the seed.
+     * Keeps the connected places, by steps of at most `bridge`, that hold most of the blobs that grew from the seed.
      * Other blobs are there by chance, or belong to another lattice.
      */
     private fun together(bounds: IntArray) {
@@ -303,8 +305,8 @@ internal class Lattices(private val blobs: Blobs) {
         while (next < count) {
             val spot = queueU[next++]
             if (taken[places[spot]] && !used[places[spot]]) grown++
-            for (du in -BRIDGE..BRIDGE) {
-                for (dv in -BRIDGE..BRIDGE) {
+            for (du in -limits.bridge..limits.bridge) {
+                for (dv in -limits.bridge..limits.bridge) {
                     val other = spot + du * SIDE + dv
                     if (places[other] < 0 || groups[other] != 0) continue
                     groups[other] = group
@@ -316,47 +318,9 @@ internal class Lattices(private val blobs: Blobs) {
     }
 
     private companion object {
-        /**
-         * Bounds of a neighbour's squared distance in the blob's second moments: 12 / side² = 15.5 for a patch of
-         * 0.88 pitch.
-         */
-        const val NEAREST = 10.0
-        const val FARTHEST = 45.0
-        const val MOST_NEIGHBOURS = 12
-
-        /** Largest ratio of two neighbours' areas. */
-        const val ALIKE = 3.0
-
-        /**
-         * Bounds for two steps from a blob, in its second moments: largest ratio of squared lengths, largest cosine.
-         */
-        const val LENGTHS = 1.7
-        const val COSINE = 0.35
-
-        /** Largest distance of a blob from the position that its neighbour predicts, in steps. */
-        const val STEP = 0.22
-
-        /** Smallest number of blobs in a lattice. */
-        const val FEWEST = 8
-
-        /** Largest distance of a blob from its place in the whole lattice, in pitches, for each round. */
-        val PLACE = doubleArrayOf(0.25, 0.2, 0.15, 0.12)
-
-        /** Bounds of a blob's area over the area that the lattice predicts there. */
-        const val LEAST = 0.5
-        const val MOST = 1.7
-
-        /**
-         * Largest number of places from the seed, each way, to which a lattice grows; FAR is the margin in which
-         * further blobs are added.
-         */
-        const val WIDEST = 40
-        const val FAR = 14
+        /** Of [places]: `widest`, `far` and `bridge` must fit between the seed and its edge. */
         const val SIDE = 128
         const val ORIGIN = 64
-
-        /** Largest step between connected places, each way: one place between two blobs may be empty. */
-        const val BRIDGE = 2
         val WAYS_U = intArrayOf(1, 0, -1, 0)
         val WAYS_V = intArrayOf(0, 1, 0, -1)
 

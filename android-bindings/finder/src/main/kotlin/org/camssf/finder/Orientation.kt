@@ -27,6 +27,7 @@ internal class OrientedGrid(
 
 /** Orients lattices by their colours: which part of a lattice is a chart, and which corner is its first patch. */
 internal class Orientation(private val blobs: Blobs) {
+    private val limits = FinderFile.limits
     private var logs = DoubleArray(0)
     private var inside = BooleanArray(0)
     private var member = BooleanArray(0)
@@ -57,7 +58,7 @@ internal class Orientation(private val blobs: Blobs) {
         val wanted = kind.features(channels)
         val patches = kind.columns * kind.rows
         val fewest = fewest(kind)
-        val most = RING * 2 * (kind.columns + kind.rows + 2)
+        val most = limits.ring * 2 * (kind.columns + kind.rows + 2)
         var best = -2.0
         var bestU = 0
         var bestV = 0
@@ -124,7 +125,7 @@ internal class Orientation(private val blobs: Blobs) {
             sorted[i] = offs[i]
         }
         sorted.sort(0, count)
-        val limit = max(STRAY * STRAY, 9.0 * sorted[count / 2])
+        val limit = max(limits.stray * limits.stray, 9.0 * sorted[count / 2])
         var straight = 0
         for (i in 0 until count) {
             if (offs[i] > limit) continue
@@ -165,9 +166,9 @@ internal class Orientation(private val blobs: Blobs) {
                 var first = 0
                 var second = 0
                 var third = 0
-                for (dv in SPOTS) {
+                for (dv in limits.spots) {
                     val q = (row + top) + dv
-                    for (du in SPOTS) {
+                    for (du in limits.spots) {
                         if (!good) continue
                         val p = (column + left) + du
                         val w = h[6] * p + h[7] * q + h[8]
@@ -273,33 +274,16 @@ internal class Orientation(private val blobs: Blobs) {
         return floor((if (size > 0) xy / size else 0.0) * 1e9 + 0.5) / 1e9
     }
 
+    private fun fewest(kind: ChartKind): Int = ceil(limits.seen * (kind.columns * kind.rows)).toInt()
+
+    private fun log(total: Int): Double {
+        val spots = limits.spots.size
+        return ln(total / (spots * spots).toDouble() + limits.floor)
+    }
+
     companion object {
         /** Largest number of patches of a chart. */
         private const val MOST_PATCHES = 300
-
-        /** Added to every code before its logarithm, so that noise in dark patches has little effect. */
-        private const val FLOOR = 20.0
-
-        /** Offsets at which a patch's colour is sampled, in pitches from its centre, along both axes. */
-        private val SPOTS = doubleArrayOf(-0.2, -0.1, 0.0, 0.1, 0.2)
-
-        /** Smallest share of a chart's patches that must have been found as blobs. */
-        private const val SEEN = 0.45
-
-        /**
-         * Smallest limit for the distance of a blob from its place in the final fit, in pitches; the limit is three
-         * times the median distance if that is larger.
-         */
-        private const val STRAY = 0.03
-
-        /**
-         * Largest share of the places around a chart that may hold blobs; with more, it is a part of a larger grid.
-         */
-        private const val RING = 0.3
-
-        private fun fewest(kind: ChartKind): Int = ceil(SEEN * (kind.columns * kind.rows)).toInt()
-
-        private fun log(total: Int): Double = ln(total / (SPOTS.size * SPOTS.size).toDouble() + FLOOR)
 
         /**
          * A chart's colours (n, 3) in the form that [score] compares: lightness, and doubled chroma if there is

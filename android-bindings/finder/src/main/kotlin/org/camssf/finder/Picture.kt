@@ -80,7 +80,7 @@ public class Picture private constructor(
     override fun toString(): String = "Picture($width × $height)"
 
     public companion object {
-        private const val SMALLEST = 32
+        private val smallest get() = FinderFile.limits.smallest
 
         /**
          * A picture of luma alone, 8 bits as for a display. Without colours, a chart in uneven light is found less
@@ -152,10 +152,10 @@ public class Picture private constructor(
         }
 
         private fun check(width: Int, height: Int) {
-            if (minOf(width, height) < SMALLEST) {
+            if (minOf(width, height) < smallest) {
                 throw InvalidArgument(
                     "A picture of $width × $height px is too small to find a chart in.",
-                    "Give one of $SMALLEST px a side at least, better 640 × 480; of a mosaic, colour filter cells count.",
+                    "Give one of $smallest px a side at least, better 640 × 480; of a mosaic, colour filter cells count.",
                 )
             }
         }
