@@ -162,14 +162,17 @@ def test_strangers_paths_and_large_files_are_refused(server: Server, tmp_path: P
     assert server.ask("/")[0] == server.ask("/sessions", "POST")[0] == 404  # without the key
     session = json.loads(server.ask("sessions", "POST")[1])["session"]
     ours = f"sessions/{session}"
-    assert server.ask(f"{ours}/files/photo", "POST", chart().read_bytes()) == (200, b'{"number":1}')
+    name = f"{ours}/files/photo?name=..%2F..%2Fa:b/%00IMG_1.dng"
+    assert server.ask(name, "POST", chart().read_bytes()) == (200, b'{"number":1}')
     assert server.ask(f"{ours}/files/table", "POST", b"{}") == (200, b'{"number":2}')
     assert (
         server.ask(f"{ours}/files/..%2fphoto", "POST", b"")[0] == server.ask(f"{ours}/files/x", "POST", b"")[0] == 404
     )
     for path in (
-        "files/photo-1.dng",
-        "files/chart-2.csv",
+        "files/photo-1",
+        "files/_.._a_b__IMG_1.dng",
+        "files/photo-1%2f_.._a_b__IMG_1.dng",
+        "files/table.csv",
         "files/..%2fresult.json",
         "../../static/..%2fresult.schema.json",
     ):
@@ -191,6 +194,7 @@ def test_strangers_paths_and_large_files_are_refused(server: Server, tmp_path: P
         found = server.task(session, task, {"to": "csv", "key": "", "photos": [1], "photo": 1})
         assert "Calibrate first" in found["error"]["words"]
     (folder,) = server.folders()
+    assert [path.name for path in folder.glob("photo-1/*")] == ["_.._a_b__IMG_1.dng"]
     assert folder.stat().st_mode & 0o77 == 0
 
     huge = tmp_path / "huge.dng"

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import secrets
+import shutil
 import socket
 from collections.abc import AsyncIterator
 from contextlib import ExitStack
@@ -28,7 +29,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from camssf.app.session import Session
-from camssf.app.tasks import UPLOADS
+from camssf.app.tasks import UPLOADS, stored_name
 from camssf.errors import InvalidArgument
 from camssf.files import temporary_folder
 
@@ -112,7 +113,7 @@ class Sessions:
         return Response(status_code=204)
 
     async def upload(self, request: Request) -> Response:
-        """Store a file under a name of our own: the answer is its number. It is never whole in memory."""
+        """Store a file in a folder of its number, which is the answer. It is never whole in memory."""
         session, size, kind = self._session(request), 0, request.path_params["kind"]
         too_large = HTTPException(
             413, f"The file is larger than {LARGEST_PHOTO >> 20} MB, more than any photo. Choose a RAW photo (DNG)."
@@ -124,8 +125,10 @@ class Sessions:
         if session.uploads >= MOST_UPLOADS:
             raise HTTPException(413, f"A tab takes {MOST_UPLOADS} files. Reload the page to begin again.")
         session.uploads += 1
-        number, path = session.uploads, session.folder / UPLOADS[kind].format(session.uploads)
+        number, folder = session.uploads, session.folder / f"{kind}-{session.uploads}"
+        path = folder / stored_name(kind, request.query_params.get("name", ""))
         try:
+            folder.mkdir()
             with open(path, "xb") as stream:
                 async for chunk in request.stream():
                     size += len(chunk)
@@ -133,7 +136,7 @@ class Sessions:
                         raise too_large
                     stream.write(chunk)
         except BaseException as error:
-            path.unlink(missing_ok=True)
+            shutil.rmtree(folder, ignore_errors=True)
             if isinstance(error, OSError):
                 words = f"The file cannot be stored ({error.strerror or error}). Free some space, and drop it again."
                 raise HTTPException(507, words) from error

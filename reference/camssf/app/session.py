@@ -16,7 +16,7 @@ from typing import Any
 
 from anyio import to_thread
 
-from camssf.app.tasks import RESULT, TASKS, UPLOADS, Json, perform
+from camssf.app.tasks import RESULT, TASKS, Json, perform
 from camssf.errors import InvalidArgument
 
 PULSE = 0.25
@@ -26,7 +26,6 @@ DIED = (
     "Check the file, close other programs and try again."
 )
 
-_SENT = tuple(name.partition("{")[0] for name in UPLOADS.values())
 ENDED = "camssf app was ended. Start it again and open its new address."
 
 
@@ -92,7 +91,7 @@ class Session:
                 for folder in (self.folder, self.folder / RESULT)
                 if folder.is_dir()
                 for path in folder.iterdir()
-                if path.name == name and path.is_file() and not name.startswith((".", *_SENT))
+                if path.name == name and path.is_file() and not name.startswith(".")
             ),
             None,
         )

@@ -1,12 +1,13 @@
 """The tasks of the page, each a function of an order; they run in a process whose current folder is the session's.
 
 An order is the JSON that the page sent. It names files by their numbers, lamps and charts by the names of the lists:
-no text of it ever becomes a path.
+no text of it ever becomes a path. A file that was sent keeps its own name, in a folder of its number, for the report.
 """
 
 from __future__ import annotations
 
 import os
+import re
 import shutil
 from collections.abc import Callable, Mapping
 from functools import lru_cache
@@ -26,8 +27,16 @@ SMALLEST_REGION = 12
 """Smallest side of a white region on the chart, px: `measure_regions` needs as much."""
 
 
-UPLOADS = {"photo": "photo-{}.dng", "layout": "chart-{}.json", "table": "chart-{}.csv"}
-"""Names under which files from the page are stored, by their kind; a table's format is recognised by its content."""
+UPLOADS = {"photo": ".dng", "layout": ".json", "table": ".csv"}
+"""Kinds of files from the page, and the ending that their names get if they have another."""
+LONGEST_NAME = 60
+"""Characters; at most four bytes each, and a file system takes 255."""
+
+
+def stored_name(kind: str, name: str) -> str:
+    """The name under which a file from the page is stored: its own, without what could mean something in a path."""
+    plain = re.sub(r"[^\w. -]", "_", name).lstrip(". -")[:LONGEST_NAME] or kind
+    return plain if plain.lower().endswith(UPLOADS[kind]) else plain + UPLOADS[kind]
 
 
 def uploaded(kind: str, number: Any) -> Path:
@@ -36,10 +45,10 @@ def uploaded(kind: str, number: Any) -> Path:
     Raises:
         InvalidArgument: there is no such file.
     """
-    path = Path(UPLOADS[kind].format(number))
-    if not isinstance(number, int) or not path.is_file():
+    found = list(Path(f"{kind}-{number}").glob("*")) if isinstance(number, int) else []
+    if not found:
         raise InvalidArgument(f"This tab has no {kind} {number!r}.", f"Drop the {kind} again.")
-    return path
+    return found[0]
 
 
 def find(order: Json, tell: Tell) -> Json:

@@ -80,8 +80,8 @@ async function guarded(place, work) {
   }
 }
 
-/** The text with the files' own names instead of the server's. */
-const named = (words) => words.replace(/(?:photo|chart)-(\d+)\.(?:dng|json|csv)/g, (file, number) => names[number] ?? file)
+/** The text without the folders in which the server keeps the files. */
+const named = (words) => words.replace(/(?:photo|layout|table)-\d+\//g, "")
   .replace(".signing-key.pem", () => $("key").files[0].name);
 
 // -- files --------------------------------------------------------------------------------------------------------
@@ -101,7 +101,7 @@ const add = (files) => guarded($("upload-problem"), async () => {
 /** Send a file of a kind; returns its number. */
 async function send(kind, file) {
   const sent = queue.then(() => busy(`sending ${file.name}`, async (signal) =>
-    (await call(`${base}/files/${kind}`, { method: "POST", body: file, signal })).json()));
+    (await call(`${base}/files/${kind}?name=${encodeURIComponent(file.name)}`, { method: "POST", body: file, signal })).json()));
   queue = sent.catch(() => {});
   const { number } = await sent;
   names[number] = file.name;
