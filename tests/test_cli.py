@@ -738,8 +738,8 @@ def test_patches_need_no_lamp(triple: list[str], capsys: pytest.CaptureFixture[s
     ("command", "data", "words"),
     [
         ("solve", "", "is empty"),
-        ("solve", "{", "is not sound JSON"),
-        ("solve", b"\xff\xfe", "is not sound JSON"),
+        ("solve", "{", "is not valid JSON"),
+        ("solve", b"\xff\xfe", "is not valid JSON"),
         ("solve", "[]", "no camssf document"),
         ("solve", '{"format": "camssf-result/1"}', "holds camssf-result/1"),
         ("solve", '{"format": "camssf-patches/1"}', "camssf-patches/1"),
@@ -748,8 +748,8 @@ def test_patches_need_no_lamp(triple: list[str], capsys: pytest.CaptureFixture[s
         ("validate", '{"format": "camssf-patches/1"}', "holds camssf-patches/1"),
         ("validate", '{"format": "camssf-result/1"}', "lacks"),
         ("report", '{"format": "camssf-result/1", "verdict": {"status": "refused"}}', "lacks"),
-        ("report", "NaN", "is not sound JSON"),
-        ("solve", "[" * 100_000, "is not sound JSON"),
+        ("report", "NaN", "is not valid JSON"),
+        ("solve", "[" * 100_000, "is not valid JSON"),
         ("solve", '{"format": "camssf-result/1", "verdict": {"status": "refused"}}', "lacks"),
         ("solve", '{"format": "camssf-result/1", "verdict": ["refused"]}', "holds camssf-result/1"),
         (

@@ -146,7 +146,7 @@ def test_no_two_are_alike() -> None:
 def test_what_cannot_be_signed() -> None:
     whole = result_json()
     for data, wanted, words in (
-        (b"{", PassportRequest(), "not sound JSON"),
+        (b"{", PassportRequest(), "not valid JSON"),
         (b"{}", PassportRequest(), "lacks"),
         (document_bytes(refused()), PassportRequest(), "was refused"),
         (whole, PassportRequest(lamp_serials=("a", "b")), "2 serials of lamps for 1 shots"),

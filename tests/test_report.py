@@ -334,14 +334,14 @@ def test_read_document_gives_back_what_was_written(tmp_path: Path) -> None:
 
 def test_read_document_refuses_what_is_no_result(tmp_path: Path) -> None:
     for content, words in [
-        (b"", "is not sound JSON"),
-        (b'{"format": "camssf-res', "is not sound JSON"),
-        (b"\xff\xfe{}", "is not sound JSON"),
-        (b"[" * 100_000, "is not sound JSON"),
+        (b"", "is not valid JSON"),
+        (b'{"format": "camssf-res', "is not valid JSON"),
+        (b"\xff\xfe{}", "is not valid JSON"),
+        (b"[" * 100_000, "is not valid JSON"),
         (b'{"l2": NaN}', "NaN is not a number"),
         (b'{"l2": -Infinity}', "-Infinity is not a number"),
         (b'{"l2": 1, "l2": 2}', "the same key twice"),
-        (b'{"l2": ' + b"9" * 5000 + b"}", "is not sound JSON"),
+        (b'{"l2": ' + b"9" * 5000 + b"}", "is not valid JSON"),
         (b"[]", "must be of type object"),
         (b'{"format": "camssf-patches/1"}', "lacks generator"),
     ]:

@@ -130,7 +130,7 @@ def _object(data: bytes, name: str, what: str) -> Json:
     try:
         found = parse_json(data, name, advice(what))
     except InvalidArgument as error:
-        raise PassportInvalid(f"{_begin(what)}'s {name} is not sound JSON.", advice(what)) from error
+        raise PassportInvalid(f"{_begin(what)}'s {name} is not valid JSON.", advice(what)) from error
     if not isinstance(found, dict):
         raise PassportInvalid(f"{_begin(what)}'s {name} is not an object.", advice(what))
     return found

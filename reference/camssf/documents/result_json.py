@@ -226,7 +226,7 @@ def parse_json(data: bytes, name: str, advice: str) -> Any:
     try:
         return json.loads(data.decode("utf-8"), parse_constant=_no_constant, object_pairs_hook=_no_twins)
     except (ValueError, RecursionError) as error:
-        raise InvalidArgument(f"{name}: is not sound JSON ({error}).", advice) from error
+        raise InvalidArgument(f"{name} is not valid JSON ({error}).", advice) from error
 
 
 def check_document(document: Any, name: str, *, excerpt: bool = False) -> Json:

@@ -150,9 +150,10 @@ def _check_white(b: Floats, se_W: Floats, clipped: Floats, shot: PatchMeans, num
         )
     level = float(part.min())
     if not level >= FAINT:
+        height = f"lies only {level:.2%} of the range above dark" if level >= 0 else "is darker than dark"
         raise Underexposed(
-            f"Shot {number}: in one channel the {word} lies only {level:.2%} of the range above dark.",
-            "Expose longer or use more light, and check that white and dark frame are not swapped.",
+            f"Shot {number}: in one channel the {word} {height}.",
+            "Expose longer or use more light, and check that the dark frame was taken in the dark.",
             value=level,
             threshold=FAINT,
         )

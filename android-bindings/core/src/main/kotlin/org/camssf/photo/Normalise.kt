@@ -152,9 +152,11 @@ internal object Normalise {
         }
         val level = part.min()
         if (!(level >= FAINT)) {
+            val height =
+                if (level >= 0) "lies only ${percent(level, 2)} of the range above dark" else "is darker than dark"
             return Underexposed(
-                "Shot $number: in one channel the $word lies only ${percent(level, 2)} of the range above dark.",
-                "Expose longer or use more light, and check that white and dark frame are not swapped.",
+                "Shot $number: in one channel the $word $height.",
+                "Expose longer or use more light, and check that the dark frame was taken in the dark.",
                 level,
                 FAINT,
             )
@@ -162,7 +164,7 @@ internal object Normalise {
         val noise = signal.indices.maxOf { standardError[it] / signal[it] }
         if (noise > NOISY) {
             return Underexposed(
-                "Shot $number: the $word is known to ${percent(noise, 0)} only.",
+                "Shot $number: the $word is too noisy: its standard error is ${percent(noise, 0)} of its value.",
                 "Expose longer or use more light; fill the frame with the chart.",
                 noise,
                 NOISY,

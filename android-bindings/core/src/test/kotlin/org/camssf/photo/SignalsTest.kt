@@ -126,7 +126,7 @@ class SignalsTest {
             val noisy = shares(frame { 3.0 }, frame({ if (it == at) 0.26 else 0.0 }) { 5.0 })
             val loud = refused(Underexposed::class.java, noisy)
             assertEquals(0.26 / 5 to 0.05, loud.value to loud.threshold)
-            assertEquals("Shot 1: the white frame is known to 5% only.", loud.message)
+            assertEquals("Shot 1: the white frame is too noisy: its standard error is 5% of its value.", loud.message)
         }
     }
 

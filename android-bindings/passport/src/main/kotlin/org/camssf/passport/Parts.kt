@@ -94,7 +94,7 @@ internal class Parts private constructor(
         private fun <T> sound(name: String, what: String, read: () -> T): T = try {
             read()
         } catch (error: UnsoundException) {
-            throw invalid(what, "'s $name is not sound JSON", error)
+            throw invalid(what, "'s $name is not valid JSON", error)
         }
     }
 }

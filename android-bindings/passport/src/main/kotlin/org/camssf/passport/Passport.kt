@@ -244,7 +244,7 @@ public class Passport internal constructor(
             return try {
                 Sound.parse(Sound.text(result)) as? Members ?: throw noResult("is not an object")
             } catch (error: UnsoundException) {
-                throw noResult("is not sound JSON (${error.message})")
+                throw noResult("is not valid JSON (${error.message})")
             }
         }
 

@@ -80,8 +80,8 @@ class SigningTest {
             val error = assertThrows<InvalidArgument> { Passport.create(data.toByteArray(), said, at) }
             assertTrue(words in error.message, error.message)
         }
-        refused("not sound JSON", "{")
-        refused("not sound JSON", "{\"a\":1,\"a\":1}")
+        refused("not valid JSON", "{")
+        refused("not valid JSON", "{\"a\":1,\"a\":1}")
         refused("is not an object", "[]")
         refused("has no camera", "{}")
         refused("has no shots", """{"camera":{}}""")
