@@ -265,11 +265,11 @@ def open_model(content: bytes) -> Any:
     return runtime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
 
 
-def makers_matrices(curves: Floats, seed: int) -> tuple[ColourMatrix, ...]:
-    """Colour matrices for A and D65 as a maker may fit them to a camera (681, 3)."""
+def makers_matrices(curves: Floats, seed: int, off: float = MATRIX_ERROR) -> tuple[ColourMatrix, ...]:
+    """Colour matrices for A and D65 as a maker may fit them to a camera (681, 3), with this relative error."""
     table = np.loadtxt(MUNSELL, delimiter=",", skiprows=1)
     surfaces = np.stack([np.interp(WAVELENGTHS, table[:, 0], column) for column in table.T[1:]])
-    error = np.eye(3) + MATRIX_ERROR * np.random.default_rng([11, seed]).normal(size=(3, 3))
+    error = np.eye(3) + off * np.random.default_rng([11, seed]).normal(size=(3, 3))
     found = []
     for light in ("A", "D65"):
         reflected = surfaces * read_lamp(light).values

@@ -31,7 +31,7 @@ import numpy as np
 from benchmarks.claims.accuracy import LOW, SEEN
 from benchmarks.claims.phones import OTHER_MAKER, OTHERS, Device
 from benchmarks.claims.wrong_lamps import populations, stands_in
-from benchmarks.problems import makers_matrices
+from benchmarks.problems import MATRIX_ERROR, makers_matrices
 from benchmarks.shared import (
     TABLE,
     command_parser,
@@ -251,16 +251,16 @@ def light(ssf: Ssf, lamp: str) -> tuple[dict[str, float], float | None, tuple[fl
 
 
 def of_population(
-    devices: Sequence[Device], key: str, pairs: bool, tell: Callable[[], None]
+    devices: Sequence[Device], key: str, pairs: bool, off: float, tell: Callable[[], None]
 ) -> dict[str, list[Taken]]:
-    """By what was given, of all devices and lamps."""
+    """By what was given, of all devices and lamps; colour matrices have the relative error `off`."""
     rows: dict[str, list[Taken]] = {}
     every: list[tuple[str, ...]] = [(lamp,) for lamp in (*EVERY, *(MIXTURES + DISPLAYS if pairs else ()))]
     every += PAIRS + TRIPLES if pairs else ()
     for number, device in enumerate(devices):
         basis: Basis = stands_in(device, key)
         with standing_in(basis):
-            matrices = makers_matrices(device.curves, number)
+            matrices = makers_matrices(device.curves, number, off)
             for lamps in every:
                 maker, seed = maker_of(device.name), 100 * number + len(lamps)
                 known: list[Lamp] = [replace(read_lamp("E"), name=lamp, values=power(lamp)) for lamp in lamps]
@@ -399,6 +399,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser = command_parser(__spec__, __doc__)
     take_tables(parser, "phones", "foreign")
     parser.add_argument("--only", default="", help="populations whose name begins so")
+    parser.add_argument(
+        "--matrices-off", type=float, default=MATRIX_ERROR, help="relative error of the colour matrices"
+    )
     options = parser.parse_args(arguments)
     document: dict[str, dict[str, dict[str, Any]]] = {}
     groups = populations(options.phones, options.foreign)
@@ -408,7 +411,7 @@ def main(arguments: list[str] | None = None) -> int:
                 continue
             pairs = key in (OTHERS, OTHER_MAKER)
             task = bar.add_task(title, total=len(devices) * _captures(pairs))
-            rows = of_population(devices, key, pairs, lambda task=task: bar.advance(task))  # type: ignore[misc]
+            rows = of_population(devices, key, pairs, options.matrices_off, lambda task=task: bar.advance(task))  # type: ignore[misc]
             document[title] = {word: row(taken) for word, taken in rows.items()}
     show(document)
     missed = count_missed(bars(document))
