@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from camssf.grid import Floats
+from camssf.grid import WAVELENGTHS, Floats
 from camssf.photo.find.pose import Pose
 from camssf.photo.signals import Signals
 from camssf.recovery.basis import LEARNED, read_basis
@@ -31,6 +31,7 @@ from camssf.verdict.goodness_of_fit import VerdictInputs, best_explanation, shot
 from camssf.verdict.judge import judge as judge_capture
 from camssf.verdict.lamp import Neutral, Rival
 from camssf.verdict.reasons import Fatal
+from camssf.verdict.unit_drift import drift_probability
 from golden import contract
 from golden.contract import Call, Keys, Stage, against_stored, always, each, words
 from golden.forms import Json, camera, chart, lamp, resolve
@@ -203,6 +204,13 @@ def cases() -> Iterator[Json]:
     ):
         yield case(f"band-ratio-{name}", f"An unnamed light and a band of ±{1.96 * std:.3f}: {outcome}.", y,
                    std=std, choice=[["phones", 1.0]], unnamed=True)  # fmt: skip
+    # rule 10
+    surely = [["phones", 1.0]]
+    for name, nm, outcome in (("drift", 1.0, "unit_differs"), ("drift-slight", 0.5, "not said")):
+        yield case(name, f"The blue curve has moved by {nm} nm since the previous shot: {outcome}.",
+                   drifted(nm), k=2, forgiven=True, choice=surely, new=1)  # fmt: skip
+    yield case("drift-white-patch", "Relative to the white patch, in a light that was not named: unit_differs.",
+               drifted(1.5, white=18), k=2, white=18, forgiven=True, choice=surely, unnamed=True, new=1)  # fmt: skip
     # rule 6 and the rest
     yield case("grain", "Half the noise that light must have: not_sensor_raw.", y, noise=0.5)
     yield case("texture", "Patches that vary inside: blurred.", y, texture=0.04)
@@ -224,6 +232,14 @@ def predicted(k: int = 1, white: int | None = None) -> Floats:
     rho = np.ones(R.shape[1]) if white is None else R[white]
     found = np.stack([((R * lamp(name)) @ s) / ((rho * lamp(name)) @ s) for name in LAMPS[:k]])
     return np.round(found if k > 1 else found[0], 7)
+
+
+def drifted(nm: float, white: int | None = None) -> Floats:
+    """(2, 24, 3) signals of two shots; before the first, the blue curve has moved by so many nm to the red."""
+    found, R = predicted(2, white), chart("babelcolor")
+    light = lamp(LAMPS[0]) * np.interp(WAVELENGTHS - nm, WAVELENGTHS, camera(CAMERA)[:, 2])
+    found[0, :, 2] = np.round(R @ light / ((1.0 if white is None else R[white]) * light).sum(), 7)
+    return found
 
 
 def slope(fall: float) -> Floats:
@@ -271,6 +287,7 @@ def case(
     dark: bool = True,
     solved: bool = False,
     unnamed: bool = False,
+    new: int = 0,
 ) -> Json:
     """The inputs of `judge`; the defaults are those of a clean capture.
 
@@ -278,6 +295,7 @@ def case(
     wavelengths. `forgiven`: the solution of each shot alone, or of a single shot, predicts its signals exactly.
     `known`: number of directions of the code with a variance of 0.1; all others have 0.99. `dark`: whether there is a
     dark frame. `solved`: whether gain modes were solved for. `unnamed`: whether the light is unnamed.
+    `new`: number of shots before those of a previous result; 0 if there is none.
     """
     y = np.round(signals if k > 1 else signals[None], 7)
     told = predicted(k, white)
@@ -346,6 +364,8 @@ def case(
         inputs |= {"gain_modes": [np.round(ways - ways[:, [18]], 9).tolist()] * k, "gain_own": 0.075}
     if unnamed:
         inputs["unnamed"] = True
+    if new:
+        inputs["new"] = new
     if choice is not None:
         inputs |= {"choice": choice, "family": family}
     if test is not None:
@@ -457,8 +477,9 @@ def run(call: Call) -> dict[str, Any]:
         signals=signals, table=table, means=shots, poses=poses, lamps=lamps, white_reflectance=rho,
         white_tolerance=given["white_tolerance"], gains=gains,
     )  # fmt: skip
+    drift = drift_probability(inputs, ssf, read_basis(basis), given["new"]) if "new" in given else None
     verdict = judge_capture(inputs, ssf, rivals=rivals, neutrals=neutrals, alone=alone, family=given.get("family"),
-                            unnamed=[given.get("unnamed", False)] * len(shots))  # fmt: skip
+                            unnamed=[given.get("unnamed", False)] * len(shots), drift=drift)  # fmt: skip
     joint = inputs.goodness_of_fit(ssf)
     each = [inputs.goodness_of_fit_of_shot(j, shot_answer(a, j)) for j, a in enumerate(alone or [ssf] * len(shots))]
     found = [best_explanation(one) for one in each]
@@ -505,7 +526,7 @@ STAGE = Stage(
         words(
             "z status codes messages values thresholds gains fatal named residual prior count advice checks checked"
         ),
-        words("choice family family_test chart_fading code_variance unnamed gain_modes gain_own"),
+        words("choice family family_test chart_fading code_variance unnamed new gain_modes gain_own"),
         arrays=VERDICT_NUMBERS,
     ),
     requires=always("verdict"),

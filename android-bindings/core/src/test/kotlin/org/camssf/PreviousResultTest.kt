@@ -11,6 +11,7 @@ import org.camssf.photo.PhotoSource
 import org.camssf.photo.Shot
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
+import org.camssf.verdict.Check
 import org.camssf.verdict.UnitDrift
 import org.junit.jupiter.api.AfterAll
 import org.junit.jupiter.api.Assertions.assertEquals
@@ -108,5 +109,25 @@ class PreviousResultTest {
         assertEquals(10 / 380.0, long[400], 1e-12)
         assertEquals(whole[250], short[250])
         assertTrue((0..300).all { long[it] == 0.0 } && (300..680).all { short[it] == 0.0 })
+    }
+
+    @Test
+    fun `what contradicts a previous result`() {
+        fun check(name: String, value: Double) = Check(name, null, value, 1.0, null, "above")
+        fun found(drift: Double?, fit: Double?, over: Double?, own: Double?) = UnitDrift.contradiction(
+            listOfNotNull(
+                drift?.let { check("unit_drift", it) },
+                fit?.let { check("goodness_of_fit", it) },
+                over?.let { check("hopeless", it) },
+            ),
+            listOfNotNull(own?.let { check("goodness_of_fit", it) }),
+        )?.let { it.code to it.value }
+        assertEquals("unit_differs" to 1.01, found(1.01, 0.5, 4.0, null))
+        assertEquals(null, found(1.0, 1.0, 4.0, null)) // neither is beyond its limit
+        assertEquals("chart_unfit" to 1.01, found(1.0, 1.01, 4.0, null))
+        assertEquals("chart_unfit" to 1.01, found(null, 1.01, 4.0, 1.0))
+        assertEquals(null, found(null, 1.01, 4.0, 1.01)) // the new photos alone do not fit either
+        assertEquals(null, found(null, 1.01, null, null))
+        assertEquals(null, found(null, null, 4.0, null))
     }
 }

@@ -150,8 +150,8 @@ internal class GoldenCase private constructor(val name: String, private val json
             "rivals" to setOf("make", "model"),
             "verdict" to
                 setOf(
-                    "choice", "family", "family_test", "chart_fading", "code_variance", "unnamed", "gain_modes",
-                    "gain_own",
+                    "choice", "family", "family_test", "chart_fading", "code_variance", "unnamed", "new",
+                    "gain_modes", "gain_own",
                 ),
         )
         private val STATISTICS =

@@ -22,6 +22,7 @@ import org.camssf.photo.Signals
 import org.camssf.recovery.FamilyTest
 import org.camssf.recovery.Gains
 import org.camssf.recovery.Hypothesis
+import org.camssf.recovery.LearnedBasis
 import org.camssf.recovery.Ssf
 import org.camssf.recovery.Tensor
 import org.camssf.spectra.ChartTable
@@ -30,6 +31,7 @@ import org.camssf.verdict.CameraWhite
 import org.camssf.verdict.Case
 import org.camssf.verdict.Judge
 import org.camssf.verdict.Rival
+import org.camssf.verdict.UnitDrift
 import org.camssf.verdict.VerdictInputs
 
 /** Gain modes of a case; null where it has none. */
@@ -104,6 +106,9 @@ internal class Weighing(private val forms: Forms, private val frames: Statistics
             inputs.getValue("neutrals").jsonArray.map { shot -> shot.jsonArray.map { neutral(it) } },
             inputs["family"]?.jsonPrimitive?.contentOrNull,
             List(k) { inputs["unnamed"]?.jsonPrimitive?.boolean ?: false },
+            inputs["new"]?.let {
+                UnitDrift.probability(verdictInputs, LearnedBasis.of(basis)!!, it.jsonPrimitive.int)
+            },
         ) {
             inputs.getValue("rivals").jsonArray.map { entry ->
                 val (shot, name, gain) = entry.jsonArray.map { it.jsonPrimitive }
