@@ -21,6 +21,7 @@ from browser import Browser
 from captures import photos
 from test_layouts import photographed, write_card
 
+from camssf.app.tasks import perform
 from camssf.cli import main
 
 SCREENSHOTS = os.environ.get("CAMSSF_SCREENSHOTS", "")
@@ -152,6 +153,15 @@ def test_without_room_for_temporary_files_it_is_an_error_in_words(
     assert "no room for temporary files" in capsys.readouterr().err
 
 
+def test_a_calibration_that_fails_keeps_the_result(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "result").mkdir()
+    (tmp_path / "result" / "result.json").write_text("good")
+    found = perform("calibrate", {"shots": []}, lambda stage, part: None)
+    assert "no photo" in found["error"]["words"]
+    assert (tmp_path / "result" / "result.json").read_text() == "good"
+
+
 @pytest.mark.full
 def test_strangers_paths_and_large_files_are_refused(server: Server, tmp_path: Path) -> None:
     host = urlsplit(server.address).netloc
@@ -190,6 +200,7 @@ def test_strangers_paths_and_large_files_are_refused(server: Server, tmp_path: P
     ):
         assert words in server.task(session, "find", {"photo": 1, "chart": own})["error"]["words"]
     assert "no task" in server.task(session, "perform", {})["error"]["words"]
+    assert server.ask(f"{ours}/tasks/find", "POST", b"[" * 100_000)[0] == 400
     for task in ("export", "colour", "passport"):
         found = server.task(session, task, {"to": "csv", "key": "", "photos": [1], "photo": 1})
         assert "Calibrate first" in found["error"]["words"]

@@ -21,7 +21,7 @@ from camssf.errors import CalibrationError, InvalidArgument, UnitDiffers
 from camssf.fit.capture_fit import prepare_fit
 from camssf.grid import Floats
 from camssf.options import Options
-from camssf.photo.capture import Capture, MeasuredShot
+from camssf.photo.capture import Capture, MeasuredShot, measure
 from camssf.photo.patches import FrameMeans, PatchMeans
 from camssf.photo.shot import Shot
 from camssf.photo.signals import normalise
@@ -269,6 +269,14 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
 # -- the torch -----------------------------------------------------------------------------------------------------
 
 
+def test_the_folder_of_the_previous_result_is_not_written_over(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["calibrate", "new.dng", "--previous", "first/result.json", "-o", "first"]) == 2
+    assert "first holds the previous result. Name another folder" in " ".join(capsys.readouterr().err.split())
+
+
 def torch_shot(dark: bool = False) -> MeasuredShot:
     """The chart under a LED torch and half as much fluorescent light, which the frame with the torch off subtracts.
 
@@ -293,6 +301,12 @@ def torch_shot(dark: bool = False) -> MeasuredShot:
 
 def under_torch(shot: MeasuredShot) -> Capture:
     return replace(later("A"), shots=(shot,))
+
+
+@pytest.mark.parametrize("frames", [{}, {"dark": "off.dng", "white": "white.dng"}])
+def test_the_torch_needs_a_photo_with_the_torch_off_and_no_white_frame(frames: dict[str, str]) -> None:
+    with pytest.raises(InvalidArgument, match="with the torch off"):
+        measure(Shot("on.dng", "torch", **frames))
 
 
 def test_on_minus_off_is_the_torch_alone() -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import secrets
 import shutil
+import signal
 import socket
 from collections.abc import AsyncIterator
 from contextlib import ExitStack
@@ -152,7 +153,7 @@ class Sessions:
                 raise HTTPException(413, "The order is too large.")
         try:
             order = json.loads(data)
-        except ValueError:
+        except (ValueError, RecursionError):
             order = None
         if not isinstance(order, dict):
             raise HTTPException(400, "The order is no JSON object.")
@@ -255,4 +256,7 @@ def serve(port: int, ready: Any) -> None:
             access_log=False, server_header=False, timeout_graceful_shutdown=2,
         )  # fmt: skip
         ready(f"http://{HOST}:{listener.getsockname()[1]}/{key}/")
-        _Server(config, sessions, folder).run(sockets=[listener])
+        server = _Server(config, sessions, folder)
+        if hasattr(signal, "SIGHUP"):  # the terminal was closed
+            signal.signal(signal.SIGHUP, server.handle_exit)
+        server.run(sockets=[listener])

@@ -35,7 +35,12 @@ LONGEST_NAME = 60
 
 def stored_name(kind: str, name: str) -> str:
     """The name under which a file from the page is stored: its own, without what could mean something in a path."""
-    plain = re.sub(r"[^\w. -]", "_", name).lstrip(". -")[:LONGEST_NAME] or kind
+    plain = (
+        re.sub(r'[\x00-\x1f\x7f/\\:*?"<>|\u202a-\u202e\u2066-\u2069\ud800-\udfff]', "_", name).lstrip(". -")[
+            :LONGEST_NAME
+        ]
+        or kind
+    )
     return plain if plain.lower().endswith(UPLOADS[kind]) else plain + UPLOADS[kind]
 
 
@@ -121,13 +126,13 @@ def calibrate(order: Json, tell: Tell) -> Json:
         )
         for shot in order["shots"]
     ]  # fmt: skip
-    shutil.rmtree(RESULT, ignore_errors=True)
     found = attempt(shots, chart=_chart(order), progress=tell)
     if isinstance(found, Refusal) and isinstance(found.error, RawError):
         raise found.error
     tell("writing the report", 0.97)
     document = found.document()
     pages = report(document, found.previews, provenance=read_provenance([shot.photo for shot in shots]))
+    shutil.rmtree(RESULT, ignore_errors=True)
     files = [path.name for path in pages.save(RESULT)]
     verdict = document["verdict"]
     reasons = [f"{each['message']} {each['advice']}" for each in verdict["reasons"]]

@@ -90,6 +90,8 @@ def calibrate(
 
     if out is not None:
         result_folder(out)
+        if previous is not None and Path(previous).resolve().parent == out.resolve():
+            raise InvalidArgument(f"{out} holds the previous result.", "Name another folder with -o: keep that one.")
     with progress_bar() as progress:
         result = product_of(
             attempt(

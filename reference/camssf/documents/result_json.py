@@ -204,7 +204,8 @@ def read_document(path: Path | str) -> Json:
         with open(local(path), "rb") as file:
             data = file.read(LARGEST_DOCUMENT + 1)
     except (OSError, ValueError) as error:
-        raise InvalidArgument(f"{path}: cannot be read ({error}).", advice) from error
+        words = error.strerror if isinstance(error, OSError) else None
+        raise InvalidArgument(f"{path}: cannot be read ({words or error}).", advice) from error
     if len(data) > LARGEST_DOCUMENT:
         raise InvalidArgument(f"{path}: larger than {LARGEST_DOCUMENT} bytes.", advice)
     return check_document(parse_json(data, str(path), advice), str(path))

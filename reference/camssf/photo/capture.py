@@ -22,7 +22,7 @@ from camssf.photo.read.colour_matrix import ColourMatrix
 from camssf.photo.read.dng import Mosaic
 from camssf.photo.read.raw import read_raw
 from camssf.photo.read.unit import Area, Unit, check_unit
-from camssf.photo.shot import Shot, Shots, check_shots, some_white
+from camssf.photo.shot import Shot, Shots, check_shots, check_torch, some_white
 from camssf.spectra import ChartLike, ChartTable, Light, LightLike, read_chart
 
 PREVIEW = 1200
@@ -169,6 +169,7 @@ def measure(
     for role, spec in [("chart table", chart), *((f"shot {j + 1}, lamp", s.lamp) for j, s in enumerate(given))]:
         record.files |= input_hash(role, spec)
     lights = [shot.light() for shot in given]
+    check_torch(given, lights)
     record.table = table = read_chart(chart)
     record.chart = table.name
     k = len(given)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from camssf.errors import InvalidArgument
 from camssf.files import check_local
 from camssf.spectra import Light, LightLike, Unnamed, read_light, with_tolerance
-from camssf.spectra.lamps import AUTO
+from camssf.spectra.lamps import AUTO, TORCH
 
 MOST_SHOTS = 64
 SHOTS = 'Give the path of one photo, a Shot, or a list as [Shot("a.dng", "D55"), Shot("b.dng", "A")].'
@@ -87,6 +87,21 @@ def check_shots(shots: Shots, lamp: LightLike | None = None) -> list[Shot]:
             raise InvalidArgument(f"{path!r} is no path of a file.", "Give the RAW file as a str or a Path.")
         check_local(path)
     return found
+
+
+def check_torch(shots: Sequence[Shot], lights: Sequence[Light]) -> None:
+    """Check that a shot by the torch has a photo with the torch off, which is subtracted, and no white frame.
+
+    Raises:
+        InvalidArgument: it has not.
+    """
+    for number, (shot, light) in enumerate(zip(shots, lights, strict=True), 1):
+        if light.name == TORCH and (shot.dark is None or shot.white is not None):
+            raise InvalidArgument(
+                f"Shot {number}: the torch's light needs a dark frame, the same photo with the torch off, and no "
+                "white frame.",
+                "Give the photo with the torch off as the dark frame, and leave the white frame out.",
+            )
 
 
 def some_white() -> InvalidArgument:

@@ -153,7 +153,7 @@ def _check_white(b: Floats, se_W: Floats, clipped: Floats, shot: PatchMeans, num
         height = f"lies only {level:.2%} of the range above dark" if level >= 0 else "is darker than dark"
         raise Underexposed(
             f"Shot {number}: in one channel the {word} {height}.",
-            "Expose longer or use more light, and check that the dark frame was taken in the dark.",
+            "Expose longer or use more light. The dark frame must be taken in the dark, or with the torch off.",
             value=level,
             threshold=FAINT,
         )
@@ -185,13 +185,9 @@ def _check_left(used: NDArray[np.bool_], clipped: NDArray[np.bool_], lost: NDArr
 def _assumptions(shot: PatchMeans, table: ChartTable, number: int) -> list[Assumption]:
     found = []
     if shot.white is None:
-        found.append(
-            Assumption(
-                "white_from_patch",
-                f"shot {number}: no white frame: the chart's patch {table.patches[table.white]!r} replaces "
-                "it on all patches.",
-            )
-        )
+        frame = "the white frame only evens out the light" if shot.evened else "no white frame"
+        patch = f"the chart's patch {table.patches[table.white]!r} replaces it on all patches."
+        found.append(Assumption("white_from_patch", f"shot {number}: {frame}: {patch}"))
     if shot.dark is None:
         found.append(
             Assumption(

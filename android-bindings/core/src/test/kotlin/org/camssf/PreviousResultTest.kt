@@ -102,6 +102,17 @@ class PreviousResultTest {
     }
 
     @Test
+    fun `the torch needs a photo with the torch off and no white frame`() {
+        val source = PhotoSource.of(photo)
+        for ((white, dark) in listOf(null to null, source to source)) {
+            val error = assertThrows(InvalidArgument::class.java) {
+                calibrator.measure(Shot(source, Lamp.torch(), corners, white, dark), chart)
+            }
+            assertTrue("with the torch off" in error.message, error.message)
+        }
+    }
+
+    @Test
     fun `moves by hand`() {
         val curve = DoubleArray(Grid.SIZE) { if (it <= 300) it / 300.0 else (680 - it) / 380.0 }
         val (whole, long, short) = UnitDrift.moves(curve)

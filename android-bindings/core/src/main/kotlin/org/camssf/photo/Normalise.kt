@@ -116,7 +116,8 @@ internal object Normalise {
     private fun fallbacks(shot: PatchMeans, white: String, number: Int): List<Assumption> = listOfNotNull(
         Assumption(
             "white_from_patch",
-            "shot $number: no white frame: the chart's patch '$white' replaces it on all patches.",
+            "shot $number: ${if (shot.evened) "the white frame only evens out the light" else "no white frame"}: " +
+                "the chart's patch '$white' replaces it on all patches.",
         ).takeIf { shot.white == null },
         Assumption(
             "dark_from_black_level",
@@ -156,7 +157,7 @@ internal object Normalise {
                 if (level >= 0) "lies only ${percent(level, 2)} of the range above dark" else "is darker than dark"
             return Underexposed(
                 "Shot $number: in one channel the $word $height.",
-                "Expose longer or use more light, and check that the dark frame was taken in the dark.",
+                "Expose longer or use more light. The dark frame must be taken in the dark, or with the torch off.",
                 level,
                 FAINT,
             )

@@ -56,6 +56,7 @@ class ReadingTest {
         val whole = DngReader.read(DngSource.of(photo))
         val pose = ChartPose.refine(whole, corners, chart)
         val means = PatchMeans.measure(whole, pose)
+        assertEquals("PatchMeans(chart=FrameMeans(24 patches), white=null, dark=null)", means.toString())
         val region = ChartPose.region(corners)
         val source = PhotoSource.of(photo)
         for (reading in listOf((source as ByRows).rows(region), Banded(source, region, true, 500))) {
