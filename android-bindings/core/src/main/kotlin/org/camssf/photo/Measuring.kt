@@ -64,8 +64,8 @@ internal class Measuring(private val capture: Capture, private val tell: Tell) {
         }
         if (unfit >= 0) {
             throw InvalidArgument(
-                "Shot ${unfit + 1}: the torch's light needs a dark frame, the same photo with the torch off, and no " +
-                    "white frame.",
+                "Shot ${unfit + 1}: the torch's light needs a dark frame, the same photo with the torch off, " +
+                    "and no white frame.",
                 "Give the photo with the torch off as the dark frame, and leave the white frame out.",
             )
         }
