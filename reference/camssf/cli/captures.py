@@ -238,7 +238,14 @@ def simulate(
     model: Annotated[
         str, typer.Option(metavar="TEXT", show_default="the camera's name", help="Model that the files name.")
     ] = "",
-    lamp: Lamps = None,
+    lamp: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="SPEC",
+            show_default=False,
+            help="Lamp of a photo: a CIE name, 2856K, D:5500, equal-energy or a file. Repeat it for more photos.",
+        ),
+    ] = None,
     chart: Chart = "classic24",
     size: Annotated[str, typer.Option(metavar="WxH", help="Size of the picture, px.")] = "4000x3000",
     cfa: Annotated[str, typer.Option(help="RGGB, GRBG, GBRG or BGGR.")] = "RGGB",
