@@ -31,16 +31,13 @@ UPLOADS = {"photo": ".dng", "layout": ".json", "table": ".csv"}
 """Kinds of files from the page, and the ending that their names get if they have another."""
 LONGEST_NAME = 60
 """Characters; at most four bytes each, and a file system takes 255."""
+_UNSAFE = re.compile(r'[\x00-\x1f\x7f/\\:*?"<>|\u202a-\u202e\u2066-\u2069\ud800-\udfff]')
+"""Separators and what Windows forbids; control characters, also those that turn text around; lone surrogates."""
 
 
 def stored_name(kind: str, name: str) -> str:
     """The name under which a file from the page is stored: its own, without what could mean something in a path."""
-    plain = (
-        re.sub(r'[\x00-\x1f\x7f/\\:*?"<>|\u202a-\u202e\u2066-\u2069\ud800-\udfff]', "_", name).lstrip(". -")[
-            :LONGEST_NAME
-        ]
-        or kind
-    )
+    plain = _UNSAFE.sub("_", name).lstrip(". -")[:LONGEST_NAME] or kind
     return plain if plain.lower().endswith(UPLOADS[kind]) else plain + UPLOADS[kind]
 
 
