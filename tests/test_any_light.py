@@ -415,7 +415,7 @@ def test_the_document_has_the_light() -> None:
     assert shares.sum(axis=0) == pytest.approx(1.0)
     (said,) = [each["message"] for each in document["assumptions"] if each["code"] == "lamp"]
     assert said.startswith("the light was not named and was estimated from the signals")
-    assert "daylight 9" in said
+    assert "daylight 89%" in said
 
 
 def test_the_report_draws_the_light() -> None:
