@@ -266,15 +266,15 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
         calibrate(Shot(photo), previous=tmp_path / "none.json")
 
 
-# -- the torch -----------------------------------------------------------------------------------------------------
-
-
 def test_the_folder_of_the_previous_result_is_not_written_over(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert cli.main(["calibrate", "new.dng", "--previous", "first/result.json", "-o", "first"]) == 2
     assert "first holds the previous result. Name another folder" in " ".join(capsys.readouterr().err.split())
+
+
+# -- the torch -----------------------------------------------------------------------------------------------------
 
 
 def torch_shot(dark: bool = False) -> MeasuredShot:

@@ -178,9 +178,9 @@ def test_clipped_white_patch_as_reference() -> None:
         normalise([replace(SHOT, white=None, chart=replace(SHOT.chart, clipped=clipped))], CLASSIC)
 
 
-@pytest.mark.parametrize("level", [0, 514, 560])
-def test_white_that_is_dark(level: float) -> None:
-    with pytest.raises(Underexposed, match=r"above dark|darker than dark") as refusal:
+@pytest.mark.parametrize(("level", "words"), [(0, "is darker than dark"), (514, "above dark"), (560, "above dark")])
+def test_white_that_is_dark(level: float, words: str) -> None:
+    with pytest.raises(Underexposed, match=words) as refusal:
         normalise([replace(SHOT, white=means(np.array([9000, 9000, level])))], CLASSIC)
     assert refusal.value.threshold == 0.005
 
@@ -197,7 +197,7 @@ def test_white_and_dark_swapped(values: tuple[float, float, float]) -> None:
 def test_two_dark_frames_are_not_called_swapped() -> None:
     """A dark frame that is brighter by less than the range's 0.5 %, or in one channel alone, is no white one."""
     for dark in (np.full(3, 580.0), np.array([9000.0, 500, 500])):
-        with pytest.raises(Underexposed, match=r"above dark|darker than dark"):
+        with pytest.raises(Underexposed, match="is darker than dark"):
             normalise([replace(SHOT, white=means(514.0, 3), dark=means(dark, 3))], CLASSIC)
 
 
