@@ -79,7 +79,8 @@ def local_folder(path: str | os.PathLike[str]) -> Path:
     return folder
 
 
-def _in_words(error: OSError | ValueError) -> str:
+def error_in_words(error: OSError | ValueError | OverflowError) -> str:
+    """The system's words for a failed access, without number and path."""
     return getattr(error, "strerror", None) or str(error)
 
 
@@ -135,7 +136,7 @@ def write_aside(path: Path | str) -> Iterator[Path]:
             raise
     except (OSError, ValueError) as error:
         raise InvalidArgument(
-            f"{path} cannot be written ({_in_words(error)}).", f"{write_advice(error)}; nothing was changed."
+            f"{path} cannot be written ({error_in_words(error)}).", f"{write_advice(error)}; nothing was changed."
         ) from error
 
 
@@ -158,7 +159,8 @@ def write_files(folder: Path | str, contents: Mapping[str, bytes | str | None]) 
             _exchange(folder, contents)
     except (OSError, ValueError) as error:
         raise InvalidArgument(
-            f"{folder} cannot be written to ({_in_words(error)}).", f"{write_advice(error)}; nothing was left behind."
+            f"{folder} cannot be written to ({error_in_words(error)}).",
+            f"{write_advice(error)}; nothing was left behind.",
         ) from error
     return [folder / name for name, content in contents.items() if content is not None]
 
@@ -188,7 +190,7 @@ def temporary_folder() -> Iterator[Path]:
         folder = tempfile.TemporaryDirectory(prefix="camssf-", ignore_cleanup_errors=True)
     except OSError as error:
         raise InvalidArgument(
-            f"There is no room for temporary files ({error.strerror or error}).",
+            f"There is no room for temporary files ({error_in_words(error)}).",
             "Free some space, or set TMPDIR to a folder that you may write to.",
         ) from error
     with folder as name:

@@ -32,7 +32,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from camssf.app.session import Session
 from camssf.app.tasks import UPLOADS, stored_name
 from camssf.errors import InvalidArgument
-from camssf.files import temporary_folder
+from camssf.files import error_in_words, temporary_folder
 
 HOST = "127.0.0.1"
 LARGEST_PHOTO = 512 * 2**20
@@ -244,9 +244,8 @@ def serve(port: int, ready: Any) -> None:
     try:
         listener = socket.create_server((HOST, port))
     except (OSError, OverflowError) as error:
-        words = getattr(error, "strerror", None) or str(error)
         raise InvalidArgument(
-            f"Port {port} cannot be opened ({words}).", "Leave --port out, or name another."
+            f"Port {port} cannot be opened ({error_in_words(error)}).", "Leave --port out, or name another."
         ) from error
     key = secrets.token_urlsafe(16)
     with listener, ExitStack() as folder:

@@ -13,7 +13,7 @@ from camssf.documents.patches_json import plain
 from camssf.documents.schema import BrokenError, check
 from camssf.documents.schema import schema as form
 from camssf.errors import CalibrationError, InvalidArgument
-from camssf.files import PHOTO, kind_of, local, readable
+from camssf.files import PHOTO, error_in_words, kind_of, local, readable
 from camssf.fit.scores import reflectance_srgb, rmse
 from camssf.grid import CHANNELS, WAVELENGTHS, Floats, columns
 from camssf.photo.capture import Capture, MeasuredShot, Photo, Record, Unfinished
@@ -204,8 +204,7 @@ def read_document(path: Path | str) -> Json:
         with open(local(path), "rb") as file:
             data = file.read(LARGEST_DOCUMENT + 1)
     except (OSError, ValueError) as error:
-        words = error.strerror if isinstance(error, OSError) else None
-        raise InvalidArgument(f"{path}: cannot be read ({words or error}).", advice) from error
+        raise InvalidArgument(f"{path}: cannot be read ({error_in_words(error)}).", advice) from error
     if len(data) > LARGEST_DOCUMENT:
         raise InvalidArgument(f"{path}: larger than {LARGEST_DOCUMENT} bytes.", advice)
     return check_document(parse_json(data, str(path), advice), str(path))
