@@ -59,16 +59,7 @@ internal class Measuring(private val capture: Capture, private val tell: Tell) {
         if (k == 0) throw InvalidArgument("there is no photo.", "Give the DNG of at least one photo of the chart.")
         if (k > MOST_SHOTS) throw InvalidArgument("there are $k photos.", "Give at most $MOST_SHOTS.")
         check(capture.shots.map { it.white != null }, capture.whiteReflectance)
-        val unfit = capture.shots.indexOfFirst {
-            it.lamp.name == Lamp.TORCH && (it.dark == null || it.white != null)
-        }
-        if (unfit >= 0) {
-            throw InvalidArgument(
-                "Shot ${unfit + 1}: the torch's light needs a dark frame, the same photo with the torch off, " +
-                    "and no white frame.",
-                "Give the photo with the torch off as the dark frame, and leave the white frame out.",
-            )
-        }
+        checkTorch(capture.shots)
         capture.shots.forEachIndexed { j, shot -> done += measure(shot, j) }
         agree(done)
         return MeasuredCapture(done, capture.chart, capture.whiteReflectance)
@@ -125,6 +116,20 @@ internal class Measuring(private val capture: Capture, private val tell: Tell) {
                 throw InvalidArgument(
                     "a white card's reflectance was given, but no white frame.",
                     "Give the white frame, or leave it out.",
+                )
+            }
+        }
+
+        /** Checks that a shot by the torch has a photo with the torch off, which is subtracted, and no white frame. */
+        private fun checkTorch(shots: List<Shot>) {
+            val unfit = shots.indexOfFirst {
+                it.lamp.name == Lamp.TORCH && (it.dark == null || it.white != null)
+            }
+            if (unfit >= 0) {
+                throw InvalidArgument(
+                    "Shot ${unfit + 1}: the torch's light needs a dark frame, the same photo with the torch off, " +
+                        "and no white frame.",
+                    "Give the photo with the torch off as the dark frame, and leave the white frame out.",
                 )
             }
         }

@@ -101,7 +101,11 @@ class SampleActivity : ComponentActivity() {
                 val found = calibrate(all)
                 shots.clear()
                 val doubtful = found is Calibrated && found.verdict.outcome == Status.DOUBTFUL
-                if (doubtful && all.size < MOST_SHOTS) shots += all
+                if (doubtful && all.size < MOST_SHOTS) {
+                    shots += all
+                } else {
+                    for (number in 1..all.size) File(cacheDir, "chart-$number.dng").delete()
+                }
                 words(found)
             } catch (error: CalibrationException) { // no photo, or no ONNX Runtime
                 "${error.message} ${error.advice}"
