@@ -37,14 +37,14 @@ def install(session: nox.Session, *what: str) -> None:
 def quick(session: nox.Session) -> None:
     """The README's tests."""
     install(session, "-e", ".[test]")
-    session.run("python", "-m", "pytest", "-q", *session.posargs)
+    session.run("python", "-m", "pytest", "-q", "-W", "error", *session.posargs)
 
 
 @nox.session(python=PYTHONS)
 def tests(session: nox.Session) -> None:
     """Every test."""
     install(session)
-    session.run("python", "-m", "pytest", "-m", "full or not full", *session.posargs)
+    session.run("python", "-m", "pytest", "-W", "error", "-m", "full or not full", *session.posargs)
 
 
 @nox.session
@@ -57,9 +57,10 @@ def lint(session: nox.Session) -> None:
 
 @nox.session
 def types(session: nox.Session) -> None:
-    """mypy, strict, over camssf, camssf_onnx and golden."""
+    """mypy, strict, over the packages, golden and tools; import-linter's contracts."""
     install(session)
     session.run("mypy", *session.posargs)
+    session.run("lint-imports")
 
 
 @nox.session

@@ -26,7 +26,7 @@ cores = sorted({pool["architecture"] for pool in threadpool_info() if pool["inte
 print(json.dumps({"openblas": cores, "numpy": [name for name in names if has[name]]}))
 """
 COMMANDS = {
-    "tests": ["-m", "pytest", "-q", "-n", "0", "-p", "no:cacheprovider", "-m", "numerical and not full"],
+    "tests": ["-m", "pytest", "-q", "-n0", "-Werror", "-p", "no:cacheprovider", "-m", "numerical and not full"],
     "golden": ["-m", "golden.generate", "--check"],
     "models": ["-m", "camssf_onnx", "check"],
 }

@@ -14,14 +14,16 @@ from benchmarks.shared import chart
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.photo.read.colour_matrix import ColourMatrix
 from camssf.recovery.basis import Basis
-from camssf.recovery.elastic_net import ElasticNet as Convex
-from camssf.recovery.layers import DEPTH, LAYERS
-from camssf.recovery.linear_model import LinearModel, anchor, linear_model
+from camssf.recovery.hypotheses import LampGuess, UnweighedHypothesis, choose
+from camssf.recovery.layers import DEPTH, splitting
 from camssf.recovery.observation import Observation
 from camssf.recovery.onnx_model import onnx_runtime
-from camssf.recovery.pivoting import finish_steps, pivot_to_optimum
+from camssf.recovery.pivoting import pivot_to_optimum
+from camssf.recovery.rows import anchor
+from camssf.recovery.sensitivity import Ssf
 from camssf.spectra import read_lamp
-from camssf.spectra.surfaces import observer
+from camssf.spectra.bundled import observer
+from golden.linear_model import LinearModel, linear_model, whitened_problem
 
 Long: TypeAlias = NDArray[np.longdouble]
 
@@ -227,17 +229,11 @@ def gaps(A: Floats | Long, b: Floats | Long, x: Floats, problem: Problem) -> Flo
     return np.array([relative_gap(*each, problem.l2, problem.gamma, problem.nonnegative) for each in given])
 
 
-def convex(linear: LinearModel, problem: Problem) -> list[Convex]:
-    """The convex problems of a call, as the reference's layers take them."""
-    return [
-        Convex(A, b, problem.l2, problem.gamma, problem.nonnegative) for A, b in zip(*whiten(linear), strict=True)
-    ]
-
-
-def forced(each: Convex) -> Floats:
-    """The exact code: the finish from the layers' answer, whether their own proof asks for it or not."""
-    z = LAYERS["splitting"](each).unroll(DEPTH)
-    return pivot_to_optimum(each, z, finish_steps(z.size))[0]
+def forced(linear: LinearModel, problem: Problem) -> Floats:
+    """(p, r) exact codes: the walk from the layers' answer, whether their own proof asks for it or not."""
+    convex, _ = whitened_problem(linear, problem.l2, problem.penalties(linear), problem.nonnegative)
+    z = splitting(convex).unroll(DEPTH)
+    return np.asarray(pivot_to_optimum(convex, z, np.full((len(z), 1, 1), np.inf))[0][..., 0])
 
 
 def curves(basis: Basis, code: Floats) -> Floats:
@@ -276,3 +272,14 @@ def makers_matrices(curves: Floats, seed: int, off: float = MATRIX_ERROR) -> tup
         to_raw = np.linalg.lstsq(reflected @ observer("1931"), reflected @ curves, rcond=None)[0].T
         found.append(ColourMatrix(light, tuple((error @ to_raw).ravel().tolist())))
     return tuple(found)
+
+
+def chosen_basis(observation: Observation, answers: Sequence[Ssf], beliefs: Floats) -> Ssf:
+    """The mixture of answers to one observation by their evidences and beliefs, ln of the bases' prior odds."""
+    guess = LampGuess((), observation, 0.0)
+    hypotheses = [
+        UnweighedHypothesis(guess, answer.basis, answer.prior_scale, float(belief))
+        for answer, belief in zip(answers, beliefs, strict=True)
+    ]
+    nats = np.array([np.nan if answer.log_evidence is None else answer.log_evidence for answer in answers])
+    return choose(hypotheses, nats, lambda kept: [answers[i] for i in kept])

@@ -55,7 +55,7 @@ def standing_in(*others: Basis) -> Iterator[None]:
 @cache
 def cameras() -> tuple[dict[str, Floats], str]:
     """Measured cameras, name → (681, 3), and a sentence that says which."""
-    from camssf.learning.training import read_curves
+    from camssf_lab.learning.training import read_curves
 
     return {name: interpolate(curve) for name, curve in read_curves(CURVES).items()}, "52 measured cameras"
 

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from camssf.recovery.linear_model import LinearModel
 from golden.forms import Json
+from golden.linear_model import LinearModel
 
 
 def words(text: str) -> frozenset[str]:

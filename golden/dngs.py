@@ -23,9 +23,9 @@ NONE, JPEG, DEFLATE = 1, 7, 8
 """TIFF's numbers of the compressions that this writer supports."""
 
 
-def opcode(number: int, data: bytes) -> bytes:
-    """One opcode of DNG 1.3, optional."""
-    return struct.pack(">4I", number, 0x01030000, 1, len(data)) + data
+def opcode(number: int, data: bytes, *, required: bool = False) -> bytes:
+    """One opcode of DNG 1.3, optional unless `required`."""
+    return struct.pack(">4I", number, 0x01030000, not required, len(data)) + data
 
 
 def opcode_list(*opcodes: bytes) -> tuple[int, bytes]:

@@ -76,7 +76,7 @@ def modes(names: list[str | None]) -> Floats:
 
 def camera(name: str) -> Floats:
     """(681, 3) curves, linear between the 5-nm nodes."""
-    return interpolate(np.array(spectra("cameras")["values"][name], float))
+    return np.asarray(interpolate(np.array(spectra("cameras")["values"][name], float)))
 
 
 def resolve(value: Any) -> Any:

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from camssf.grid import Floats
-from camssf.recovery.linear_model import LinearModel
 from golden.contract import words
 from golden.forms import Json
+from golden.linear_model import LinearModel
 
 PROBLEM = words("matrix target covariance l2 gamma nonnegative")
 """Inputs of a convex problem."""

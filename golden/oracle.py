@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from camssf.grid import STEP, Floats
 from camssf.recovery.basis import Basis
-from camssf.recovery.linear_model import LinearModel, anchor
+from camssf.recovery.rows import anchor
 from golden.compare import optimality
 from golden.forms import Json
+from golden.linear_model import LinearModel
 
 ENOUGH = 1e-13
 """Relative duality gap at which polishing stops; for λ₂ > 0, where the gap is of second order, its square is used."""

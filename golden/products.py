@@ -18,7 +18,6 @@ from camssf.photo.patches import FrameMeans, PatchMeans
 from camssf.photo.read.colour_matrix import ColourMatrix
 from camssf.photo.read.dng import Mosaic, read_dng
 from camssf.recovery.basis import Basis, gaussian_basis, read_basis, widened
-from camssf.recovery.linear_model import LinearModel, linear_model
 from camssf.recovery.observation import Observation
 from camssf.recovery.onnx_model import Model
 from camssf.spectra import ChartTable, Lamp, read_chart
@@ -27,6 +26,7 @@ from camssf.spectra.layouts import LAYOUTS
 from golden.compare import optimality
 from golden.contract import words
 from golden.forms import Json, dng, resolve
+from golden.linear_model import LinearModel, linear_model
 
 ROWS = words("basis reflectance chart_tolerance white_reflectance white_tolerance lamp lamp_tolerance lamp_modes")
 CALL = ROWS | words("chart white dark standard_error l2 gamma nonnegative")
@@ -80,9 +80,9 @@ def model_inputs(model: Model, given: dict[str, Any]) -> dict[str, Floats]:
     k, n, _ = np.shape(given["chart"])
     none = {"lamp_modes": np.zeros((k, 1, WAVELENGTHS.size)), "gain_modes": np.zeros((k, 1, n)), "gain_own": 0.0}
     none |= {"prior_scale": prior_scale(given), "explain": 1.0}
-    told = none | {name: value for name, value in given.items() if np.size(value)}
-    names = (each.name for each in model.session.get_inputs())
-    return {name: np.asarray(told[name], float) for name in names if name != "solve"}
+    arguments = none | {name: value for name, value in given.items() if np.size(value)}
+    names = {each.name for each in model.session.get_inputs()} - {"solve", *model.arrays}
+    return {name: np.asarray(arguments[name], float) for name in sorted(names)}
 
 
 def objective_of(given: dict[str, Any], rows: LinearModel, code: Floats) -> Floats:
@@ -107,19 +107,22 @@ def build_capture(given: dict[str, Any], engine: str) -> tuple[Capture, Options]
     )  # fmt: skip
     photo = Photo(
         name="golden", width=600, height=400, orientation=1, exposure=None, iso=None, gain_map=False,
-        make=given.get("make", "golden"), model=given.get("model", "golden"), sha256="",
+        make=given.get("make", "golden"), model=given.get("model", "golden"), sha256="0" * 64,
     )  # fmt: skip
+    charts, whites, darks = (
+        [replace(photo, sha256=f"{number}{j:063}") for j in range(len(given["shots"]))] for number in (1, 2, 3)
+    )
     unnamed = dict.fromkeys(given.get("unnamed", ()), AUTO) | dict.fromkeys(given.get("torch", ()), TORCH)
     matrices = given.get("colour_matrices") or [[] for _ in given["shots"]]
     shots = tuple(
         MeasuredShot(
             lamp=unnamed_light(unnamed[j]) if j in unnamed else build_lamp(values, tolerance, modes),
             photo=replace(
-                photo,
+                charts[j - 1],
                 colour_matrices=tuple(ColourMatrix(each["light"], tuple(each["values"])) for each in matrices[j - 1]),
             ),
-            white=photo if shot["white"] else None,
-            dark=photo if shot["dark"] else None,
+            white=whites[j - 1] if shot["white"] else None,
+            dark=darks[j - 1] if shot["dark"] else None,
             pose=pose,
             means=build_means(shot),
             thumbnail=None,
@@ -148,7 +151,8 @@ def build_table(values: Floats, tolerance: float, white: int) -> ChartTable:
     """The classic chart with these reflectances."""
     names = tuple(f"patch {i + 1}" for i in range(len(values)))
     return ChartTable(
-        name="classic24", table="golden", layout=LAYOUTS["classic24"], patches=names, values=values,
+        name="classic24", table="golden", layout=LAYOUTS["classic24"], patches=names,
+        wavelengths=WAVELENGTHS, reflectance=values,
         tolerance=np.full(len(values), tolerance), white=white, source="golden/spectra",
     )  # fmt: skip
 

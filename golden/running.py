@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from camssf.errors import CalibrationError
-from camssf.recovery.linear_model import LinearModel
 from golden.compare import METRICS
 from golden.contract import PLAIN, Call
 from golden.forms import GoldenError, Json, resolve
+from golden.linear_model import LinearModel
 from golden.reading import CAPABILITIES
 from golden.stages import STAGES
 

@@ -208,8 +208,8 @@ def faulty() -> Iterator[tuple[str, str, str, list[Json], str]]:
 def dimmed(shots: list[Json], light: Floats) -> list[Json]:
     """The same shots in uneven light, without white frames."""
     found = []
-    for each in shots:
-        dark = each["dark"]["mean"]
-        mean = np.round(dark + light[:, None] * (each["chart"]["mean"] - dark), 3)
-        found.append(each | {"white": None, "chart": each["chart"] | {"mean": mean}})
+    for shot in shots:
+        dark = shot["dark"]["mean"]
+        mean = np.round(dark + light[:, None] * (shot["chart"]["mean"] - dark), 3)
+        found.append(shot | {"white": None, "chart": shot["chart"] | {"mean": mean}})
     return found

@@ -51,7 +51,7 @@ def write_tables() -> dict[str, Json]:
 
 
 def _cameras(path: Path) -> Json:
-    from camssf.learning.training import read_curves
+    from camssf_lab.learning.training import read_curves
 
     curves = read_curves(path)
     return {

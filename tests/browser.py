@@ -66,7 +66,11 @@ class Browser:
             if message.get("id") == self._last:
                 assert "error" not in message, (method, message["error"])
                 return dict(message["result"])
-            self.events.append(message)
+            if message.get("method") == "Page.javascriptDialogOpening":  # "Leave the page?": yes
+                yes = {"id": 0, "method": "Page.handleJavaScriptDialog", "params": {"accept": True}}
+                os.write(self._to, json.dumps(yes | {"sessionId": message["sessionId"]}).encode() + b"\0")
+            if "method" in message:
+                self.events.append(message)
 
     def open(self, address: str) -> str:
         """A new tab; returns its target, for `Target.closeTarget`."""

@@ -6,6 +6,7 @@ Nobody writes to them: a test that changes a file copies it first.
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import pickle
 import shutil
@@ -16,9 +17,12 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, TypeVar
 
-from camssf import Calibration, Options, Shot, calibrate
-from camssf.simulation.frames import Simulation, simulate
-from camssf.simulation.scene import Scene
+from camssf import Options, Result, Shot, __version__, calibrate
+from camssf.documents.document import ADVICE, FORMAT, Document, document_bytes
+from camssf.documents.forms import HASH, from_plain
+from camssf.photo.capture import Capture
+from camssf_lab.simulation.frames import Simulation, simulate
+from camssf_lab.simulation.scene import Scene
 
 ROOT = Path(__file__).parents[1]
 SIZE = (900, 675)
@@ -41,10 +45,24 @@ def shot(lamp: str = "D55", camera: str = "Nikon 5100 (NPL)", seed: int = 3, **s
     return Shot(str(made.chart), lamp, white=str(made.white), dark=str(made.dark))
 
 
-def calibrated(lamp: str = "D55", camera: str = "Nikon 5100 (NPL)", seed: int = 3, **scene: Any) -> Calibration:
+def calibrated(lamp: str = "D55", camera: str = "Nikon 5100 (NPL)", seed: int = 3, **scene: Any) -> Result:
     """The calibration of `shot` on the basis `cameras`."""
     key = ("calibrated", lamp, camera, seed, sorted(scene.items()))
     return _kept(key, lambda _: calibrate(shot(lamp, camera, seed, **scene), options=Options(basis="cameras")))
+
+
+def document_of(capture: Capture) -> dict[str, Any]:
+    """What `camssf patches` prints, as parsed JSON that a test may change: without the hash of its content."""
+    document = json.loads(document_bytes(Document(format=FORMAT, version=__version__, capture=capture)))
+    del document[HASH]
+    return dict(document)
+
+
+def capture_in(document: dict[str, Any]) -> Capture:
+    """The capture of such a document."""
+    capture = from_plain(document, Document, "test.json", ADVICE).capture
+    assert capture is not None
+    return capture
 
 
 @cache

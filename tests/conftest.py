@@ -24,8 +24,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 typer.main.get_command = cache(typer.main.get_command)
 
 NUMERICAL = {
+    "test_arrays",
     "test_basis",
     "test_choice",
+    "test_dense_model",
     "test_direct",
     "test_engine",
     "test_evidence",
@@ -89,8 +91,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_sessionfinish(session: pytest.Session) -> object:
-    """A forbidden skip turns a passed run into a failed one; so does one of a whole file, at its import."""
+    """A forbidden skip turns a passed run into a failed one; so does one of a whole file, at its import.
+
+    The names of tests that warned go into the file that CAMSSF_WARNED names.
+    """
     reporter = session.config.pluginmanager.get_plugin("terminalreporter")
+    if reporter and "CAMSSF_WARNED" in os.environ:
+        warned = sorted({report.nodeid for report in reporter.stats.get("warnings", []) if report.nodeid})
+        Path(os.environ["CAMSSF_WARNED"]).write_text("".join(f"{name}\n" for name in warned), "utf-8")
     for report in reporter.stats.get("skipped", []) if reporter else []:
         reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
         if tools := forbidden(reason, required()):

@@ -1,24 +1,36 @@
-"""Result documents like those of a calibration, from tables and formulas: doubtful, refused, of an unnamed light."""
+"""Results like those of a calibration, from tables and formulas: doubtful, refused, of an unnamed light."""
 
 from __future__ import annotations
 
-import copy
+import json
+from dataclasses import replace
 from datetime import UTC, datetime
 from functools import cache
 from typing import Any
 
 import numpy as np
 
-from camssf.documents.excerpt import excerpt
-from camssf.documents.passport import Passport
+from camssf.documents.document import FORMAT, Answer, Curves, Truth, lower_triangle
+from camssf.documents.forms import to_plain
+from camssf.fit.scores import Scores
+from camssf.fit.solutions import Uncertainty, UncertaintySource
 from camssf.grid import WAVELENGTHS
+from camssf.photo.capture import Capture, MeasuredShot, Photo, UnfinishedShot
+from camssf.photo.find.pose import Pose
+from camssf.photo.patches import FrameMeans, PatchMeans
 from camssf.photo.read.unit import Unit
+from camssf.photo.signals import Assumption
+from camssf.recovery.sensitivity import EstimatedLamp, Hypothesis, Proof
 from camssf.report.provenance import Provenance, Signature
+from camssf.report.shots import shots_of
+from camssf.result import Result
 from camssf.rules import rules
-from camssf.spectra import read_camera, read_chart, read_lamp
-from camssf.spectra.surfaces import observer
+from camssf.spectra import Unnamed, read_camera, read_chart, read_lamp
+from camssf.spectra.bundled import observer
+from camssf.verdict.reasons import Check, Reason, Verdict
+from camssf_fleet.passport.document import Passport
+from camssf_fleet.passport.excerpt import excerpt_of
 
-Document = dict[str, Any]
 WIDTH, HEIGHT = 4032, 3024
 CHANNELS = ("red", "green", "blue")
 
@@ -29,15 +41,6 @@ def spectra() -> tuple[np.ndarray, np.ndarray, list[str], dict[str, np.ndarray],
     chart = read_chart("classic24")
     lamps = {name: read_lamp(name).values for name in ("D55", "A", "D65")}
     return read_camera("Nikon D850").values, chart.values, list(chart.patches), lamps, observer("1931")
-
-
-def curves(values: np.ndarray) -> Document:
-    return {"wavelength_nm": WAVELENGTHS.tolist()} | {c: values[:, i].tolist() for i, c in enumerate(CHANNELS)}
-
-
-def srgb(linear: np.ndarray) -> np.ndarray:
-    linear = np.clip(linear, 0, 1)
-    return np.clip(np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055), 0, 1)
 
 
 def quadrangles() -> tuple[np.ndarray, np.ndarray]:
@@ -56,19 +59,36 @@ def quadrangles() -> tuple[np.ndarray, np.ndarray]:
     return project(outer), project(flat)
 
 
+def frame(mean: np.ndarray, error: np.ndarray, *, clipped: bool = False) -> FrameMeans:
+    """Statistics of a frame (24, 3); of the chart's own, the white patch is a little clipped."""
+    still = np.zeros_like(mean)
+    share, dead, gradient = still.copy(), still.copy(), still.copy()
+    if clipped:
+        share[18, 1], dead[:] = 0.012, (0.0004, 0.0, 0.0011)
+        gradient = 0.01 * np.sin(np.arange(24.0)[:, None] + np.arange(3.0))
+    count = np.full(mean.shape, 900, dtype=np.int64)
+    return FrameMeans(mean, error, count, share, dead, gradient, mean[:, [1, 1]])
+
+
+def photo(name: str, sha256: str) -> Photo:
+    return Photo(
+        name=name, width=WIDTH, height=HEIGHT, orientation=6, exposure=0.008, iso=100.0, gain_map=True,
+        make="NIKON CORPORATION", model="NIKON D850", sha256=sha256,
+    )  # fmt: skip
+
+
 @cache
-def _document(lamps: tuple[str, ...]) -> Document:
-    truth, reflectance, names, powers, cie = spectra()
+def _document(lamps: tuple[str, ...]) -> Result:
+    truth, reflectance, _, powers, _ = spectra()
     u = (WAVELENGTHS - 380) / 340
     wobble = 1 + 0.05 * np.cos(np.outer(u, [9, 13, 11]) * np.pi) + 0.02 * np.sin(np.outer(u, [23, 19, 29]))
     found = truth * wobble + 0.006 * np.cos(np.outer(u, [31, 37, 41])) ** 2
     found /= found.max(axis=0)
     std = 0.008 + 0.035 * np.sqrt(found) * (0.6 + np.abs(np.outer(u - 0.5, [1, 1, 1])))
-    to_rgb = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.204, 1.057]])
-    day = powers["D65"][:, None] * cie
-    linear = reflectance @ day / day[:, 1].sum() @ to_rgb.T
     corners, patches = quadrangles()
-    shots, squares = [], []
+    notes = ("Two charts are in view; the one with the better agreement was taken.",)
+    pose = Pose("classic24", corners, patches, 1, "detected", 0.987, notes)
+    shots, squares, predictions, unseens = [], [], [], []
     for j, lamp in enumerate(lamps):
         light = powers[lamp][:, None]
         signal = reflectance @ (light * truth) / (light * truth).sum(axis=0)
@@ -76,135 +96,91 @@ def _document(lamps: tuple[str, ...]) -> Document:
         predicted = reflectance @ (light * found) / (light * found).sum(axis=0)
         unseen = predicted * (1 + 0.006 * np.cos(np.arange(72).reshape(24, 3) * 1.7))
         squares.append(((unseen - signal) / signal) ** 2)
-        display = np.linalg.lstsq(signal, linear, rcond=None)[0]
-        white = np.array([11800.0, 14200.0, 9100.0])
-        entries = [
-            {
-                "name": name,
-                "used": i != 18,
-                "reflectance_srgb": srgb(linear[i]).tolist(),
-                "measured_srgb": srgb(signal[i] @ display).tolist(),
-                "synthetic_srgb": srgb(unseen[i] @ display).tolist(),
-                "signal": signal[i].tolist(),
-                "predicted": predicted[i].tolist(),
-                "unseen": None if i == 18 else unseen[i].tolist(),
-                "standard_error": (0.0004 + 0.004 * signal[i]).tolist(),
-                "clipped": [0.0, 0.012 if i == 18 else 0.0, 0.0],
-                "dead": [0.0004, 0.0, 0.0011],
-                "gradient": (0.01 * np.sin([i, i + 1, i + 2])).tolist(),
-                "chart": (512 + signal[i] * white).tolist(),
-                "white": (512 + white).tolist(),
-                "dark": [512.0, 512.25, 511.5],
-            }
-            for i, name in enumerate(names)
-        ]
+        predictions.append(predicted)
+        unseens.append(np.where(np.arange(24)[:, None] == 18, np.nan, unseen))
+        dark = np.tile([512.0, 512.25, 511.5] if j == 0 else [512.0] * 3, (24, 1))
+        white = np.tile([12312.0, 14712.0, 9612.0], (24, 1))
+        b, still = white - dark, np.zeros((24, 3))
+        means = PatchMeans(
+            frame(dark + b * signal, b * (0.0004 + 0.004 * signal), clipped=True), frame(white, still),
+            frame(dark, still) if j == 0 else None, np.full(3, 512.0), 15520.0,
+        )  # fmt: skip
         shots.append(
-            {
-                "lamp": {
-                    "name": lamp,
-                    "tolerance": 0.02,
-                    "source": f"CIE illuminant {lamp}, colour-science.",
-                    "power": (powers[lamp] / powers[lamp].mean()).tolist(),
-                },
-                "white_reference": "white frame",
-                "dark_reference": "dark frame" if j == 0 else "black level",
-                "photo": {
-                    "name": f"IMG_20261103_1204{j}.dng",
-                    "width": WIDTH,
-                    "height": HEIGHT,
-                    "orientation": 6,
-                    "exposure": 0.008,
-                    "iso": 100.0,
-                    "gain_map": True,
-                    "sha256": f"{j}a" * 32,
-                    "camera": "NIKON CORPORATION NIKON D850",
-                },
-                "white": {"name": f"white_{j}.dng", "sha256": f"{j}b" * 32},
-                "dark": {"name": "dark_0.dng", "sha256": "0c" * 32} if j == 0 else None,
-                "pose": {
-                    "layout": "classic24",
-                    "corners": corners.tolist(),
-                    "patches": patches.tolist(),
-                    "quarter_turns": 1,
-                    "method": "detected",
-                    "score": 0.987,
-                    "notes": ["Two charts are in view; the one with the better agreement was taken."],
-                },
-                "saturation": 15520.0,
-                "patches": entries,
-            }
+            MeasuredShot(
+                replace(read_lamp(lamp), source=f"CIE illuminant {lamp}, colour-science."),
+                photo(f"IMG_20261103_1204{j}.dng", f"{j}a" * 32),
+                photo(f"white_{j}.dng", f"{j}b" * 32),
+                photo("dark_0.dng", "0c" * 32) if j == 0 else None,
+                pose,
+                means,
+            )
         )
+    chart = replace(read_chart("classic24"), source="Mean of 30 charts measured by BabelColor, from colour-science.")
     seen = (WAVELENGTHS >= 400) & (WAVELENGTHS <= 700)
-    files = {s[k]["name"]: s[k]["sha256"] for s in shots for k in ("photo", "white", "dark") if s[k]}
-    return {
-        "format": "camssf-result/1",
-        "generator": {"name": "camssf", "version": "0.1.0"},
-        "camera": {"make": "NIKON CORPORATION", "model": "NIKON D850"},
-        "chart": {
-            "name": "classic24",
-            "table": "BabelColor Average",
-            "layout": "classic24",
-            "source": "Mean of 30 charts measured by BabelColor, from colour-science.",
-        },
-        "basis": "cameras",
-        "engine": "onnx",
-        "ssf": curves(found),
-        "ssf_std": curves(std),
-        "channel_gain": [0.8310, 1.0, 0.6408],
-        "code_covariance": covariance()[np.tril_indices(72)].tolist(),
-        "gap": [3.1e-18, 3.1e-18, 3.1e-18],
-        "layers_gap": [4.2e-18],
-        "finish_steps": [0],
-        "evidence": 212.375,
-        "prior_scale": 1.0,
-        "choice": [
-            {"basis": "phones", "log_evidence": 205.5, "probability": 0.02},
-            {"basis": "cameras", "log_evidence": 212.375, "probability": 0.9797},
-            {"basis": "ryyb", "log_evidence": 202.5, "probability": 0.0003},
-        ],
-        "gamma": [0.05, 0.05, 0.05],
-        "l2": 1.0,
-        "shots": shots,
-        "scores": {
-            "rmsre_percent": (100 * np.sqrt(np.mean(squares, axis=(0, 1)))).tolist(),
-            "rmse": np.sqrt(np.mean((found - truth)[seen] ** 2, axis=0)).tolist(),
-            "delta_e00": 0.93,
-            "unseen": "leave one out: each patch predicted by a fit to the others",
-        },
-        "truth": {"name": "Nikon D850, measured", "ssf": curves(truth)},
-        "verdict": {
-            "status": "doubtful",
-            "reasons": [
-                {
-                    "code": "overexposed",
-                    "message": "IMG_20261103_12040.dng: 1.2 % of the green samples of the white patch are clipped.",
-                    "advice": "Halve the exposure time and take the photo again.",
-                    "value": 0.012,
-                    "threshold": 0.01,
-                }
-            ],
-            "checks": checks(len(lamps)),
-        },
-        "uncertainty": {
-            "half_width": 0.036,
-            "alone": [0.05, 0.06][: len(lamps)] if len(lamps) > 1 else [],
-            "budget": [
-                {"source": "noise", "size": "standard errors, median 0.10%", "share": [0.08, 0.06, 0.11]},
-                {"source": "chart", "size": "3.0% a patch, smooth over 100 nm", "share": [0.41, 0.38, 0.3]},
-                {"source": "white", "size": "1.0%, smooth over 100 nm", "share": [0.01, 0.01, 0.02]},
-                {"source": "lamp", "size": "2.0%, smooth over 60 nm", "share": [0.1, 0.15, 0.17]},
-                {"source": "unseen", "size": "what no patch has seen", "share": [0.4, 0.4, 0.4]},
-            ],
-        },
-        "assumptions": [
-            {"code": "lens_shading", "message": "The lens-shading map was not applied; the white frame does it."},
-            {"code": "chart_tolerance", "message": "The chart's table was taken to be right to 3 %."},
-        ],
-        "hashes": {"inputs": files, "model": "0d" * 32},
-    }
+    used = tuple(tuple(i != 18 for i in range(24)) for _ in lamps)
+    budget = (
+        UncertaintySource("noise", "standard errors, median 0.10%", np.array([0.08, 0.06, 0.11])),
+        UncertaintySource("chart", "3.0% a patch, smooth over 100 nm", np.array([0.41, 0.38, 0.3])),
+        UncertaintySource("white", "1.0%, smooth over 100 nm", np.array([0.01, 0.01, 0.02])),
+        UncertaintySource("lamp", "2.0%, smooth over 60 nm", np.array([0.1, 0.15, 0.17])),
+        UncertaintySource("unseen", "what no patch has seen", np.array([0.4, 0.4, 0.4])),
+    )
+    answer = Answer(
+        basis="cameras",
+        engine="onnx",
+        model="0d" * 32,
+        curves=Curves.of(found),
+        std=Curves.of(std),
+        channel_gain=np.array([0.8310, 1.0, 0.6408]),
+        code_covariance=lower_triangle(covariance()),
+        evidence=212.375,
+        choice=(
+            Hypothesis("phones", 205.5, 0.02),
+            Hypothesis("cameras", 212.375, 0.9797),
+            Hypothesis("ryyb", 202.5, 0.0003),
+        ),
+        gamma=np.full(3, 0.05),
+        l2=1.0,
+        proof=Proof(np.full(3, 3.1e-18), np.array([4.2e-18]), np.array([0])),
+        used=used,
+        level=np.ones((len(lamps), 24)),
+        predicted=np.stack(predictions),
+        unseen=np.stack(unseens),
+        scores=Scores(
+            rmsre_percent=100 * np.sqrt(np.mean(squares, axis=(0, 1))),
+            unseen="leave one out: each patch predicted by a fit to the others",
+            rmse=np.sqrt(np.mean((found - truth)[seen] ** 2, axis=0)),
+            delta_e00=0.93,
+        ),
+        uncertainty=Uncertainty(
+            half_width=0.036,
+            half_width_without_photo=None,
+            alone=(0.05, 0.06)[: len(lamps)] if len(lamps) > 1 else (),
+            budget=budget,
+        ),
+    )
+    clipped = Reason(
+        "overexposed",
+        "IMG_20261103_12040.dng: 1.2 % of the green samples of the white patch are clipped.",
+        "Halve the exposure time and take the photo again.",
+        0.012,
+        0.01,
+    )
+    return Result(
+        format=FORMAT,
+        version="0.1.0",
+        capture=Capture(tuple(shots), chart),
+        answer=answer,
+        verdict=Verdict("doubtful", (clipped,), tuple(checks(len(lamps)))),
+        assumptions=(
+            Assumption("lens_shading", "The lens-shading map was not applied; the white frame does it."),
+            Assumption("chart_tolerance", "The chart's table was taken to be right to 3 %."),
+        ),
+        truth=Truth("Nikon D850, measured", Curves.of(truth)),
+    )
 
 
-def checks(shots: int, *, unnamed: bool = False) -> list[Document]:
+def checks(shots: int, *, unnamed: bool = False) -> list[Check]:
     """One number of each limit of the rules, all held but the clipped patch's: as many as a verdict can weigh."""
     variants = (
         "unusual_",
@@ -214,26 +190,28 @@ def checks(shots: int, *, unnamed: bool = False) -> list[Document]:
     )  # other limits of a check
     variants += ("chart_fading",)  # weighed for a camera of no family alone
     variants += () if unnamed else ("unnamed", "band_ratio")
-    bounds = {name.partition(".")[2]: each for name, each in rules().numbers.items() if each.makes == "doubtful"}
+    bounds = {
+        name.partition(".")[2]: number for name, number in rules().numbers.items() if number.makes == "doubtful"
+    }
     bounds = {name: each for name, each in bounds.items() if not name.startswith(variants)}
     found = []
     for name, bound in bounds.items():
         above = bound.beyond == "above"
         whole = name in (
             "goodness_of_fit", "improbable_curves", "lamp_residual", "chart_fading", "other_makers", "unnamed",
-            "band_ratio", "vague", "rival",
+            "band_ratio", "band_too_wide", "rival",
         )  # fmt: skip
         for shot in [None] if whole else range(1, shots + 1):
             inside = bound.value * (0.31 if above else 1.23)
             found.append(
-                {
-                    "name": name,
-                    "shot": shot,
-                    "value": bound.value * 1.2 if (name, shot) == ("dirty", 1) else inside,
-                    "limit": bound.value,
-                    "refuses": rules().number(f"verdict.{bound.refuses}") if bound.refuses else None,
-                    "beyond": bound.beyond,
-                }
+                Check(
+                    name=name,
+                    shot=shot,
+                    value=bound.value * 1.2 if (name, shot) == ("dirty", 1) else inside,
+                    limit=bound.value,
+                    refuses=rules().number(f"verdict.{bound.refuses}") if bound.refuses else None,
+                    beyond=bound.beyond or "above",
+                )
             )
     return found
 
@@ -244,70 +222,87 @@ def covariance() -> np.ndarray:
     return np.asarray(0.03 * root @ root.T + 0.2 * np.eye(72))
 
 
-def document(*lamps: str) -> Document:
-    return copy.deepcopy(_document(lamps or ("D55",)))
+def document(*lamps: str) -> Result:
+    return _document(lamps or ("D55",))
 
 
-def refused(*, shots: bool = False) -> Document:
+def changed(part: Any, **values: Any) -> Any:
+    """A copy of a part with other values at places such as `capture__shots__0__photo__iso`; `all` is each entry."""
+    for place, value in values.items():
+        head, _, rest = place.partition("__")
+        if isinstance(part, tuple):
+            rows = range(len(part)) if head == "all" else (int(head),)
+            part = tuple(
+                entry if i not in rows else changed(entry, **{rest: value}) if rest else value
+                for i, entry in enumerate(part)
+            )
+        else:
+            part = replace(part, **{head: changed(getattr(part, head), **{rest: value}) if rest else value})
+    return part
+
+
+NOT_FOUND = Reason(
+    "chart_not_found",
+    "chart.dng: no ColorChecker lies in the photo.",
+    "Fill a quarter of the frame with the chart, or give its corners with --corners.",
+)
+
+
+def refused(*, shots: bool = False) -> Result:
+    """Without an answer; with `shots` all photos were measured, and the verdict refused."""
     made = document()
-    for key in (
-        *("ssf", "ssf_std", "code_covariance", "channel_gain", "gap", "layers_gap", "finish_steps", "evidence"),
-        *("gamma", "l2", "scores", "truth", "prior_scale", "choice", "uncertainty"),
-    ):
-        del made[key]
-    for patch in made["shots"][0]["patches"]:
-        patch |= {"measured_srgb": None, "synthetic_srgb": None, "predicted": None, "unseen": None}
-    made["shots"] = made["shots"] if shots else []
-    made["verdict"] = {
-        **({"checks": made["verdict"]["checks"]} if shots else {}),
-        "status": "refused",
-        "reasons": [
-            {
-                "code": "chart_not_found",
-                "message": "chart.dng: no ColorChecker lies in the photo.",
-                "advice": "Fill a quarter of the frame with the chart, or give its corners with --corners.",
-                "value": None,
-                "threshold": None,
-            }
-        ],
-    }
-    return made
+    assert made.capture is not None
+    capture = made.capture if shots else replace(made.capture, shots=())
+    verdict = Verdict("refused", (NOT_FOUND,), made.verdict.checks if shots else ())
+    return replace(made, answer=None, truth=None, capture=capture, verdict=verdict)
 
 
-def unplaced() -> Document:
+def unplaced() -> Result:
     """A refusal that found no chart, and so has nothing but the photo."""
     made = refused(shots=True)
-    made["shots"][0] |= {"pose": None, "patches": []}
-    del made["verdict"]["checks"]
-    return made
+    assert made.capture is not None
+    (shot,) = made.capture.shots
+    last = UnfinishedShot(shot.lamp, shot.photo, shot.means.black, shot.means.saturation)
+    return replace(
+        made, capture=replace(made.capture, shots=(), unfinished=last), verdict=Verdict("refused", (NOT_FOUND,))
+    )
 
 
-def unnamed() -> Document:
+def unnamed() -> Result:
     """Of an unnamed light."""
     made = document()
-    made["verdict"]["checks"] = checks(1, unnamed=True)
-    power = np.array(made["shots"][0]["lamp"].pop("power"))
-    made["shots"][0]["lamp"] |= {"name": "auto", "tolerance": None, "source": "Nobody named the light."}
-    made["shots"][0]["light"] = {
-        "kinds": {"daylight": 0.93, "white-led": 0.04, "fluorescent": 0.03, "bulb": 0.0},
-        "wavelength_nm": WAVELENGTHS.tolist(),
-        "power": power.tolist(),
-        "std": (0.6 * np.exp(-(((WAVELENGTHS - 400) / 60) ** 2)) + 0.05).tolist(),
-        "kelvin": 5480.0,
-        "kelvin_std": 210.0,
-    }
-    made["choice"] = [
-        each | {"kinds": [kind], "probability": each["probability"] * share}
-        for each in made["choice"]
-        for kind, share in made["shots"][0]["light"]["kinds"].items()
-    ]
-    return made
+    assert made.capture is not None
+    assert made.answer is not None
+    (shot,) = made.capture.shots
+    light = EstimatedLamp(
+        kinds={"daylight": 0.93, "white-led": 0.04, "fluorescent": 0.03, "bulb": 0.0},
+        power=shot.lamp.values / shot.lamp.values.mean(),
+        std=0.6 * np.exp(-(((WAVELENGTHS - 400) / 60) ** 2)) + 0.05,
+        kelvin=5480.0,
+        kelvin_std=210.0,
+    )
+    choice = tuple(
+        replace(each, kinds=(kind,), probability=each.probability * share)
+        for each in made.answer.choice
+        for kind, share in light.kinds.items()
+    )
+    return replace(
+        made,
+        capture=replace(made.capture, shots=(replace(shot, lamp=Unnamed()),)),
+        answer=replace(made.answer, choice=choice, lights=(light,)),
+        verdict=replace(made.verdict, checks=tuple(checks(1, unnamed=True))),
+    )
+
+
+def text_of(made: Result) -> str:
+    """The document as JSON without the hash of its content, so that a test may change it."""
+    return json.dumps(to_plain(made))
 
 
 UNIT = Unit("NIKON CORPORATION", "NIKON D850", serial="6001234", lens="AF-S 50mm f/1.8G", aperture=5.6)
 
 
-def passport(made: Document) -> Passport:
+def passport(made: Result) -> Passport:
     return Passport(
         id="0123456789abcdef" * 2,
         issued=datetime(2026, 11, 22, 9, 30, tzinfo=UTC),
@@ -316,21 +311,16 @@ def passport(made: Document) -> Passport:
         unit=UNIT,
         captured="2026-11-03T12:04:00+01:00",
         chart_serial="CC-77",
-        lamp_serials=("L-1",) * len(made["shots"]),
+        lamp_serials=("L-1",) * len(made.capture.photos),
         software="0.1.0",
         result_sha256="5e" * 32,
-        result=excerpt(made),
+        result=excerpt_of(made),
     )
 
 
-def known(made: Document, *, verified: bool = True) -> Provenance:
-    """A signed result, beside another one of the same unit."""
-    other = document("A")
-    other["channel_gain"] = [0.84, 1.0, 0.65]
-    nudged = 0.98 * np.array(other["ssf"]["green"]) + 0.02 * np.roll(other["ssf"]["green"], 20)
-    other["ssf"]["green"] = (nudged / nudged.max()).tolist()
-    signature = Signature(passport(made), "K" * 43, verified)
-    return Provenance(unit=Unit(focal_length=50.0), signature=signature, other=other, other_name="2025/result.json")
+def known(made: Result, *, verified: bool = True) -> Provenance:
+    """A signed result."""
+    return Provenance(unit=Unit(focal_length=50.0), signature=Signature(passport(made), "K" * 43, verified))
 
 
 @cache
@@ -345,8 +335,10 @@ def preview() -> bytes:
     corners, patches = quadrangles()
     rim = (corners - corners.mean(axis=0)) * 1.06 + corners.mean(axis=0)
     cv2.fillConvexPoly(image, np.round(rim / scale).astype(np.int32), (26, 25, 25), cv2.LINE_AA)
-    for patch, quad in zip(_document(("D55",))["shots"][0]["patches"], patches, strict=True):
-        bgr = tuple(255 * v for v in patch["reflectance_srgb"][::-1])
+    shown = shots_of(document())[0].patches
+    assert shown is not None
+    for colour, quad in zip(shown.reflectance_srgb, patches, strict=True):
+        bgr = tuple(255 * v for v in colour[::-1])
         cv2.fillConvexPoly(image, np.round(quad / scale).astype(np.int32), bgr, cv2.LINE_AA)
     sound, data = cv2.imencode(".jpg", np.clip(image * fall[..., None], 0, 255).astype(np.uint8))
     assert sound

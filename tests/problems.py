@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +11,14 @@ import pytest
 from numpy.typing import NDArray
 
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.recovery import Observation, Prediction, Ssf, explain, predict, recover
+from camssf.recovery import Observation, Prediction, Ssf, arrays, explain, predict, recover
+from camssf.recovery import duality_gap as gaps
 from camssf.recovery.basis import read_basis
-from camssf.recovery.linear_model import LinearModel, linear_model
+from camssf.recovery.elastic_net import ElasticNet
+from camssf.recovery.pivoting import pivot_to_optimum
 from camssf.recovery.sensitivity import SolverSettings
 from camssf.spectra import read_chart, read_lamp
+from golden.linear_model import LinearModel, linear_model
 
 CURVES = Path(__file__).parents[1] / "data" / "ssf" / "rawtoaces.csv"
 
@@ -54,8 +58,8 @@ def chart_and_lamp(lamp: str = "D55", patches: slice = slice(6, 18)) -> tuple[Fl
 
 def measured_cameras() -> dict[str, Floats]:
     """The 52 cameras on the grid; skips where the data is not there."""
-    from camssf.learning.training import read_curves
     from camssf.recovery.basis import interpolate
+    from camssf_lab.learning.training import read_curves
 
     return {name: interpolate(curves) for name, curves in read_curves(CURVES).items()}
 
@@ -89,15 +93,15 @@ def joint_sensing(
     true = np.stack([read_lamp(name).values for name in lamps])
     y = np.stack([theory(reflectance, lamp, toy_camera()) for lamp in true])
     error = np.hypot(0.005 * y, 0.001)
-    told, modes = true.copy(), np.zeros((len(lamps), 0, WAVELENGTHS.size))
+    stated, modes = true.copy(), np.zeros((len(lamps), 0, WAVELENGTHS.size))
     if kind is not None:
         family = read_lamp(kind)
-        told[-1], modes = family.values, np.zeros((len(lamps), len(family.modes), WAVELENGTHS.size))
+        stated[-1], modes = family.values, np.zeros((len(lamps), len(family.modes), WAVELENGTHS.size))
         modes[-1] = family.modes
     observation = Observation(
         y + error * np.random.default_rng(seed).normal(size=y.shape),
         reflectance,
-        told,
+        stated,
         standard_error=error,
         chart_tolerance=0.03,
         white_tolerance=0.01,
@@ -105,6 +109,25 @@ def joint_sensing(
         lamp_modes=modes,
     )
     return linear_model(observation, read_basis("cameras"))
+
+
+def whiten(A: Floats, b: Floats, sigma: Floats) -> tuple[Floats, Floats]:
+    """L⁻¹ A (N, r) and L⁻¹ b (N,) of one problem."""
+    rows, _ = arrays.whiten(sigma, np.column_stack([A, b]))
+    return rows[:, :-1], rows[:, -1]
+
+
+def walked(problem: ElasticNet, z: Floats) -> tuple[Floats, float]:
+    """The optimum (r,) of one problem by the walk from z, whatever the gap of z, and the number of pivots."""
+    column = replace(problem, b=problem.b[:, None])
+    x, _, taken = pivot_to_optimum(column, z[:, None], np.full((1, 1), np.inf))
+    return x[:, 0], float(taken[0, 0])
+
+
+def duality_gap(problem: ElasticNet, x: Floats) -> tuple[float, float]:
+    """Objective and relative duality gap of x (r,), of one problem."""
+    objective, gap = gaps.duality_gap(replace(problem, b=problem.b[:, None]), x[:, None])
+    return float(objective[0, 0]), float(gap[0, 0])
 
 
 def whiten_in_80_bits(A: NDArray[Any], b: NDArray[Any], sigma: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -126,8 +149,8 @@ def gamma_max(linear: LinearModel) -> Floats:
     return np.abs(pulls).max(axis=1)
 
 
-def told(*positional: Any, **named: Any) -> tuple[Observation, dict[str, Any]]:
-    """Evidence from the arguments that are its own, and the rest."""
+def observed(*positional: Any, **named: Any) -> tuple[Observation, dict[str, Any]]:
+    """Hypotheses from the arguments that are its own, and the rest."""
     fields = Observation.__dataclass_fields__
     observation = Observation(*positional, **{name: value for name, value in named.items() if name in fields})
     return observation, {name: value for name, value in named.items() if name not in fields}
@@ -135,7 +158,7 @@ def told(*positional: Any, **named: Any) -> tuple[Observation, dict[str, Any]]:
 
 def recovered(*positional: Any, **named: Any) -> Ssf:
     """`recover` of signals, reflectance, lamp and the rest by name."""
-    evidence, rest = told(*positional, **named)
+    evidence, rest = observed(*positional, **named)
     settings = SolverSettings(
         **{name: rest.pop(name) for name in SolverSettings.__dataclass_fields__ if name in rest}
     )
@@ -144,11 +167,11 @@ def recovered(*positional: Any, **named: Any) -> Ssf:
 
 def explained(*positional: Any, **named: Any) -> dict[str, Floats]:
     """`explain`, likewise."""
-    evidence, rest = told(*positional, **named)
+    evidence, rest = observed(*positional, **named)
     return explain(evidence, **rest)
 
 
 def predicted(ssf: Ssf, *positional: Any, **named: Any) -> Prediction:
     """`predict`, likewise."""
-    evidence, rest = told(*positional, **named)
+    evidence, rest = observed(*positional, **named)
     return predict(ssf, evidence, **rest)

@@ -10,10 +10,10 @@ from functools import cache
 
 import numpy as np
 
-from camssf.fleet.compare import NM
-from camssf.fleet.registry import Registry
-from camssf.fleet.rows import Row
 from camssf.grid import Floats
+from camssf_fleet.compare import NM
+from camssf_fleet.registry import Registry
+from camssf_fleet.rows import Row
 
 START = datetime(2026, 1, 1, tzinfo=UTC)
 PEAKS = np.array([600.0, 540.0, 460.0])

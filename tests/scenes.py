@@ -1,4 +1,4 @@
-"""Photos for the tests of chart, patches and signals: the renderer of `camssf.simulation.frames` as mosaics."""
+"""Photos for the tests of chart, patches and signals: the renderer of `camssf_lab.simulation.frames` as mosaics."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camssf.photo.read.dng import Mosaic
-from camssf.simulation.camera import Sensor
-from camssf.simulation.scene import Scene
-from camssf.simulation.shot import Frames, photograph
 from camssf.spectra import ChartTable, read_camera, read_chart, read_lamp
+from camssf_lab.simulation.camera import Sensor
+from camssf_lab.simulation.scene import Scene
+from camssf_lab.simulation.shot import Frames, photograph
 
 SIZE = (1600, 1200)
 

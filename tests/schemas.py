@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
 from typing import Any
 
 import pytest
 
 
-def check_schema(path: Path) -> None:
+def check_schema(schema: dict[str, Any]) -> None:
     """It is a sound schema, and each of its fields says what it is."""
     jsonschema = pytest.importorskip("jsonschema")
-    schema = json.loads(path.read_text("utf-8"))
     jsonschema.Draft202012Validator.check_schema(schema)
 
     def walk(node: Any, where: str) -> None:
@@ -21,4 +18,5 @@ def check_schema(path: Path) -> None:
                 assert each.get("description") or set(each) == {"const"}, f"{where}.{name}"
                 walk(each, f"{where}.{name}")
 
-    walk(schema, "")
+    for name, part in {"": schema, **schema["$defs"]}.items():
+        walk(part, name)

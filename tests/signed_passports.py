@@ -16,21 +16,26 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.asymmetric.utils import decode_dss_signature, encode_dss_signature
 from cryptography.hazmat.primitives.hashes import SHA256
 from documents import document
 
-from camssf.documents import revocations
-from camssf.documents.excerpt import excerpt
-from camssf.documents.jws import ORDER
-from camssf.documents.keys import key_name, unpadded
-from camssf.documents.passport import Passport, PassportRequest, create_passport, read, sign, verify
-from camssf.documents.result_json import document_bytes
+from camssf.documents import forms
+from camssf.documents.document import Curves, document_bytes
+from camssf.documents.excerpt import Excerpt
 from camssf.errors import PassportInvalid
 from camssf.files import write_file
 from camssf.photo.read.unit import Unit
+from camssf.result import Result
+from camssf.verdict.reasons import Reason, Verdict
+from camssf_fleet.passport import revocations
+from camssf_fleet.passport.document import Passport, PassportRequest, create_passport, read, sign, verify
+from camssf_fleet.passport.excerpt import excerpt_of
+from camssf_fleet.passport.jws import ORDER
+from camssf_fleet.passport.keys import key_name, unpadded
 
 FOLDER = Path(__file__).with_name("passports")
 NOW = datetime(2026, 11, 22, 3, 0, tzinfo=UTC)
@@ -52,7 +57,7 @@ SNIPPETS: dict[str, bytes] = {
     "single quotes": b"'x':1", "no quotes": b'x:1', "a comma behind": b'"x":[1,]', "two commas": b'"x":[1,,2]',
     "a comment": b'/* */"x":1', "no colon": b'"x" 1', "blanks": b' \t\r\n"x" \n: [ 1 , {} , [ ] ] ',
     "a hard blank": b'\xc2\xa0"x":1', "a form feed": b'\x0c"x":1',
-    "deep but not too deep": b'"x":' + b"[" * 400 + b"]" * 400, "twice": b'"x":1,"x":2',
+    "deep but not too deep": b'"x":' + b"[" * 150 + b"]" * 150, "twice": b'"x":1,"x":2',
     "twice by an escape": b'"x":1,"\\u0078":2', "twice inside": b'"x":{"y":[{"z":1,"z":1}]}',
     "exp twice": b'"exp":9999999999', "literals": b'"x":[true,false,null]', "a surrogate pair": '"x":"😀"'.encode(),
 }  # fmt: skip
@@ -89,20 +94,25 @@ class Desk:
         self.cases.append(case | answer(data, self.public("signer"), at, revoked))
 
 
+def claimed(passport: Passport) -> dict[str, Any]:
+    """The payload as plain data; the result first, so that its letters repeat from one case to the next."""
+    claims = dict(forms.to_plain(passport.claims()))
+    return {"result": claims.pop("result")} | claims
+
+
 def answer(data: bytes, trusted: dict[str, Any], at: datetime, revoked: tuple[str, ...]) -> dict[str, Any]:
     """What `verify` and `read` say: the words of the refusal, or the claims but for the result."""
-    told: dict[str, Any] = {}
+    answers: dict[str, Any] = {}
     asks = {
         "verified": lambda: verify(data, trusted, now=at, revoked=revoked),
         "read": lambda: read(data)[0],
     }
     for call, ask in asks.items():
         try:
-            claims = ask().claims()
-            told[call] = {name: value for name, value in claims.items() if name != "result"}
+            answers[call] = {name: value for name, value in claimed(ask()).items() if name != "result"}
         except PassportInvalid as error:
-            told[call] = error.message
-    return told
+            answers[call] = error.message
+    return answers
 
 
 def numbers(r: int, s: int) -> bytes:
@@ -110,7 +120,7 @@ def numbers(r: int, s: int) -> bytes:
 
 
 def small_result() -> dict[str, Any]:
-    """The excerpt of a result, as short as its form allows."""
+    """The excerpt of a result, as short as its form allows, as plain data."""
     return copy.deepcopy(_small_result())
 
 
@@ -118,7 +128,7 @@ def small_result() -> dict[str, Any]:
 def _small_result() -> dict[str, Any]:
     names = ("format", "generator", "camera", "chart", "basis", "engine", "ssf", "channel_gain", "gap", "gamma", "l2",
              "shots", "scores", "verdict", "assumptions", "hashes")  # fmt: skip
-    short = {name: value for name, value in excerpt(document()).items() if name in names}
+    short = {name: value for name, value in forms.to_plain(excerpt_of(document())).items() if name in names}
     grid = short["ssf"]["wavelength_nm"]
     short["ssf"] = {"wavelength_nm": grid} | {colour: [1] + [0] * 680 for colour in ("red", "green", "blue")}
     short["verdict"] = {"status": "accepted", "reasons": []}
@@ -126,15 +136,22 @@ def _small_result() -> dict[str, Any]:
     return short
 
 
-def small_document() -> dict[str, Any]:
-    """A whole result, of one patch, with letters that are easily written wrong."""
-    shot = document()["shots"][0]
-    one = shot | {"patches": shot["patches"][:1], "pose": shot["pose"] | {"patches": shot["pose"]["patches"][:1]}}
-    named = {"camera": {"make": "Maker", "model": "Model A"}, "chart": document()["chart"] | {"source": NOTE}}
-    doubt = {"code": "glare", "message": "m", "advice": "a", "value": None, "threshold": 1e-300}
-    verdict = {"status": "doubtful", "reasons": [doubt]}
-    curves = small_result()["ssf"] | {"red": [1.0, 0.123455, 0.123445, 0.015625, -1e-7, 12e-6] + [0] * 675}
-    return small_result() | named | {"verdict": verdict, "shots": [one], "ssf": curves, "ssf_std": curves}
+def small_document() -> Result:
+    """A whole result with letters that are easily written wrong."""
+    made = document()
+    assert made.capture is not None
+    assert made.answer is not None
+    (shot,) = made.capture.shots
+    shot = replace(shot, photo=replace(shot.photo, make="Maker", model="Model A"))
+    red = np.array([1.0, 0.123455, 0.123445, 0.015625, -1e-7, 12e-6] + [0] * 675)
+    flat = np.array([1.0] + [0.0] * 680)
+    curves = Curves(red, flat, flat)
+    return replace(
+        made,
+        capture=replace(made.capture, shots=(shot,), chart=replace(made.capture.chart, source=NOTE)),
+        answer=replace(made.answer, curves=curves, std=Curves(np.abs(red), flat, flat)),
+        verdict=Verdict("doubtful", (Reason("glare", "m", "a", None, 1e-300),)),
+    )
 
 
 NOTE = '"a  b" \\ {\ud800} \u00e9 \u2028'
@@ -144,7 +161,7 @@ def small() -> Passport:
     return Passport(
         id="0123456789abcdef" * 2, issued=NOW, begins=NOW, ends=NOW + timedelta(days=365),
         unit=Unit("Maker", "Model", focal_length=24.7), captured="", chart_serial="", lamp_serials=("",),
-        software="0.1.0", result_sha256="5e" * 32, result=small_result(),
+        software="0.1.0", result_sha256="5e" * 32, result=forms.from_plain(small_result(), Excerpt, "it", ""),
     )  # fmt: skip
 
 
@@ -213,10 +230,10 @@ def gather(result: bytes) -> Desk:
     for name in (small().id, kid, "f" * 32):
         desk.add(f"revoked {name}", good, revoked=(name,))
     for name, other in other_results().items():
-        desk.add(name, desk.raw(header + b"." + b64(json.dumps(small().claims() | {"result": other}).encode())))
+        desk.add(name, desk.raw(header + b"." + b64(compact(claimed(small()) | {"result": other}))))
     desk.add(
         "a hash of zeros",
-        desk.raw(header + b"." + b64(json.dumps(small().claims() | {"result_sha256": "0" * 64}).encode())),
+        desk.raw(header + b"." + b64(compact(claimed(small()) | {"result_sha256": "0" * 64}))),
     )
 
     form = json.loads(base64.urlsafe_b64decode(header + b"=" * (-len(header) % 4)))
@@ -248,29 +265,29 @@ def gather(result: bytes) -> Desk:
     desk.add("another signer in this one's name", desk.raw(front[:-1], "other"))
     desk.add(
         "another payload",
-        b".".join((header, b64(json.dumps(replace(small(), id="f" * 32).claims()).encode()), signature)),
+        b".".join((header, b64(compact(claimed(replace(small(), id="f" * 32)))), signature)),
     )
 
-    for name in small().claims():
+    for name in claimed(small()):
         for value in ("absent", None, "", -1, 1.5, True, [], {}, "x" * 32, 10**12, float(2**60)):
-            claims = copy.deepcopy(small().claims()) | {name: value}
+            claims = claimed(small()) | {name: value}
             if value == "absent":
                 del claims[name]
-            desk.add(f"{name} is {value!r}", desk.raw(header + b"." + b64(json.dumps(claims).encode())))
+            desk.add(f"{name} is {value!r}", desk.raw(header + b"." + b64(compact(claims))))
     parts = {"unit": tuple(asdict(Unit())), "serials": ("chart", "lamps"), "software": ("version",)}
     for name, inside in parts.items():
         for member in inside:
             for value in ("absent", None, 7, -7, "", [], ["", 1]):
-                claims = copy.deepcopy(small().claims())
+                claims = claimed(small())
                 claims[name][member] = value
                 if value == "absent":
                     del claims[name][member]
-                desk.add(f"{name} {member} {value!r}", desk.raw(header + b"." + b64(json.dumps(claims).encode())))
-    stamp = f'"iat": {int(NOW.timestamp())}'.encode()
+                desk.add(f"{name} {member} {value!r}", desk.raw(header + b"." + b64(compact(claims))))
+    stamp = f'"iat":{int(NOW.timestamp())}'.encode()
     for word in (b"-0", b"0", b"1.0", b"1e3", b"253402300799", b"253402300800", b"9" * 30, b'"1"'):
-        claims = json.dumps(small().claims()).encode().replace(stamp, b'"iat": ' + word, 1)
+        claims = compact(claimed(small())).replace(stamp, b'"iat":' + word, 1)
         desk.add(f"iat as {word!r}", desk.raw(header + b"." + b64(claims)))
-    claims = json.dumps(small().claims()).encode()
+    claims = compact(claimed(small()))
     for name, content in PAYLOADS.items():
         desk.add(f"payload: {name}", desk.raw(header + b"." + b64(content)))
     for name, snippet in SNIPPETS.items():
@@ -284,6 +301,11 @@ LETTERS = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_"
 
 def b64(data: bytes) -> bytes:
     return unpadded(data).encode()
+
+
+def compact(value: Any) -> bytes:
+    """As JSON without blanks, so that hundreds of payloads stay a small file."""
+    return json.dumps(value, separators=(",", ":")).encode()
 
 
 def unb64(text: bytes) -> bytes:
@@ -310,7 +332,7 @@ def lists(desk: Desk) -> list[dict[str, Any]]:
         "good": good, "empty": revocations.sign_revocations([], signer, now=NOW, days=60), "a stranger's":
         revocations.sign_revocations(names, other, now=NOW, days=60),
         "not signed": f"# a list\n{small().id}\n".encode(),
-        "nothing": b"", "changed": b".".join((header, b64(json.dumps(form | {"revoked": []}).encode()), signature)),
+        "nothing": b"", "changed": b".".join((header, b64(compact(form | {"revoked": []})), signature)),
         "a passport": sign(small(), signer), "no object": desk.raw(header + b"." + b64(b"[]")),
         "no base64": good + b"=", "ended": revocations.sign_revocations(names, signer, now=NOW, days=29),
         "issued later": revocations.sign_revocations(names, signer, now=LATER + timedelta(days=1)),
@@ -318,14 +340,14 @@ def lists(desk: Desk) -> list[dict[str, Any]]:
     for name in form:
         for value in ("absent", None, "x", -1, 1.5, 10**12, [], ["x"], [1], {}):
             spoilt = {key: each for key, each in (form | {name: value}).items() if key != name or value != "absent"}
-            made[f"{name} {value!r}"] = desk.raw(header + b"." + b64(json.dumps(spoilt).encode()))
+            made[f"{name} {value!r}"] = desk.raw(header + b"." + b64(compact(spoilt)))
     found = []
     for name, data in made.items():
         try:
-            told: Any = sorted(revocations.read_revoked(data, desk.public("signer"), LATER))
+            said: Any = sorted(revocations.read_revoked(data, desk.public("signer"), LATER))
         except PassportInvalid as error:
-            told = error.message
-        found.append({"name": name, "data": data.decode("latin-1"), "told": told})
+            said = error.message
+        found.append({"name": name, "data": data.decode("latin-1"), "told": said})
     return found
 
 
@@ -335,10 +357,10 @@ def stored() -> dict[str, Any]:
 
 
 def main() -> None:
-    result = document_bytes(rounded(document()))
+    result = forms.pretty(rounded(forms.to_plain(document()))).encode()
     desk = gather(result)
     keys = {name: {"pem": desk.pem(name), "name": next(iter(desk.public(name)))} for name in desk.keys}
-    both = {"result": result.decode(), "small": json.dumps(small_document())}
+    both = {"result": result.decode(), "small": document_bytes(small_document()).decode()}
     whole = {"keys": keys, **both, "lists": lists(desk), "cases": desk.cases}
     write_file(FOLDER / "python.json.gz", gzip.compress(json.dumps(whole).encode(), mtime=0))
     valid = sum(isinstance(case["verified"], dict) for case in desk.cases)

@@ -13,8 +13,6 @@ from benchmarks.claims.accuracy import (
 )
 from benchmarks.shared import CURVES, chart, lamp
 from camssf.grid import STEP
-from camssf.learning.basis import learn
-from camssf.learning.training import maker_of, read_curves
 from camssf.recovery.basis import interpolate
 from camssf.recovery.covariance import (
     ABSOLUTE,
@@ -24,6 +22,8 @@ from camssf.recovery.covariance import (
     TABLE_CORRELATION,
     smooth_errors,
 )
+from camssf_lab.learning.basis import learn
+from camssf_lab.learning.training import maker_of, read_curves
 from tests.problems import predicted, recovered
 
 NAMED = {setting.name: setting for setting in SETTINGS}
@@ -67,7 +67,7 @@ def test_predicted_colours_lie_within_their_bands() -> None:
     halves, without noise, against their 95 % bands."""
     cameras, bases = accuracy.left_out()
     setting = Setting("bands", ("D55", "A"), ohta=True, off=True)
-    told, light = setting.tolerances(), np.stack([lamp(name) for name in setting.lamps])
+    arguments, light = setting.tolerances(), np.stack([lamp(name) for name in setting.lamps])
     long, short = (interpolate(smooth_errors(length)) for length in (CHART_CORRELATION, TABLE_CORRELATION))
     table, slope = chart(), EDGE * np.gradient(chart(), STEP, axis=1)
     fit, rest = np.arange(0, 24, 2), np.arange(1, 24, 2)
@@ -86,7 +86,7 @@ def test_predicted_colours_lie_within_their_bands() -> None:
             "lamp": light,
             "standard_error": error,
             "basis": bases[maker_of(name)],
-            **told,
+            **arguments,
         }
         found = predicted(recovered(**given), **given, of=table[rest], of_tolerance=accuracy.CHART)
         off_by = np.abs(found.values - signals[:, [*fit, *rest]])

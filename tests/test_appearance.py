@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from camssf.colorimetry import D65, D65_XY, delta_e00, lab, srgb, under_d65
 from camssf.spectra import camera_names, colour_science
-from camssf.spectra.appearance import D65, D65_XY, delta_e00, lab, srgb, under_d65
+from camssf.spectra.bundled import observer
 from camssf.spectra.cameras import LIBRARY
 from camssf.spectra.sampled import smooth
-from camssf.spectra.surfaces import observer
 from tests.captures import photos
 
 RNG = np.random.default_rng(3)

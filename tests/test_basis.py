@@ -11,9 +11,9 @@ import pytest
 
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS
-from camssf.learning.basis import _smooth_root, enlarge, learn, main, save
-from camssf.learning.training import Enlargement, TrainingSet, maker_of, read_curves, training_set_of
 from camssf.recovery.basis import NODES, Basis, gaussian_basis, interpolate, read_basis, steady_exp
+from camssf_lab.learning.basis import _smooth_root, enlarge, learn, main, save
+from camssf_lab.learning.training import Enlargement, TrainingSet, maker_of, read_curves, training_set_of
 from tests.problems import CURVES, chart_and_lamp, recovered, theory, toy_camera
 
 
@@ -144,8 +144,8 @@ def test_the_command_learns_a_basis_that_recover_takes(tmp_path: Path, capsys: p
     reflectance, lamp = chart_and_lamp("D55", slice(0, 24))
     y = theory(reflectance, lamp, toy_camera())
     answer = recovered(y, reflectance, lamp, basis=str(tmp_path / "mine.npz"), standard_error=0.002 * y)
-    assert answer.settings.engine == "reference"
-    assert answer.settings.basis == "mine"
+    assert answer.engine == "reference"
+    assert answer.basis == "mine"
     assert answer.code.shape == (6, 3)
 
 

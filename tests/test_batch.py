@@ -15,15 +15,15 @@ from pathlib import Path
 import pytest
 
 from camssf.errors import ChartNotFound, InvalidArgument
-from camssf.fleet import batch
-from camssf.fleet.batch import MARK, calibrate_into
-from camssf.fleet.manifest import Job, Manifest
-from camssf.fleet.outcome import Outcome
-from camssf.fleet.pools import Recorder, Work
-from camssf.fleet.recorder import summary_csv
-from camssf.photo.capture import Record
+from camssf.files import ASIDE, NEW
 from camssf.report.build import NAMES
-from camssf.result import Refusal
+from camssf.result import refused
+from camssf_fleet import batch
+from camssf_fleet.batch import MARK, calibrate_into
+from camssf_fleet.manifest import Job, Manifest
+from camssf_fleet.outcome import Outcome
+from camssf_fleet.pools import Recorder, Work
+from camssf_fleet.recorder import summary_csv
 
 HEADER = "name,photo,lamp,white,dark,chart"
 
@@ -97,8 +97,8 @@ def test_it_goes_on_after_bad_rows(tmp_path: Path) -> None:
         {"a": "fine", "b": "bug", "d": "refused"},
     )  # fmt: skip
     outcomes = here(manifest, tmp_path / "out")
-    told = {"good": "accepted", "bug": "failed", "lost": "failed", "refused": "refused", "last": "accepted"}
-    assert [(o.name, o.status) for o in outcomes] == list(told.items())
+    expected = {"good": "accepted", "bug": "failed", "lost": "failed", "refused": "refused", "last": "accepted"}
+    assert [(o.name, o.status) for o in outcomes] == list(expected.items())
     assert "RuntimeError: two lines" in outcomes[1].reason
     rows = list(csv.DictReader((tmp_path / "out" / "summary.csv").read_text("utf-8").splitlines()))
     assert [row["name"] for row in rows] == [o.name for o in outcomes]
@@ -118,7 +118,7 @@ def test_a_script_that_guards_no_call_is_an_error_in_words(tmp_path: Path) -> No
     write(tmp_path, ["good,a,D55,,,"], {"a": "no photo"})
     script = tmp_path / "script.py"
     script.write_text(
-        "from camssf.fleet.batch import run_batch\nfrom camssf.fleet.manifest import Manifest\n"
+        "from camssf_fleet.batch import run_batch\nfrom camssf_fleet.manifest import Manifest\n"
         "run_batch(Manifest('manifest.csv'), 'out', workers=2)\n"
     )
     ended = subprocess.run(
@@ -181,7 +181,7 @@ def test_a_refused_capture_replaces_no_result_of_its_name(tmp_path: Path, monkey
     assert found.reason.endswith("The earlier result of this name was kept as it is.")
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()} == before
     assert (tmp_path / "refused" / "result.json").is_file()
-    refusal = Refusal(ChartNotFound("No chart.", "Take one."), Record(chart="classic24"))
+    refusal = refused(ChartNotFound("No chart.", "Take one."))
     monkeypatch.setattr(batch, "attempt_job", lambda _: refusal)
     found = calibrate_into(job, tmp_path)
     assert found.reason == "No chart. Take one. The earlier result of this name was kept as it is."
@@ -277,7 +277,7 @@ def test_parquet_needs_its_library(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     (tmp_path / "m.parquet").write_bytes(b"PAR1")
     with pytest.raises(InvalidArgument, match="A manifest in Parquet needs") as caught:
         read_manifest(tmp_path / "m.parquet")
-    assert "camssf[fleet]" in caught.value.advice
+    assert '".[fleet]"' in caught.value.advice
 
 
 def test_names_stay_readable_and_apart(tmp_path: Path) -> None:
@@ -431,6 +431,17 @@ def alive(process: int) -> bool:
         return False
 
 
+def test_what_a_killed_run_left_in_a_finished_folder_goes(tmp_path: Path) -> None:
+    manifest = write(tmp_path, ["one,a,D55,,,"], {"a": "1"})
+    here(manifest, tmp_path / "out")
+    left = tmp_path / "out" / "one" / f"{ASIDE}00000000" / NEW
+    left.mkdir(parents=True)
+    (left / "report.html").write_text("half")
+    (outcome,) = here(manifest, tmp_path / "out")
+    assert outcome.resumed
+    assert not list((tmp_path / "out").rglob(".camssf-*"))
+
+
 def test_the_mark_and_the_summary_are_whole(tmp_path: Path) -> None:
     manifest = write(tmp_path, ["one,a,D55,,,"], {"a": "1"})
     here(manifest, tmp_path / "out")
@@ -457,7 +468,7 @@ def test_ctrl_c_stops_what_has_not_begun_and_a_second_run_goes_on(tmp_path: Path
     )
     with running:
         deadline = time.monotonic() + 60
-        while not list(out.glob("*/visits")) and time.monotonic() < deadline:
+        while not list(out.glob(f"*/{MARK}")) and time.monotonic() < deadline:
             time.sleep(0.05)
         os.killpg(running.pid, signal.SIGINT)  # as a terminal does: the children hear it, too
         assert running.wait(timeout=60) != 0

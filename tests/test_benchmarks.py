@@ -163,6 +163,7 @@ def test_what_judging_costs(results: Path) -> None:
     assert status == any(ratio > bar for *_, ratio, bar, _ in rows)
 
 
+@pytest.mark.repository
 def test_the_pictures_of_colour_and_their_numbers_on_the_page(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -186,7 +187,7 @@ def test_the_pictures_of_colour_and_their_numbers_on_the_page(
         assert row["held"] == 1.0
         assert f"{row['range_curves']:.1f}°" in page
     raw, matrix, curves = found["chart"].values()
-    (told,) = re.findall(
+    (sentence,) = re.findall(
         r"White-balanced only: ([\d.]+) to ([\d.]+) and ([\d.]+)\. Through a 3 × 3 matrix of a chart "
         r"under D55: ([\d.]+) to ([\d.]+) and ([\d.]+)\. Through the curves: ([\d.]+) and ([\d.]+)\.",
         page,
@@ -195,7 +196,7 @@ def test_the_pictures_of_colour_and_their_numbers_on_the_page(
         *(f(row["cameras"]) for row in (raw, matrix) for f in (min, max)), raw["between"], matrix["between"],
         float(np.mean(curves["cameras"])), curves["between"],
     ]  # fmt: skip
-    order = [told[i] for i in (0, 1, 3, 4, 2, 5, 6, 7)]
+    order = [sentence[i] for i in (0, 1, 3, 4, 2, 5, 6, 7)]
     assert [float(each) for each in order] == pytest.approx(expected, abs=0.06)
 
 

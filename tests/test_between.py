@@ -1,30 +1,21 @@
 """Between two cameras: limits that can be done by hand, drawing what is not known, the command."""
 
-import copy
-import json
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from documents import document, refused
 from problems import bell, measured_cameras, toy_camera
 
-import camssf
-from camssf import cli
-from camssf.colour import PARTS, Camera, Reference, convert
-from camssf.colour.camera import OwnWhite
-from camssf.colour.reach import MOST, REACH
-from camssf.colour.transforms import KINDS, signals_of
-from camssf.documents.result_json import document_bytes
+from camssf.colorimetry import KINDS, signals_of
 from camssf.errors import InvalidArgument, LampUnfit
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import read_chart, read_lamp
-from camssf.spectra.surfaces import surfaces
-from tests.schemas import check_schema
+from camssf.spectra.bundled import surfaces
+from camssf_colour import PARTS, Camera, Reference, convert
+from camssf_colour.camera import OwnWhite
+from camssf_colour.reach import MOST, REACH
 
-SCHEMA = Path(camssf.__file__).parent / "data" / "between.schema.json"
 CHART = read_chart("classic24").values
 LAMP = "D55"
 
@@ -147,29 +138,29 @@ def test_the_curves_part_is_what_drawing_curves_gives(side: str) -> None:
     true = cameras[side].values
     y = signals_of(CHART[:6], power("LED-B3"), cameras["source"].values)
     unsure = blurred(true, 0.01)
-    told = known("LED-B3")
-    found = convert(**(cameras | {side: unsure}), lamp=told, signals=y, kind="matrix")
+    lamp = known("LED-B3")
+    found = convert(**(cameras | {side: unsure}), lamp=lamp, signals=y, kind="matrix")
     assert not found.parts["lamp"].any()
     rng = np.random.default_rng(5)
     drawn = []
     for _ in range(200):
         values = true + np.einsum("q,qmc->mc", rng.normal(size=2), unsure.modes)
-        drawn.append(convert(**(cameras | {side: exact(values)}), lamp=told, signals=y, kind="matrix").signals)
+        drawn.append(convert(**(cameras | {side: exact(values)}), lamp=lamp, signals=y, kind="matrix").signals)
     ours, theirs = np.sqrt(np.diagonal(found.parts["curves"], axis1=1, axis2=2)), np.std(drawn, axis=0)
     assert np.abs(ours - theirs).max() < 0.2 * theirs.max()
 
 
 def test_the_lamp_part_is_what_drawing_lamps_gives() -> None:
     source, target = exact(), other()
-    told = replace(known("bulb"), modes=0.5 * read_lamp("bulb").modes)
-    y = signals_of(CHART[:6], told.values, source.values)
-    found = convert(source, target, told, y, kind="matrix")
+    lamp = replace(known("bulb"), modes=0.5 * read_lamp("bulb").modes)
+    y = signals_of(CHART[:6], lamp.values, source.values)
+    found = convert(source, target, lamp, y, kind="matrix")
     rng = np.random.default_rng(5)
     drawn = []
     for _ in range(200):
-        values = told.values * (1 + rng.normal(size=len(told.modes)) @ told.modes)
+        values = lamp.values * (1 + rng.normal(size=len(lamp.modes)) @ lamp.modes)
         drawn.append(
-            convert(source, target, replace(told, values=values, modes=told.modes[:0]), y, kind="matrix").signals
+            convert(source, target, replace(lamp, values=values, modes=lamp.modes[:0]), y, kind="matrix").signals
         )
     ours, theirs = np.sqrt(np.diagonal(found.parts["lamp"], axis1=1, axis2=2)), np.std(drawn, axis=0)
     assert np.abs(ours - theirs).max() < 0.15 * theirs.max()
@@ -250,147 +241,3 @@ def test_what_cannot_be_converted_is_refused() -> None:
     blind.values[WAVELENGTHS < 400] = 0.0
     with pytest.raises(InvalidArgument, match="no response"):
         convert(exact(), blind, ultraviolet, np.ones(3))
-
-
-# -- the command ------------------------------------------------------------------------------------------------
-
-
-def results(tmp_path: Path) -> tuple[str, str, dict[str, Any]]:
-    """Two results, of a Nikon and of a Canon."""
-    paths = []
-    given = [copy.deepcopy(document("D55")) for _ in range(2)]
-    canon = other().values
-    for name, curve in zip(("red", "green", "blue"), canon.T, strict=True):
-        given[1]["ssf"][name] = (curve / curve.max()).tolist()
-    given[1]["camera"] = {"make": "Canon", "model": "Canon EOS 5D"}
-    for name, each in zip("ab", given, strict=True):
-        path = tmp_path / f"{name}.json"
-        path.write_bytes(document_bytes(each))
-        paths.append(str(path))
-    return paths[0], paths[1], given[0]
-
-
-def validator() -> Any:
-    jsonschema = pytest.importorskip("jsonschema")
-    return jsonschema.Draft202012Validator(json.loads(SCHEMA.read_text("utf-8")))
-
-
-def test_the_command_converts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    a, b, given = results(tmp_path)
-    words = ["colour", "--from", a, "--to", b, "--lamp", "LED-B3", "--signal", "0.4,0.3,0.2", "--signal", "1,1,1"]
-    assert cli.main(words) == 0
-    said = capsys.readouterr()
-    found = json.loads(said.out)
-    validator().validate(found)
-    assert found["from"]["camera"] == "NIKON CORPORATION NIKON D850"
-    assert found["to"]["camera"] == "Canon EOS 5D"
-    assert found["from"]["verdict"] == given["verdict"]["status"]
-    assert [each["status"] for each in found["signals"]] == ["ok", "ok"]
-    (conversion,) = found["conversions"]
-    y = np.array([0.4, 0.3, 0.2])
-    rows = [*y, np.sqrt(y[0] * y[1]), np.sqrt(y[1] * y[2]), np.sqrt(y[0] * y[2])]
-    by_hand = np.array(rows[: len(conversion["coefficients"])]) @ np.array(conversion["coefficients"])
-    assert np.abs(by_hand - found["signals"][0]["converted"]).max() < 1e-12
-    assert np.abs(np.array(found["signals"][1]["converted"]) - 1).max() < 1e-9
-    assert np.abs(np.array(conversion["matrix"]).sum(axis=0) - 1).max() < 1e-9
-    assert "signal 1: R 0." in said.err
-    assert "Canon EOS 5D under LED-B3" in said.err
-    covariance = np.array(found["signals"][0]["covariance"])
-    parts = sum(np.square(each) for each in found["signals"][0]["parts"].values())
-    assert np.abs(np.diagonal(covariance) - parts).max() < 1e-12
-
-
-def test_without_signals_the_conversion_alone_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    a, b, _ = results(tmp_path)
-    assert cli.main(["colour", "--from", a, "--to", b]) == 0
-    found = json.loads(capsys.readouterr().out)
-    validator().validate(found)
-    assert found["signals"] == []
-    assert found["lamp"]["asked"] == "D55"  # of the first shot
-    assert cli.main(["colour", "--from", a, "--to", a]) == 0
-    same = json.loads(capsys.readouterr().out)["conversions"][0]
-    assert np.abs(np.array(same["coefficients"]) - np.eye(3)).max() < 1e-11
-
-
-def test_a_signal_out_of_reach_ends_in_its_status(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    a, b, _ = results(tmp_path)
-    assert cli.main(["colour", "--from", a, "--to", b, "--signal", "0.01,3,0.01"]) == 9
-    said = capsys.readouterr()
-    found = json.loads(said.out)
-    validator().validate(found)
-    assert found["signals"][0]["status"] == "colour_out_of_reach"
-    assert "converted" not in found["signals"][0]
-
-
-def test_the_command_says_no(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    a, b, _ = results(tmp_path)
-    no = tmp_path / "refused.json"
-    no.write_bytes(document_bytes(refused()))
-    base = ["colour", "--from", a, "--to", b]
-    for words, text in (
-        (["colour"], "needs a result"),
-        (["colour", a], "needs a result"),
-        (["colour", a, "photo.dng", "--signal", "1,1,1"], "needs a result"),
-        (["colour", "--from", a], "needs two cameras"),
-        (["colour", "--to", a], "needs two cameras"),
-        (["colour", "--from", str(no), "--to", b], "refused"),
-        (["colour", "--from", a, "--to", str(no)], "refused"),
-        (["colour", "--from", "-", "--to", "-"], "one result"),
-        ([*base, "--observer", "1964"], "no observer"),
-        ([*base, "--adapt", "D50"], "no observer"),
-        ([*base, "photo.dng"], "either from a photo"),
-        ([*base, "--region", "1,2,3,4"], "either from a photo"),
-        ([*base, "photo.dng", "--region", "1,2,3,4"], "needs a region, and a white"),
-        ([*base, "photo.dng", "other.dng"], "at most one photo"),
-        ([*base, "--signal", "1,2"], "is not a signal"),
-        ([*base, "--signal", "1,2,x"], "is not a signal"),
-        ([*base, "--signal", "1,2,nan"], "finite"),
-        ([*base, "--lamp", "auto"], "lamp is unknown"),
-    ):
-        assert cli.main(words) == 2, words
-        said = capsys.readouterr()
-        assert text in said.err, words
-        assert said.out == ""
-
-
-@pytest.mark.full
-def test_regions_of_a_photo_are_converted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """From a simulated photo by the one camera; what the other would have seen is known."""
-    from camssf.simulation.frames import simulate
-    from camssf.simulation.scene import Scene
-
-    scene = simulate("Nikon 5100 (NPL)", ["D55"], tmp_path, scene=Scene(size=(900, 675)), seed=3)
-    from camssf.spectra import read_camera
-
-    truth = read_camera("Nikon 5100 (NPL)").values
-    a, b, given = results(tmp_path)
-    for name, curve in zip(("red", "green", "blue"), truth.T, strict=True):
-        given["ssf"][name] = (curve / curve.max()).tolist()
-    raw = power() @ truth
-    given["channel_gain"] = (raw / raw[1]).tolist()
-    given["camera"] = {"make": "", "model": ""}
-    Path(a).write_bytes(document_bytes(given))
-    corners = np.array(scene.pose.patches)
-
-    def place(patch: int) -> str:
-        x, y = corners[patch].min(axis=0) + 12
-        return f"{x:.0f},{y:.0f},56,56"
-
-    regions = [word for patch in (0, 4, 12) for word in ("--region", place(patch))]
-    white = signals_of(CHART[18:19], power(), truth).mean()
-    words = ["--white-region", place(18), "--white-reflectance", f"{white:.4f}", "--lamp", LAMP]
-    photo = str(scene.shots[0].chart)
-    status = cli.main(["colour", photo, "--from", a, "--to", b, *regions, *words])
-    said = capsys.readouterr()
-    assert status == 0, said.err
-    found = json.loads(said.out)
-    validator().validate(found)
-    assert found["photo"]["name"] == Path(photo).name
-    expected = signals_of(CHART[[0, 4, 12]], power(), other().values)
-    for each, aim in zip(found["signals"], expected, strict=True):
-        off = np.array(each["converted"]) - aim
-        assert off @ np.linalg.solve(np.array(each["covariance"]), off) < 16.3
-
-
-def test_the_schema_is_sound_and_says_what_everything_is() -> None:
-    check_schema(SCHEMA)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Callable
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -13,9 +14,10 @@ import numpy as np
 import pytest
 
 from camssf.calibration import attempt, calibrate, solve
-from camssf.documents.patches_json import patches_document, read_patches
+from camssf.documents import forms
+from camssf.documents.document import document_bytes
+from camssf.documents.forms import to_plain
 from camssf.errors import (
-    CalibrationError,
     ChartNotFound,
     FramesDiffer,
     InvalidArgument,
@@ -23,15 +25,17 @@ from camssf.errors import (
     UnreadableRaw,
 )
 from camssf.options import Options
-from camssf.photo.capture import Capture, Record, measure
+from camssf.photo.capture import Capture, measure
 from camssf.photo.shot import Shot
 from camssf.recovery.basis import read_basis
-from camssf.recovery.linear_model import anchor
+from camssf.recovery.rows import anchor
 from camssf.report.build import report
-from camssf.result import Refusal
-from camssf.simulation.frames import Simulation, simulate
-from camssf.simulation.scene import Scene
+from camssf.report.shots import shots_of
+from camssf.result import Result, refused
 from camssf.spectra import CameraCurves, Lamp, read_chart, read_lamp, with_tolerance
+from camssf_lab.simulation.frames import Simulation, simulate
+from camssf_lab.simulation.scene import Scene
+from tests.captures import capture_in, document_of
 from tests.problems import theory, toy_camera
 
 ROOT = Path(__file__).parents[1]
@@ -84,7 +88,7 @@ def test_recovers_the_simulated_camera(capture: Capture, camera: CameraCurves, b
 def test_two_shots_join_and_know_more(two_lamps: Simulation, camera: CameraCurves, capture: Capture) -> None:
     shots = two_lamps.shots
     pair = calibrate(
-        [each.shot for each in shots],
+        [shot.shot for shot in shots],
         options=Options(basis="cameras"),
         truth=camera,
     )
@@ -94,9 +98,9 @@ def test_two_shots_join_and_know_more(two_lamps: Simulation, camera: CameraCurve
     assert single.ssf.std is not None
     assert pair.ssf.std.mean() < single.ssf.std.mean()
     assert pair.uncertainty is not None
-    assert len(pair.uncertainty["alone"]) == 2
-    assert pair.uncertainty["half_width"] < min(pair.uncertainty["alone"])
-    assert len(pair.document()["shots"]) == 2
+    assert len(pair.uncertainty.alone) == 2
+    assert pair.uncertainty.half_width < min(pair.uncertainty.alone)
+    assert len(pair.capture.shots) == 2
     with pytest.raises(InvalidArgument, match="one shot"):
         calibrate([Shot(s.chart, s.lamp) for s in shots], options=Options(basis="gaussian"))
 
@@ -109,7 +113,7 @@ def test_the_chart_s_table_is_the_one_that_fits(tmp_path: Path, camera: CameraCu
         (chart, basis): calibrate(shot.shot, chart=chart, options=Options(basis=basis), truth=camera)
         for chart, basis in (("classic24", "auto"), ("classic24:babelcolor", "auto"), ("classic24", "gaussian"))
     }
-    tables = [each.document()["chart"]["table"] for each in found.values()]
+    tables = [each.capture.chart.table for each in found.values()]
     assert tables == ["ColorChecker N Ohta", "BabelColor Average", "BabelColor Average"]
     chosen, fixed, _ = found.values()
     assert np.mean(chosen.scores.rmsre_percent) < np.mean(fixed.scores.rmsre_percent)
@@ -120,7 +124,7 @@ def test_the_chart_s_table_is_the_one_that_fits(tmp_path: Path, camera: CameraCu
 def test_the_budget_is_of_the_whole_variance(capture: Capture) -> None:
     found = solve(capture).uncertainty
     assert found is not None
-    shares = {term["source"]: np.array(term["share"]) for term in found["budget"]}
+    shares = {term.source: term.share for term in found.budget}
     assert sum(shares.values()) == pytest.approx(np.ones(3))
     assert (shares["lamp modes"] == 0).all()
     assert all((share >= 0).all() for share in shares.values())
@@ -129,57 +133,62 @@ def test_the_budget_is_of_the_whole_variance(capture: Capture) -> None:
 def test_predicted_colours_carry_bands(capture: Capture) -> None:
     """The chart has its table's reflectances and the lamp its spectrum: what is predicted unseen lies within."""
     found = solve(capture)
-    assert found.predicted_std is not None
-    assert found.unseen_std is not None
-    seen, unseen = found.predicted_std, found.unseen_std
+    answer = found.answer
+    assert answer.predicted_std is not None
+    assert answer.unseen_std is not None
+    seen, unseen = answer.predicted_std, answer.unseen_std
     assert seen.shape == unseen.shape == (1, 24, 3)
     assert np.median(unseen / seen) > 1.0
     y = found.signals
-    off = np.abs(found.unseen - y.values) / np.hypot(unseen, y.standard_error)
+    off = np.abs(answer.unseen - y.values) / np.hypot(unseen, y.standard_error)
     assert np.mean(off <= 1.96) > 0.9
-    patches = found.document()["shots"][0]["patches"]
-    assert patches[3]["predicted_std"] == seen[0, 3].tolist()
-    assert patches[3]["unseen_std"] == unseen[0, 3].tolist()
-    left_out = solve(capture, options=Options(fit=range(7, 19)))
+    document = json.loads(document_bytes(found))["answer"]
+    assert document["predicted_std"][0][3] == seen[0, 3].tolist()
+    assert document["unseen_std"][0][3] == unseen[0, 3].tolist()
+    left_out = solve(capture, options=Options(fit=range(7, 19))).answer
     assert left_out.unseen_std is not None
     assert np.isfinite(left_out.unseen_std[0]).all(axis=1).tolist() == [not 6 <= i < 18 for i in range(24)]
     paper = solve(capture, options=Options(basis="gaussian"))
-    assert paper.predicted_std is None
-    assert paper.document()["shots"][0]["patches"][3]["predicted_std"] is None
+    assert paper.answer.predicted_std is None
+    assert "predicted_std" not in json.loads(document_bytes(paper))["answer"]
 
 
 def test_engines_agree(capture: Capture) -> None:
     for basis in ("gaussian", "cameras"):
         one, other = (
-            solve(capture, options=Options(basis=basis, engine=engine)).document() for engine in ("onnx", "reference")
+            to_plain(solve(capture, options=Options(basis=basis, engine=engine))) for engine in ("onnx", "reference")
         )
-        assert one["hashes"]["model"] is not None
-        assert other["hashes"]["model"] is None
-        for colour in ("red", "green", "blue"):
-            assert one["ssf"][colour] == pytest.approx(other["ssf"][colour], abs=1e-9)
-        assert one["uncertainty"] == other["uncertainty"] or basis == "cameras"
-        assert one["finish_steps"] == other["finish_steps"] == ([0] if basis == "cameras" else [ANY] * 3)
-        # With λ₂ = 0 the layers only start the walk, from wherever they stand.
-        assert basis == "gaussian" or max(one["layers_gap"] + other["layers_gap"]) <= 1e-10
-        assert one["evidence"] == (pytest.approx(other["evidence"], rel=1e-9) if basis == "cameras" else None)
-        if basis == "cameras":
-            assert one["code_covariance"] == pytest.approx(other["code_covariance"], abs=1e-9)
-        else:
-            assert one["code_covariance"] is other["code_covariance"] is None
-        for name in ("engine", "hashes", "ssf", "ssf_std", "uncertainty", "gap", "scores", "shots", "verdict"):
-            one.pop(name), other.pop(name)
-        for name in ("layers_gap", "finish_steps", "evidence", "code_covariance"):
-            one.pop(name), other.pop(name)
+        one.pop("verdict"), other.pop("verdict")
+        x, y = one.pop("answer"), other.pop("answer")
         assert one == other
+        assert x["model"] is not None
+        assert "model" not in y
+        assert x["basis_sha256"] == y["basis_sha256"] == read_basis(basis).sha256()
+        for colour in ("red", "green", "blue"):
+            assert x["curves"][colour] == pytest.approx(y["curves"][colour], abs=1e-9)
+        assert x.get("uncertainty") == y.get("uncertainty") or basis == "cameras"
+        steps = [each["proof"]["finish_steps"] for each in (x, y)]
+        assert steps[0] == steps[1] == ([0] if basis == "cameras" else [ANY] * 3)
+        # With λ₂ = 0 the layers only start the walk, from wherever they stand.
+        assert basis == "gaussian" or max(x["proof"]["layers_gap"] + y["proof"]["layers_gap"]) <= 1e-10
+        if basis == "cameras":
+            assert x["evidence"] == pytest.approx(y["evidence"], rel=1e-9)
+            assert x["code_covariance"] == pytest.approx(y["code_covariance"], abs=1e-9)
+        else:
+            assert not {"evidence", "code_covariance"} & (x.keys() | y.keys())
+        names = ("engine", "model", "curves", "std", "uncertainty", "proof", "scores", "evidence", "code_covariance")
+        by_patch = ("level", "predicted", "predicted_std", "unseen", "unseen_std")
+        same = [{key: value for key, value in each.items() if key not in names + by_patch} for each in (x, y)]
+        assert same[0] == same[1]
 
 
 def test_the_document_holds_the_covariance_of_the_codes(capture: Capture) -> None:
     """From its triangle and the basis: the bands of the curves; and the file stays small."""
     found = solve(capture)
-    document = found.document()
     lower = np.zeros((72, 72))
-    lower[np.tril_indices(72)] = document["code_covariance"]
+    lower[np.tril_indices(72)] = json.loads(document_bytes(found))["answer"]["code_covariance"]
     whole = lower + np.tril(lower, -1).T
+    assert np.array_equal(found.answer.covariance, whole)
     basis = anchor(read_basis("cameras"), read_lamp("D55").values)
     curves = (basis.mean + np.einsum("cmr,rc->cm", basis.dictionary, found.ssf.code)).T
     std = found.ssf.std
@@ -192,13 +201,13 @@ def test_the_document_holds_the_covariance_of_the_codes(capture: Capture) -> Non
         assert np.median(std[flank, c] * scale / np.sqrt(np.diag(own)[flank])) == pytest.approx(1.0, abs=0.2)
     assert np.linalg.eigvalsh(whole)[0] > 0
     assert np.abs(whole[:24, 24:48]).max() > 1e-6  # red and green hang together by the chart
-    assert len(report(document).result_json) < 250_000
+    assert len(report(found).result_json) < 250_000
 
 
 def test_fit_on_twelve_patches_validates_on_the_rest(capture: Capture) -> None:
     result = solve(capture, options=Options(basis="cameras", fit=range(7, 19)))
     assert result.signals.used[0].nonzero()[0].tolist() == list(range(6, 18))
-    assert np.isfinite(result.unseen[0]).all(axis=1).nonzero()[0].tolist() == [*range(6), *range(18, 24)]
+    assert np.isfinite(result.answer.unseen[0]).all(axis=1).nonzero()[0].tolist() == [*range(6), *range(18, 24)]
     assert "12 patches" in result.scores.unseen
     for bad in ([], [0], [25], ["7"]):
         with pytest.raises(InvalidArgument, match="1 to 24"):
@@ -211,7 +220,6 @@ def test_numpy_s_numbers_name_patches_too(capture: Capture) -> None:
 
 def test_unseen_predictions_come_from_fits_without_the_patch(capture: Capture) -> None:
     """Change one measured patch: its own unseen prediction stays, others move."""
-    before = solve(capture)
     shot = capture.shots[0]
     mean = shot.means.chart.mean.copy()
     mean[9] *= 1.05
@@ -220,9 +228,9 @@ def test_unseen_predictions_come_from_fits_without_the_patch(capture: Capture) -
         capture.chart,
         None,
     )
-    after = solve(bent)
-    assert after.unseen[0, 9] == pytest.approx(before.unseen[0, 9], rel=1e-12)
-    assert np.abs(after.unseen[0, 10] - before.unseen[0, 10]).max() > 1e-6
+    after, before = (solve(each).answer.unseen for each in (bent, capture))
+    assert after[0, 9] == pytest.approx(before[0, 9], rel=1e-12)
+    assert np.abs(after[0, 10] - before[0, 10]).max() > 1e-6
 
 
 def _replace(value: object, **changes: object) -> object:
@@ -232,13 +240,15 @@ def _replace(value: object, **changes: object) -> object:
 
 
 def test_documents_pipe(capture: Capture) -> None:
-    text = json.dumps(patches_document(capture), allow_nan=False)
-    again = read_patches(json.loads(text))
-    assert patches_document(again) == patches_document(capture)
-    assert solve(again).document() == solve(capture).document()
-    report(solve(capture).document())  # checks the schema
+    again = capture_in(document_of(capture))
+    assert document_of(again) == document_of(capture)
+    result = solve(capture)
+    data = document_bytes(result)
+    assert document_bytes(solve(again)) == data
+    assert document_bytes(forms.read(data, Result, "it", "")) == data
+    assert report(result).result_json == data
     lamp = with_tolerance(read_lamp("D55"), "200K")
-    (shot,) = read_patches(patches_document(replace(capture, shots=(replace(capture.shots[0], lamp=lamp),)))).shots
+    (shot,) = capture_in(document_of(replace(capture, shots=(replace(capture.shots[0], lamp=lamp),)))).shots
     assert isinstance(shot.lamp, Lamp)
     assert shot.lamp.tolerance_kelvin == 200.0
 
@@ -246,9 +256,10 @@ def test_documents_pipe(capture: Capture) -> None:
 @pytest.mark.parametrize(
     "damage",
     [
-        lambda d: d.update(format="camssf-patches/2"),
+        lambda d: d.clear(),
         lambda d: d.pop("shots"),
         lambda d: d.update(shots=5),
+        lambda d: d.update(shot=d["shots"]),
         lambda d: d["shots"][0].pop("lamp"),
         lambda d: d["shots"][0]["means"]["chart"].update(mean="x"),
         lambda d: d["shots"][0]["means"]["chart"].pop("mean"),
@@ -258,8 +269,9 @@ def test_documents_pipe(capture: Capture) -> None:
         lambda d: d["shots"][0]["pose"].update(corners=[1, 2]),
         lambda d: d.update(white_reflectance="white"),
         lambda d: d.update(white_reflectance=-3),
-        lambda d: d["shots"][0].update(saturation=float("nan")),
-        lambda d: d["shots"][0].update(saturation=100),
+        lambda d: d["shots"][0]["means"].update(saturation=float("nan")),
+        lambda d: d["shots"][0]["means"].update(saturation=100),
+        lambda d: d["shots"][0].update(saturation=16383.0),
         lambda d: d["shots"][0]["pose"].update(patches=d["shots"][0]["pose"]["patches"][:5]),
         lambda d: d["shots"][0]["means"]["chart"].update(standard_error=[[-1.0] * 3] * 24),
         lambda d: d["shots"][0]["means"].update(white=None),
@@ -274,11 +286,11 @@ def test_documents_pipe(capture: Capture) -> None:
         lambda d: d["shots"][0]["lamp"]["values"].__setitem__(0, 8.7e198),
     ],
 )
-def test_damaged_documents_are_named(capture: Capture, damage: object) -> None:
-    document = json.loads(json.dumps(patches_document(capture)))
-    damage(document)  # type: ignore[operator]
-    with pytest.raises(CalibrationError):
-        solve(read_patches(document))
+def test_damaged_documents_are_named(capture: Capture, damage: Callable[[dict[str, Any]], object]) -> None:
+    document = document_of(capture)
+    damage(document["capture"])
+    with pytest.raises(InvalidArgument):
+        solve(capture_in(document))
 
 
 def test_fallbacks_are_named(two_lamps: Simulation, camera: CameraCurves) -> None:
@@ -290,7 +302,7 @@ def test_fallbacks_are_named(two_lamps: Simulation, camera: CameraCurves) -> Non
         pytest.approx(np.ones(3))
     )
     assert {"uneven_light"} <= codes  # 50 % vignetting, no white frame: solved for
-    assert 0.6 < result.level.min() < 0.9
+    assert 0.6 < result.answer.level.min() < 0.9
     assert "uneven_light" not in {reason.code for reason in result.verdict.reasons}
 
 
@@ -298,13 +310,12 @@ def test_fallbacks_are_named(two_lamps: Simulation, camera: CameraCurves) -> Non
 def test_refusals_keep_their_evidence(tmp_path: Path, two_lamps: Simulation, camera: CameraCurves) -> None:
     shot = two_lamps.shots[0]
     found = attempt(shot.white, "D55")
-    assert isinstance(found, Refusal)
     assert isinstance(found.error, ChartNotFound)
-    document = found.document()
-    assert document["verdict"]["status"] == "refused"
-    assert document["verdict"]["reasons"][0]["code"] == "chart_not_found"
-    assert "ssf" not in document
-    report(document)  # fits the schema
+    assert found.verdict.status == "refused"
+    assert found.verdict.reasons[0].code == "chart_not_found"
+    assert found.answer is None
+    made = report(found)
+    assert document_bytes(forms.read(made.result_json, Result, "it", "")) == made.result_json
     with pytest.raises(UnreadableRaw):
         calibrate(tmp_path / "nothing.dng", "D55")
     other = CameraCurves("other", toy_camera(20), "a formula")
@@ -316,67 +327,60 @@ def test_refusals_keep_their_evidence(tmp_path: Path, two_lamps: Simulation, cam
 def test_a_refusal_shows_the_photo_and_what_is_known(tmp_path: Path, two_lamps: Simulation) -> None:
     shot = two_lamps.shots[0]
     found = attempt(shot.white, "D55")
-    assert isinstance(found, Refusal)
     assert isinstance(found.error, ChartNotFound)
-    document = found.document()
-    assert document["camera"]["model"]
-    assert document["camera"]["unique_model"] == "camssf simulated camera"
-    assert document["shots"][0]["pose"] is None
-    assert list(document["hashes"]["inputs"]) == ["shot 1, chart: white-D55.dng"]
-    page = report(document, found.previews).html
+    last = found.capture.unfinished
+    assert last.photo is not None
+    assert last.photo.model
+    assert last.photo.unique_model == "camssf simulated camera"
+    assert last.pose is None
+    assert list(found.capture.hashes) == ["shot 1, chart: white-D55.dng"]
+    page = report(found, found.previews).html
     assert "data:image/jpeg" in page
     assert "pixels of the active area" in page
     dark_lamp = tmp_path / "dark.csv"
     dark_lamp.write_text("400,0\n500,0\n600,0\n700,0\n")
     found = attempt(shot.chart, str(dark_lamp))
-    assert isinstance(found, Refusal)
     assert isinstance(found.error, LampUnfit)
-    assert list(found.document()["hashes"]["inputs"]) == ["shot 1, lamp: dark.csv"]
-    report(found.document(), found.previews)
+    assert list(found.capture.hashes) == ["shot 1, lamp: dark.csv"]
+    report(found, found.previews)
 
 
 def test_the_chart_as_its_own_white_is_refused(two_lamps: Simulation) -> None:
     shot = two_lamps.shots[0]
-    found = attempt(Shot(shot.chart, "D55", white=shot.chart))
-    assert isinstance(found, Refusal)
-    assert found.error.exit_status in (5, 6)
-    document = found.document()
-    assert document["verdict"]["status"] == "refused"
-    assert len(document["shots"][0]["patches"]) == 24
-    report(document, found.previews)
+    with pytest.raises(InvalidArgument, match="are the same photo"):
+        attempt(Shot(shot.chart, "D55", white=shot.chart))
 
 
 def test_files_of_one_name_keep_their_hashes(tmp_path: Path, two_lamps: Simulation) -> None:
     shots = []
-    for each in two_lamps.shots:
-        assert each.white is not None
-        (tmp_path / each.lamp).mkdir()
+    for shot in two_lamps.shots:
+        assert shot.white is not None
+        (tmp_path / shot.lamp).mkdir()
         chart, white = (
-            shutil.copy(file, tmp_path / each.lamp / name)
-            for file, name in ((each.chart, "c.dng"), (each.white, "w.dng"))
+            shutil.copy(file, tmp_path / shot.lamp / name)
+            for file, name in ((shot.chart, "c.dng"), (shot.white, "w.dng"))
         )
-        shots.append(Shot(chart, each.lamp, white=white))
+        shots.append(Shot(chart, shot.lamp, white=white))
     result = calibrate(shots, options=Options(basis="cameras"))
-    assert len(result.document()["hashes"]["inputs"]) == 4
+    assert len(result.capture.hashes) == 4
 
 
-def test_a_patches_document_needs_no_other_file(tmp_path: Path, two_lamps: Simulation) -> None:
+def test_the_document_of_a_capture_needs_no_other_file(tmp_path: Path, two_lamps: Simulation) -> None:
     lamp = tmp_path / "mine.csv"
     lamp.write_text("".join(f"{w},{1 + w / 1000}\n" for w in range(380, 731, 10)))
-    document = json.loads(json.dumps(patches_document(measure(two_lamps.shots[0].chart, str(lamp)))))
+    document = document_of(measure(two_lamps.shots[0].chart, str(lamp)))
     lamp.unlink()
-    result = solve(read_patches(document)).document()
-    assert "shot 1, lamp: mine.csv" in result["hashes"]["inputs"]
-    assert result["camera"]["unique_model"] == "camssf simulated camera"
-    del document["shots"][0]["photo"]["unique_model"]  # as of a file without the tag
-    silent = read_patches(document)
+    capture = capture_in(document)
+    assert "shot 1, lamp: mine.csv" in solve(capture).capture.hashes
+    assert capture.shots[0].photo.unique_model == "camssf simulated camera"
+    del document["capture"]["shots"][0]["photo"]["unique_model"]  # as of a file without the tag
+    silent = capture_in(document)
     assert silent.shots[0].photo.unique_model == ""
-    assert "unique_model" not in patches_document(silent)["shots"][0]["photo"]
-    record = Record()
-    record.note(silent)
-    made = Refusal(ChartNotFound("It is not there.", "Look again."), record).document()
-    assert made["camera"]["unique_model"] is None
-    report(made)  # fits the schema
+    assert "unique_model" not in document_of(silent)["capture"]["shots"][0]["photo"]
+    error = ChartNotFound("It is not there.", "Look again.")
+    error.capture = silent
+    made = report(refused(error)).result_json
+    assert document_bytes(forms.read(made, Result, "it", "")) == made
 
 
 @pytest.mark.parametrize(
@@ -419,27 +423,33 @@ def test_bad_options_are_named(two_lamps: Simulation, change: dict[str, Any], wo
         calibrate(two_lamps.shots[0].chart, "D55", options=Options(**change))
 
 
+@pytest.mark.repository
 def test_every_option_is_one_that_the_product_uses() -> None:
     """A misspelt or forgotten one would be taken and do nothing."""
     files = ("photo/capture.py", "fit/capture_fit.py", "fit/solutions.py", "calibration.py")
     source = "".join((ROOT / "reference" / "camssf" / path).read_text("utf-8") for path in files)
-    assert all(f"options.{each.name}" in source for each in fields(Options))
+    assert all(f"options.{field.name}" in source for field in fields(Options))
 
 
 def test_a_refusal_is_a_product(two_lamps: Simulation) -> None:
-    """What `calibrate` raises, `attempt` gives; the record holds the shots that were measured."""
+    """What `calibrate` raises, `attempt` gives; its capture holds the shots that were measured."""
     shots = two_lamps.shots
     assert shots[1].white is not None
     pair = [Shot(shots[0].chart, "D55"), Shot(shots[1].white, "A")]
     found = attempt(pair)
-    assert isinstance(found, Refusal)
     assert isinstance(found.error, ChartNotFound)
-    assert [shot.lamp.name for shot in found.record.shots] == ["D55"]
-    assert found.record.unfinished is not None
-    assert [len(shot["patches"]) for shot in found.document()["shots"]] == [24, 0]
+    assert [shot.lamp.name for shot in found.capture.shots] == ["D55"]
+    assert found.capture.unfinished.lamp.name == "A"
+    assert [shot.patches is not None for shot in shots_of(found)] == [True, False]
     assert [preview is not None for preview in found.previews] == [True, True]
-    with pytest.raises(ChartNotFound):
+    with pytest.raises(ChartNotFound) as raised:
         calibrate(pair)
+    assert [shot.lamp.name for shot in raised.value.capture.shots] == ["D55"]
+    document = json.loads(document_bytes(found))
+    assert [len(shot["means"]["chart"]["mean"]) for shot in document["capture"]["shots"]] == [24]
+    assert document["capture"]["unfinished"]["photo"]["name"] == "white-A.dng"
+    with pytest.raises(InvalidArgument, match="Measure it anew"):
+        solve(found.capture)
     with pytest.raises(InvalidArgument):
         attempt(shots[0].chart, "nonsense")
 

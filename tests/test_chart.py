@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 
 from camssf.errors import Blurred, ChartNotFound, InvalidArgument
+from camssf.photo.find.candidates import find_candidates
+from camssf.photo.find.geometry import refine_corners
 from camssf.photo.find.picture import codes_of_mosaic
 from camssf.photo.find.pose import Pose, find_chart
-from camssf.photo.find.refine import refine_corners
 from camssf.photo.find.search import agreement
-from camssf.photo.find.sightings import find_sightings
 from camssf.photo.patches import measure_patches
 from camssf.photo.read.dng import Mosaic, read_dng
-from camssf.simulation.camera import Sensor
-from camssf.simulation.scene import Scene
-from camssf.simulation.shot import Frames
 from camssf.spectra.layouts import LAYOUTS
+from camssf_lab.simulation.camera import Sensor
+from camssf_lab.simulation.scene import Scene
+from camssf_lab.simulation.shot import Frames
 from tests.scenes import SIZE, mosaic, semi_gloss, shoot, table
 
 DNG = Path(__file__).parents[1] / "data" / "dng"
@@ -129,9 +129,9 @@ def test_rendered_scenes() -> None:
     failures = {}
     for name, (scene, sensor, lamp) in SCENES.items():
         frames, photo = photo_of(scene, sensor, lamp)
-        sighted = find_sightings(codes_of_mosaic(photo))
+        sighted = find_candidates(codes_of_mosaic(photo))
         assert sighted.findings == (), name
-        distance = np.linalg.norm(sighted.sightings[0].patches - frames.pose.patches.mean(axis=1), axis=1).max()
+        distance = np.linalg.norm(sighted.candidates[0].patches - frames.pose.patches.mean(axis=1), axis=1).max()
         assert distance < 0.1 * edge(frames.pose), name
         try:
             pose = find_chart(photo, table())
@@ -271,15 +271,15 @@ def test_grid_with_other_colours_is_no_chart() -> None:
     mixed = np.random.default_rng(3).permutation(24)
     _, photo = photo_of(Scene(), size=SMALL)
     with pytest.raises(ChartNotFound, match="no chart"):
-        find_chart(photo, replace(table(), values=table().values[mixed]))
+        find_chart(photo, table().with_values(table().values[mixed]))
 
 
 def test_of_two_charts_the_one_that_agrees() -> None:
     """Left a chart in another order, right the real one; each is found by its own table."""
     scene = Scene(size=(450, 675), fill=0.7)
-    mixed = replace(table(), values=table().values[np.random.default_rng(3).permutation(24)])
-    from camssf.simulation.shot import photograph
+    mixed = table().with_values(table().values[np.random.default_rng(3).permutation(24)])
     from camssf.spectra import read_camera, read_lamp
+    from camssf_lab.simulation.shot import photograph
 
     camera, lamp = read_camera("Nikon 5100 (NPL)"), read_lamp("D55")
     left, right = (photograph(camera, lamp, t, scene, Sensor()) for t in (mixed, table()))

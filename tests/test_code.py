@@ -13,16 +13,14 @@ from hypothesis import strategies as st
 from scipy.optimize import nnls
 
 from camssf.recovery import pivoting as walking
-from camssf.recovery.duality_gap import duality_gap
-from camssf.recovery.elastic_net import ElasticNet, whiten
-from camssf.recovery.layers import DEPTH, RELAXATION, ista, soft, splitting
-from camssf.recovery.linear_model import LinearModel
-from camssf.recovery.pivoting import PROVEN, SETTLED, finish_steps, pivot_to_optimum
-from camssf.recovery.solve import solve
+from camssf.recovery.elastic_net import ElasticNet, soft
+from camssf.recovery.layers import DEPTH, RELAXATION, ista, splitting
+from camssf.recovery.pivoting import PROVEN, SETTLED
 from golden.forms import ROOT
+from golden.linear_model import LinearModel, solve
 from golden.reading import read_case
 from golden.running import problem
-from tests.problems import gamma_max, joint_sensing, random_sensing, whiten_in_80_bits
+from tests.problems import duality_gap, gamma_max, joint_sensing, random_sensing, walked, whiten, whiten_in_80_bits
 
 pytestmark = pytest.mark.requirement("R-OPTIMUM")
 
@@ -208,7 +206,7 @@ def test_the_layers_pull_keeps_its_digits(name: str, l2: float, gamma: float) ->
     for c in range(len(rows.matrix)):
         A, b = (np.asarray(part, dtype=np.longdouble) for part in whiten(
             rows.matrix[c], rows.target[c], rows.covariance[c]
-        )[:2])  # fmt: skip
+        ))  # fmt: skip
         rho = gamma + 2 * l2
         H, g = A.T @ A, A.T @ b
         M = H + rho * np.eye(len(H))
@@ -227,8 +225,7 @@ def test_the_layers_pull_keeps_its_digits(name: str, l2: float, gamma: float) ->
 
 def problem_of(seed: int, l2: float, gamma: float, nonnegative: bool = False) -> ElasticNet:
     sensing = random_sensing(seed, 20, 12)
-    A, b, _ = whiten(sensing.matrix[0], sensing.target[0], sensing.covariance[0])
-    return ElasticNet(A, b, l2, gamma, nonnegative)
+    return ElasticNet(*whiten(sensing.matrix[0], sensing.target[0], sensing.covariance[0]), l2, gamma, nonnegative)
 
 
 @pytest.mark.parametrize("nonnegative", [False, True])
@@ -321,7 +318,7 @@ def in_80_bits(problem: ElasticNet | Outside, x: np.ndarray) -> tuple[np.longdou
 def test_the_gap_bounds_the_distance_to_the_optimum(size: float, l2: float, nonnegative: bool) -> None:
     """Of answers that are off by so much; the gap is the dual's, recomputed in 80 bits from its textbook form."""
     problem = problem_of(6, l2, 2.0, nonnegative)
-    best = pivot_to_optimum(problem, splitting(problem).unroll(200), finish_steps(12))[0]
+    best = walked(problem, splitting(problem).unroll(200))[0]
     least = in_80_bits(problem, best)[0]
     x = best + size * np.random.default_rng(8).normal(size=12)
     x = np.maximum(x, 0.0) if nonnegative else x
@@ -336,7 +333,7 @@ def test_the_gap_bounds_the_distance_to_the_optimum(size: float, l2: float, nonn
 def test_with_l2_the_gap_is_of_second_order(nonnegative: bool) -> None:
     """Ten times nearer along the support, a hundred times smaller; by scaling it would be ten times."""
     problem = problem_of(6, 0.5, 2.0, nonnegative)
-    best = pivot_to_optimum(problem, splitting(problem).unroll(200), finish_steps(12))[0]
+    best = walked(problem, splitting(problem).unroll(200))[0]
     off = np.where(best != 0, np.random.default_rng(9).normal(size=12), 0.0)
     gaps = [duality_gap(problem, best + size * off)[1] for size in (1e-3, 1e-4, 1e-5)]
     assert gaps[0] / gaps[1] == pytest.approx(100, rel=0.05)
@@ -444,7 +441,7 @@ def test_the_proof_of_the_one_problem_holds_in_80_bits(l2: float, gamma: float, 
     assert code.objective[0] == pytest.approx(float(least), rel=1e-12)
     assert code.gap[0] <= 1e-9
     assert gap / least <= 1e-9
-    near = ElasticNet(*whiten(A, b, sigma)[:2], l2, gamma, nonnegative)
+    near = ElasticNet(*whiten(A, b, sigma), l2, gamma, nonnegative)
     rng = np.random.default_rng(12)
     for size in (1e-1, 1e-3, 1e-5):
         x = code.values[0] + size * rng.normal(size=72)

@@ -4,8 +4,12 @@ import hashlib
 import re
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[1]
 DATA = ROOT / "data"
+
+pytestmark = pytest.mark.repository
 
 
 def table() -> dict[str, list[str]]:

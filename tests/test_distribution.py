@@ -23,6 +23,7 @@ from packaging.specifiers import SpecifierSet
 
 from camssf.version import __version__
 from tools import conda_recipe
+from tools.tutorials import TUTORIALS, blocks, outputs
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
@@ -104,7 +105,7 @@ def test_the_wheel_holds_every_file_of_the_packages_and_nothing_else(wheel: Path
         packed = {name for name in archive.namelist() if ".dist-info/" not in name}
         (metadata,) = [archive.read(name).decode() for name in archive.namelist() if name.endswith("/METADATA")]
         licences = {Path(name).name for name in archive.namelist() if "/licenses/" in name}
-    folders = (ROOT / "reference" / "camssf", ROOT / "export")
+    folders = (*(ROOT / "reference").glob("camssf*"), ROOT / "export")
     files = [path for folder in folders for path in folder.rglob("*") if path.is_file() and path.suffix != ".pyc"]
     assert packed == {path.relative_to(ROOT).as_posix().split("/", 1)[1] for path in files}
     assert licences == {"LICENSE", "NOTICE"}
@@ -127,23 +128,22 @@ def test_the_wheel_works_in_an_empty_environment(environment: Path, tmp_path: Pa
 
 EXTRA = "notebook"
 """What the first tutorial installs in addition to the package."""
-TUTORIALS = [page for page in sorted((ROOT / "docs" / "tutorials").glob("*.md")) if page.stem != "index"]
 
 
-def page_blocks(page: Path) -> list[tuple[str, str]]:
-    """Kind and text of a page's blocks in order, but the installation."""
-    found = re.findall(r"^```(\w+)\n(.*?)^```$", page.read_text("utf-8"), re.MULTILINE | re.DOTALL)
-    return [(kind, block) for kind, block in found if "venv" not in block]
-
-
+@pytest.mark.repository
 @pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
 def test_a_tutorial_needs_nothing_but_what_it_installs(page: Path) -> None:
     """Its imports and commands; the test below runs it, which installs for minutes."""
     install = re.findall(r"pip install -e '\.\[(.*)\]'", (ROOT / "docs/tutorials/first-phone.md").read_text("utf-8"))
     assert install == [EXTRA]
-    needs = [*PROJECT["project"]["dependencies"], *PROJECT["project"]["optional-dependencies"][EXTRA]]
-    there = {Requirement(each).name for each in needs} | {"camssf"} | sys.stdlib_module_names
-    for kind, block in page_blocks(page):
+    extras = PROJECT["project"]["optional-dependencies"]
+    needs = [*PROJECT["project"]["dependencies"], *extras[EXTRA], *extras["plot"]]
+    there = (
+        {Requirement(need).name for need in needs}
+        | {"camssf", "camssf_colour", "camssf_fleet", "camssf_lab"}
+        | sys.stdlib_module_names
+    )
+    for kind, block, _ in blocks(page.read_text("utf-8")):
         if kind == "python":
             trees = [node for node in ast.walk(ast.parse(block)) if isinstance(node, ast.Import | ast.ImportFrom)]
             for node in trees:
@@ -161,22 +161,15 @@ def test_a_tutorial_needs_nothing_but_what_it_installs(page: Path) -> None:
 @pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
 def test_a_tutorial_runs_in_an_empty_environment(environment: Path, page: Path, tmp_path: Path) -> None:
     """Block by block in a folder that holds nothing, by the wheel alone; a page's Python is one process."""
-    folder = tmp_path / "empty"
-    folder.mkdir()
-    script = ["import subprocess"]
-    for kind, block in page_blocks(page):
-        script.append(block if kind == "python" else f"subprocess.run(['sh', '-e', '-c', {block!r}], check=True)")
-    path = f"PATH={environment}{os.pathsep}{os.environ['PATH']}"
-    # As pasted into an interpreter: a batch starts processes, which would run a script's file anew.
-    words = ("env", path, f"HOME={tmp_path}", "MPLBACKEND=agg", environment / "python", "-c", "\n".join(script))
-    out = run(*words, cwd=folder)
-    assert "nan" not in out.split()
-    assert list(folder.iterdir())
+    printed = outputs(page.read_text("utf-8"), tmp_path, str(environment / "python"), str(environment))
+    assert "nan" not in " ".join(printed).split()
+    assert list(tmp_path.iterdir())
 
 
 # -- the container and the conda recipe ------------------------------------------------------------------------------
 
 
+@pytest.mark.repository
 def test_the_dockerfile_copies_what_is_there_and_runs_as_a_user_without_rights() -> None:
     names = copied(BUILD) + copied(RUN)
     assert {"reference", "export", "pyproject.toml", "constraints.txt"} <= set(names)
@@ -187,7 +180,7 @@ def test_the_dockerfile_copies_what_is_there_and_runs_as_a_user_without_rights()
     assert {PROJECT["project"]["readme"], *PROJECT["project"]["license-files"]} <= set(copied(BUILD))
     (user,) = re.findall(r"^USER (\d+)$", RUN, re.MULTILINE)
     assert int(user) > 0
-    (extras,) = re.findall(r'"camssf\[([\w,]+)\]"', RUN)
+    (extras,) = re.findall(r'/wheels/\*\.whl\)\[([\w,]+)\]"', RUN)
     assert set(extras.split(",")) <= set(PROJECT["project"]["optional-dependencies"])
     for version in re.findall(r"^FROM python:([\d.]+)-slim", DOCKERFILE, re.MULTILINE):
         assert SpecifierSet(PROJECT["project"]["requires-python"]).contains(version)
@@ -199,6 +192,7 @@ def rendered(text: str) -> dict[str, Any]:
     return dict(yaml.safe_load(jinja2.Template(text).render(PYTHON="python")))
 
 
+@pytest.mark.repository
 def test_the_recipe_needs_what_pyproject_needs() -> None:
     assert conda_recipe.main(["--check"]) == 0, "run python -m tools.conda_recipe"
     found = rendered(conda_recipe.PAGE.read_text("utf-8"))
@@ -207,12 +201,12 @@ def test_the_recipe_needs_what_pyproject_needs() -> None:
     assert needs.pop("python") == PROJECT["project"]["requires-python"]
     ours = {each.name: str(each.specifier) for each in map(Requirement, PROJECT["project"]["dependencies"])}
     assert needs.pop("py-opencv") in ours.pop("opencv-python-headless")
-    ours["matplotlib-base"] = ours.pop("matplotlib")
     assert needs == ours
     (line,) = found["build"]["entry_points"]
     assert line == f"camssf = {PROJECT['project']['scripts']['camssf']}"
 
 
+@pytest.mark.repository
 def test_the_recipe_of_a_release_names_its_file_by_hash(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(conda_recipe, "PAGE", tmp_path / "meta.yaml")
     assert conda_recipe.main(["--check"]) == 1

@@ -7,16 +7,16 @@ import re
 import shlex
 import subprocess
 import sysconfig
+import tomllib
 from pathlib import Path
 
 import pytest
 import typer
 import yaml
-from test_report import document
 
 import camssf
+from camssf import Result
 from camssf.cli import BATCH_FAILED, BUG, INTERRUPTED, UNDECIDED, app, main
-from camssf.documents.result_json import document_bytes
 from camssf.errors import CalibrationError
 
 ROOT = Path(__file__).parents[1]
@@ -30,6 +30,8 @@ PAGES = [
 ]
 README = (ROOT / "README.md").read_text("utf-8")
 CLI = typer.main.get_command(app)
+
+pytestmark = pytest.mark.repository
 
 
 def blocks(text: str, language: str) -> list[str]:
@@ -93,6 +95,26 @@ def test_the_readme_s_two_commands_make_their_own_environment() -> None:
         ".venv/bin/python -m pytest",
     ]
     assert all(line.startswith("python3 -m venv .venv && .venv/bin/pip install -e ") for line in lines)
+
+
+def test_there_is_one_way_to_install() -> None:
+    """From a clone, since nothing is released; what will hold then stands once, on the page of installation."""
+    folders = (ROOT / folder for folder in ("reference", "export", "tools", "benchmarks", "recipe", "golden"))
+    sources = [
+        path for folder in folders for path in folder.rglob("*") if path.suffix in (".py", ".js", ".html", ".json")
+    ]
+    texts = {path: path.read_text("utf-8") for path in [*PAGES, ROOT / "Dockerfile", *sources]}
+    named = [
+        path.name
+        for path, text in texts.items()
+        for _ in re.findall(r"camssf\[\w|(?:install|\+)[^\n]* git\+|--no-deps camssf", text)
+    ]
+    assert named == ["install.md"]
+    asked = {extra for text in texts.values() for extra in re.findall(r"pip install -e '\.\[([\w,-]+)\]'", text)}
+    known = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["optional-dependencies"]
+    assert {name for names in asked for name in names.split(",")} <= set(known)
+    page = (ROOT / "docs" / "install.md").read_text("utf-8")
+    assert set(re.findall(r"`([\w-]+)`", "".join(re.findall(r"^\| (`[^|]*) \|", page, re.MULTILINE)))) == set(known)
 
 
 @pytest.mark.requirement("R-DOCS")
@@ -164,10 +186,10 @@ def test_the_lamp_s_numbers_are_what_the_page_s_commands_give(
         (fit,) = [arguments for arguments in fits if lamp in arguments]
         assert basis in fit
         assert main(fit) == 0
-        scores = json.loads(Path(fit[-1], "result.json").read_text("utf-8"))["scores"]
+        scores = Result.load(Path(fit[-1], "result.json")).scores
         # as printed; two per cent leave room for another OpenCV or NumPy
-        assert [float(v) for v in rmsre.split()] == pytest.approx(scores["rmsre_percent"], rel=0.02, abs=0.006)
-        assert [float(v) for v in rmse.split()] == pytest.approx(scores["rmse"], rel=0.02, abs=6e-5)
+        assert [float(v) for v in rmsre.split()] == pytest.approx(scores.rmsre_percent, rel=0.02, abs=0.006)
+        assert [float(v) for v in rmse.split()] == pytest.approx(scores.rmse, rel=0.02, abs=6e-5)
     capsys.readouterr()
     (wrong,) = [arguments for arguments in fits if "equal-energy" in arguments]
     at = wrong.index("--basis")
@@ -180,30 +202,15 @@ def test_pages_tell_the_exit_status_of_a_code_as_it_is() -> None:
     kinds = [CalibrationError]
     for kind in kinds:
         kinds.extend(kind.__subclasses__())
-    told = 0
+    count = 0
     for page in PAGES:
         for sentence in re.split(r"[.\n]\s", page.read_text("utf-8")):
             codes = {kind.exit_status for kind in kinds if f"`{kind.code}`" in sentence}
             statuses = {int(word) for word in re.findall(r"exit status(?: is)? (\d+)", sentence)}
             if codes and statuses:
-                told += 1
+                count += 1
                 assert statuses <= codes, (page.name, sentence)
-    assert told >= 3
-
-
-@pytest.mark.parametrize("wanted", ["standard_colour", "convert"])
-def test_the_python_of_colour_md_runs(
-    wanted: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """As written, on results of that name."""
-    text = (ROOT / "docs" / "colour.md").read_text("utf-8")
-    (block,) = [block for block in blocks(text, "python") if wanted in block]
-    for name in ("out/result.json", "a.json", "b.json"):
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_bytes(document_bytes(document("D55")))
-    monkeypatch.chdir(tmp_path)
-    exec(compile(block, "colour.md", "exec"), {})
-    assert "nan" not in capsys.readouterr().out
+    assert count >= 3
 
 
 @pytest.mark.requirement("R-DOCS")
@@ -276,26 +283,19 @@ def test_each_version_keeps_its_pages(tmp_path: Path) -> None:
     assert "../0.2/" in told("git", "show", "gh-pages:latest/index.html")
 
 
-OWN = {"install", "-q", "-e", "'.[dev]'"}
-
-
-def pip_calls(script: str) -> list[list[str]]:
-    """What follows `pip` on each of a script's lines that call it; comments are none."""
-    lines = (line.partition(" #")[0] for line in script.splitlines() if not line.startswith("#"))
-    return [found[1].split() for line in lines if (found := re.search(r"\bpip3?\s+(.*)", line))]
-
-
-def test_ci_runs_the_readme_s_commands() -> None:
+def test_ci_runs_the_readme_s_commands_before_it_pins_anything() -> None:
     text = (ROOT / ".ci" / "run").read_text("utf-8")
-    # camssf and its extra `test` come from the README's lines, so that the two cannot drift
-    assert {word for words in pip_calls(text) for word in words} <= OWN
     assert len(re.findall(r"grep -m 1 .* README\.md", text)) == 2
+    places = [text.index(word) for word in (
+        "unset PIP_CONSTRAINT", 'run "demo"', 'run "tests"', "export PIP_CONSTRAINT", "-W error"
+    )]  # fmt: skip
+    assert places == sorted(places)
+    # what the README's lines install is all that is in their environment
+    assert not [line for line in text.splitlines() if ".venv" in line and not line.startswith("#")]
     assert (ROOT / ".ci" / "run").stat().st_mode & 0o111
 
 
 def test_constraints_pin_what_the_package_asks_for() -> None:
-    import tomllib
-
     from packaging.requirements import Requirement
     from packaging.utils import canonicalize_name
 
@@ -315,8 +315,8 @@ def test_constraints_pin_what_the_package_asks_for() -> None:
 def test_sizes_are_told_as_they_are() -> None:
     """Of what travels in an app: the models, tables and rules. (The code's size: ShrunkJarTest, after R8.)"""
     data = Path(camssf.__file__).parent / "data"
-    tables = [data / f"{name}.json" for name in ("spectra", "rules", "colour")]
-    size = sum(path.stat().st_size for path in [*data.glob("*.onnx"), *tables])
+    tables = [data / f"{name}.json" for name in ("spectra", "rules", "colour", "finder")]
+    size = sum(path.stat().st_size for path in [*data.glob("*.onnx"), data / "bases.f64", *tables])
     android = (ROOT / "docs" / "android.md").read_text("utf-8")
     (most,) = re.findall(r"At most ([\d.]+) MB of models, tables and rules", android)
     assert float(most) * 0.9 < size / 1e6 <= float(most)
@@ -327,3 +327,57 @@ def test_sizes_are_told_as_they_are() -> None:
     (here,) = re.findall(r"\((\d+) kB on ", android)
     (there,) = re.findall(r"(\d+) kB of them compressed", verification)
     assert here == there
+
+
+CITED = re.compile(r"docs/([a-z-]+)\.md")
+TITLE = re.compile(r'docs/([a-z-]+)\.md, ((?:"[^"\n]+(?:\n[^"\n]*)?"(?:, | and )?)+)')
+RULES = re.compile(
+    r"rules? (\d+)(?: to (\d+)|(?:(?:, \d+)* and \d+))? of docs/([a-z-]+)\.md|docs/([a-z-]+)\.md, rule (\d+)", re.I
+)
+PYTHON_NAME = re.compile(r"(?<![.\w])camssf(?:_[a-z]+)?(?:\.[a-z_]+)+\b")
+
+
+def sources() -> list[tuple[Path, str]]:
+    """The text of every source file, with comments' line breaks taken out."""
+    paths = [*ROOT.glob("reference/**/*.py"), *ROOT.glob("export/**/*.py")]
+    paths += ROOT.glob("android-bindings/*/src/main/**/*.kt")
+    return [(path, re.sub(r"\n[ \t]*(?:\*(?!/)|//|#)?[ \t]*", " ", path.read_text("utf-8"))) for path in paths]
+
+
+def cited_in(text: str) -> list[tuple[str, str]]:
+    """The pages that a text cites, each with how the cited line begins: nothing, a heading, a rule's number."""
+    lines = [(page, "") for page in CITED.findall(text)]
+    for page, titles in TITLE.findall(text):
+        lines += [(page, f"# {title}") for title in re.findall('"(.*?)"', titles)]
+    for first, last, page, other, number in RULES.findall(text):
+        lines += [(page or other, f"{rule}.") for rule in (first or number, last) if rule]
+    return lines
+
+
+@pytest.mark.repository
+def test_what_docstrings_cite_exists() -> None:
+    """Pages, headings and numbered rules of docs/."""
+    missing, cited = [], 0
+    for path, text in sources():
+        for page, start in cited_in(text):
+            cited += 1
+            file = ROOT / "docs" / f"{page}.md"
+            lines = file.read_text("utf-8").splitlines() if file.is_file() else []
+            plain = [re.sub("^#+", "#", line.strip("*")) for line in lines]
+            if not (start in plain if start.startswith("#") else any(line.startswith(start) for line in plain)):
+                missing.append(f"{path.name}: docs/{page}.md {start}")
+    assert cited > 60
+    assert missing == []
+
+
+@pytest.mark.repository
+def test_python_s_modules_that_kotlin_names_exist() -> None:
+    missing = []
+    for path in ROOT.glob("android-bindings/*/src/main/**/*.kt"):
+        for name in PYTHON_NAME.findall(path.read_text("utf-8")):
+            place = ROOT / "reference" / name.replace(".", "/")
+            module = next((p for p in (place.with_suffix(".py"), place / "__init__.py") if p.is_file()), None)
+            parents = [p for p in (place.parent.with_suffix(".py"), place.parent / "__init__.py") if p.is_file()]
+            if module is None and not any(re.search(rf"\b{place.name}\b", p.read_text("utf-8")) for p in parents):
+                missing.append(f"{path.name}: {name}")
+    assert missing == []

@@ -1,4 +1,4 @@
-"""Evidence: what it takes, what it refuses, and the calls before it."""
+"""Hypotheses: what it takes, what it refuses, and the calls before it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from camssf.recovery.sensitivity import SolverSettings
 from tests.problems import chart_and_lamp, theory, toy_camera
 
 
-def told() -> dict[str, Any]:
+def arguments() -> dict[str, Any]:
     """Signals with 2 % of noise of 24 patches under D55."""
     reflectance, lamp = chart_and_lamp("D55", slice(0, 24))
     y = theory(reflectance, lamp, toy_camera())
@@ -23,20 +23,20 @@ def told() -> dict[str, Any]:
 
 @pytest.mark.parametrize("basis", ["cameras", "gaussian"])
 def test_a_mask_is_the_same_as_leaving_patches_out(basis: str) -> None:
-    given = told()
+    given = arguments()
     used = np.zeros((1, 24), dtype=bool)
     used[0, 6:18] = True
     few = given | {name: given[name][6:18] for name in ("signals", "reflectance", "standard_error")}
     masked, left_out = (recover(Observation(**e), basis=basis) for e in (given | {"used": used}, few))
-    gamma = left_out.settings.gamma
-    assert masked.settings.gamma == pytest.approx(gamma, rel=0.02)  # the discrepancy is searched to 1 %
+    gamma = left_out.gamma
+    assert masked.gamma == pytest.approx(gamma, rel=0.02)  # the discrepancy is searched to 1 %
     exact = SolverSettings(gamma=gamma[0])
     masked, left_out = (recover(Observation(**e), basis=basis, settings=exact) for e in (given | {"used": used}, few))
     assert masked.values == pytest.approx(left_out.values, rel=1e-5, abs=1e-7 * left_out.values.max())
 
 
 def test_what_is_not_used_may_be_unknown() -> None:
-    given = told()
+    given = arguments()
     used = np.ones((1, 24), dtype=bool)
     used[0, 3] = False
     hole = given["signals"].copy()
@@ -63,5 +63,5 @@ def test_what_is_not_used_may_be_unknown() -> None:
 )
 def test_wrong_evidence_is_refused(change: dict[str, Any], words: str) -> None:
     with pytest.raises(InvalidArgument, match=words) as refusal:
-        Observation(**told() | change)
+        Observation(**arguments() | change)
     assert refusal.value.advice

@@ -6,7 +6,6 @@ exported, and so are the true curves; each program turns the same signals into c
 
 from __future__ import annotations
 
-import copy
 import io
 import json
 import os
@@ -15,24 +14,25 @@ import subprocess
 import warnings
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pytest
+from documents import changed
 
 from camssf.calibration import attempt
-from camssf.colour import View, lab, white_of
-from camssf.colour.spaces import xyz_of
-from camssf.colour.standard import of_surfaces
-from camssf.colour.transforms import choose
+from camssf.colorimetry import choose, delta_e00, xyz_of
+from camssf.documents.document import Curves
 from camssf.exports import export
 from camssf.exports.matrices import ACES, ACES_WHITE, D50
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.simulation.frames import SimulatedShot, simulate
-from camssf.simulation.scene import Scene
+from camssf.result import Result
 from camssf.spectra import read_camera, read_chart, read_lamp
-from camssf.spectra.appearance import delta_e00
-from camssf.spectra.surfaces import observer
+from camssf.spectra.bundled import observer
+from camssf_colour import View, lab, white_of
+from camssf_colour.standard import of_surfaces
+from camssf_lab.simulation.frames import SimulatedShot, simulate
+from camssf_lab.simulation.scene import Scene
 
 pytestmark = pytest.mark.full
 
@@ -49,8 +49,8 @@ CHANNELS = ("red", "green", "blue")
 class Captured(NamedTuple):
     """A result, the same with the true curves in it, raw signals (24, 3) of the patches, and the chart's photo."""
 
-    found: dict[str, Any]
-    true: dict[str, Any]
+    found: Result
+    true: Result
     raw: Floats
     shot: SimulatedShot
 
@@ -60,13 +60,11 @@ def captured(tmp_path_factory: pytest.TempPathFactory) -> Captured:
     folder = tmp_path_factory.mktemp("d850")
     camera = read_camera(D850)
     shot = simulate(camera, [LAMP], folder, scene=Scene(size=(900, 675)), seed=3).shots[0]
-    found = attempt(shot.shot).document()
-    true = copy.deepcopy(found)
-    for channel, curve in zip(CHANNELS, camera.values.T, strict=True):
-        true["ssf"][channel] = (curve / curve.max()).tolist()
+    found = attempt(shot.shot)
     power = read_lamp(LAMP).values
     white = power @ camera.values
-    true["channel_gain"] = (white / white[1]).tolist()
+    curves = Curves.of(camera.values / camera.values.max(axis=0))
+    true = changed(found, answer__curves=curves, answer__channel_gain=white / white[1])
     raw = read_chart("classic24").values @ (power[:, None] * camera.values)
     return Captured(found, true, np.asarray(0.9 * raw / white.max()), shot)
 
@@ -80,7 +78,7 @@ def apart(one: Floats, other: Floats, white: Floats) -> float:
 # -- programs that read the curves: they find the white balance from them -----------------------------------------
 
 
-def by_rawtoaces(document: dict[str, Any], raw: Floats, folder: Path) -> tuple[Floats, Floats]:
+def by_rawtoaces(document: Result, raw: Floats, folder: Path) -> tuple[Floats, Floats]:
     """rawtoaces' algorithm as colour-science has it, not the program itself, which no package index has.
 
     White balance from the curves and the lamp, and a matrix by least squares in CIELAB over rawtoaces' 190 training
@@ -111,7 +109,7 @@ print(json.dumps(spectral.convert_to_XYZ(matrix, raw / curves.sum(axis=1)).tolis
 """
 
 
-def by_spectacle(document: dict[str, Any], raw: Floats, folder: Path) -> tuple[Floats, Floats]:
+def by_spectacle(document: Result, raw: Floats, folder: Path) -> tuple[Floats, Floats]:
     """pyspectacle's reader and its matrix to XYZ, for signals of which equal energy gives 1, 1, 1."""
     python = os.environ.get("CAMSSF_SPECTACLE")
     if not python:
@@ -126,7 +124,7 @@ def by_spectacle(document: dict[str, Any], raw: Floats, folder: Path) -> tuple[F
     return np.array(json.loads(done.stdout.splitlines()[-1])), white_of(read_lamp(LAMP).values)
 
 
-def by_dcamprof(document: dict[str, Any], raw: Floats, folder: Path) -> tuple[Floats, Floats]:
+def by_dcamprof(document: Result, raw: Floats, folder: Path) -> tuple[Floats, Floats]:
     """What DCamProf's documentation says that it does with a camera SSF, not the program, which no package index has.
 
     The three curves are divided by one maximum, give the signals of patches under a lamp, and a matrix from these to
@@ -147,7 +145,7 @@ def by_dcamprof(document: dict[str, Any], raw: Floats, folder: Path) -> tuple[Fl
     return (raw / white) @ matrix, aim
 
 
-READERS: dict[str, Callable[[dict[str, Any], Floats, Path], tuple[Floats, Floats]]] = {
+READERS: dict[str, Callable[[Result, Floats, Path], tuple[Floats, Floats]]] = {
     "rawtoaces": by_rawtoaces,
     "spectacle": by_spectacle,
     "dcamprof": by_dcamprof,
@@ -170,7 +168,7 @@ def test_curves_give_the_true_curves_colours(
 # -- programs that read a profile ---------------------------------------------------------------------------------
 
 
-def by_littlecms(document: dict[str, Any], balanced: Floats, folder: Path) -> tuple[Floats, Floats]:
+def by_littlecms(document: Result, balanced: Floats, folder: Path) -> tuple[Floats, Floats]:
     if shutil.which("transicc") is None:
         pytest.skip("transicc (liblcms2-utils) is not on this machine")
     path = folder / "camera.icc"
@@ -184,7 +182,7 @@ def by_littlecms(document: dict[str, Any], balanced: Floats, folder: Path) -> tu
     return found / 100, D50
 
 
-def by_opencolorio(document: dict[str, Any], balanced: Floats, folder: Path) -> tuple[Floats, Floats]:
+def by_opencolorio(document: Result, balanced: Floats, folder: Path) -> tuple[Floats, Floats]:
     ocio = pytest.importorskip("PyOpenColorIO")
     path = folder / "camera.clf"
     path.write_bytes(export(document, "clf", lamp=LAMP))
@@ -195,7 +193,7 @@ def by_opencolorio(document: dict[str, Any], balanced: Floats, folder: Path) -> 
 
 @pytest.mark.parametrize("judge", [by_littlecms, by_opencolorio])
 def test_profiles_give_the_true_curves_colours(
-    judge: Callable[[dict[str, Any], Floats, Path], tuple[Floats, Floats]], captured: Captured, tmp_path: Path
+    judge: Callable[[Result, Floats, Path], tuple[Floats, Floats]], captured: Captured, tmp_path: Path
 ) -> None:
     own = (tmp_path / "true", tmp_path / "found")
     for folder in own:
@@ -234,7 +232,7 @@ SRGB = np.array(
 )
 
 
-def by_rawtherapee(document: dict[str, Any], captured: Captured, folder: Path) -> Floats:
+def by_rawtherapee(document: Result, captured: Captured, folder: Path) -> Floats:
     """XYZ (24, 3) under D65 of the chart's photo, developed with the profile, its tone curve in force."""
     import tifffile
 
@@ -247,7 +245,7 @@ def by_rawtherapee(document: dict[str, Any], captured: Captured, folder: Path) -
     )  # fmt: skip
     coded = tifffile.imread(io.BytesIO(picture.read_bytes())) / 65535.0
     linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
-    outlines = np.array(captured.found["shots"][0]["pose"]["patches"])
+    outlines = captured.found.capture.shots[0].pose.patches  # type: ignore[union-attr]
     low, high = outlines.min(axis=1).astype(int) + 20, outlines.max(axis=1).astype(int) - 20
     rgb = np.array([linear[b:d, a:c].mean(axis=(0, 1)) for (a, b), (c, d) in zip(low, high, strict=True)])
     return np.asarray(rgb @ SRGB.T)

@@ -8,21 +8,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import camssf.photo.find.opencv as opencv
+import camssf.photo.find.search as opencv
 import camssf.photo.find.search as searching
 from benchmarks.claims.finder_drawings import DRAWINGS, EMPTY, Drawing, as_mosaic, as_preview, truth
 from camssf.errors import ChartNotFound, InvalidArgument
 from camssf.grid import Floats
+from camssf.photo.find.candidates import FoundCharts, find_candidates
 from camssf.photo.find.chart_colours import chart_colours
 from camssf.photo.find.lattices import fitted, inverse, mapped
-from camssf.photo.find.picture import codes_of_bytes, codes_of_light, codes_of_mosaic, rgb_of_yuv
+from camssf.photo.find.picture import Thumbnail, codes_of_bytes, codes_of_light, codes_of_mosaic, rgb_of_yuv
 from camssf.photo.find.pose import find_chart
 from camssf.photo.find.search import OPENCV, OWN, SURE, Detector, matches_in, plain_signals
-from camssf.photo.find.sightings import FoundCharts, find_sightings
-from camssf.photo.find.thumbnail import Thumbnail
 from camssf.photo.read.dng import Mosaic, read_dng
-from camssf.simulation.camera import Sensor
 from camssf.spectra.layouts import LAYOUTS, ChartLayout
+from camssf_lab.simulation.camera import Sensor
 from golden.drawing import draw, turned
 from golden.stages.finder import keys_beside
 from tests.scenes import mosaic, table
@@ -46,7 +45,7 @@ def small(drawing: Drawing, size: tuple[int, int] = SMALL) -> Drawing:
 
 
 def preview(drawing: Drawing) -> FoundCharts:
-    return find_sightings(codes_of_bytes(as_preview(small(drawing, (640, 480)))))
+    return find_candidates(codes_of_bytes(as_preview(small(drawing, (640, 480)))))
 
 
 @pytest.mark.full
@@ -54,7 +53,7 @@ def preview(drawing: Drawing) -> FoundCharts:
 def test_drawings_are_found_as_previews(drawing: Drawing) -> None:
     found = preview(drawing)
     centres = truth(replace(drawing, size=(640, 480)))[1]
-    assert off(found.sightings[0].patches, centres) < 0.25
+    assert off(found.candidates[0].patches, centres) < 0.25
     assert found.findings == (("mirrored",) if drawing.mirrored else ())
 
 
@@ -68,31 +67,31 @@ def test_the_real_photo() -> None:
     """Before it is refined within a twentieth of a patch of where the refined pose lies."""
     real = read_dng(DNG / "colorchart.dng")
     real_pose = find_chart(real, table("passport24"))
-    found = find_sightings(codes_of_mosaic(real))
-    assert len(found.sightings) == 1
-    assert off(found.sightings[0].patches, real_pose.patches.mean(axis=1)) < 0.05
-    assert find_sightings(codes_of_mosaic(read_dng(DNG / "blackmagic_ljpeg.dng"))).sightings == ()
+    found = find_candidates(codes_of_mosaic(real))
+    assert len(found.candidates) == 1
+    assert off(found.candidates[0].patches, real_pose.patches.mean(axis=1)) < 0.05
+    assert find_candidates(codes_of_mosaic(read_dng(DNG / "blackmagic_ljpeg.dng"))).candidates == ()
 
 
 def test_two_charts_are_said_to_be_two() -> None:
     left = as_preview(Drawing("left", fill=0.8, size=(320, 480), blur=0.4))
     right = as_preview(Drawing("right", fill=0.7, size=(320, 480), turn=180, blur=0.4))
-    found = find_sightings(codes_of_bytes(np.hstack([left, right])))
+    found = find_candidates(codes_of_bytes(np.hstack([left, right])))
     assert found.findings == ("two_charts",)
-    assert len(found.sightings) == 2
+    assert len(found.candidates) == 2
 
 
 def test_two_charts_in_one_raster_are_two() -> None:
     """Each keeps its own patches: the larger of the two is not taken twice, and the other not lost."""
     row = np.concatenate([draw(turned(24, 0, margin=36)) for _ in range(2)], axis=1)
-    found = find_sightings(codes_of_mosaic(mosaic(row, GOLDEN)))
+    found = find_candidates(codes_of_mosaic(mosaic(row, GOLDEN)))
     assert found.findings == ("two_charts",)
 
 
 def test_a_keyboard_that_reaches_the_board_does_not_hide_the_chart() -> None:
     """Growth runs from a key into the patches; those that the keys' lattice then leaves out are free again."""
-    found = find_sightings(codes_of_mosaic(mosaic(keys_beside(), GOLDEN)))
-    assert [(sighting.kind, sighting.blobs > 20) for sighting in found.sightings] == [("classic24", True)]
+    found = find_candidates(codes_of_mosaic(mosaic(keys_beside(), GOLDEN)))
+    assert [(candidate.kind, candidate.blobs > 20) for candidate in found.candidates] == [("classic24", True)]
 
 
 def test_a_chart_of_other_colours_is_none() -> None:
@@ -103,7 +102,7 @@ def test_a_chart_of_other_colours_is_none() -> None:
     for place, other in enumerate(mixed):
         x, y = corners[place]
         shown[y - 20 : y + 21, x - 20 : x + 21] = patch[other]
-    assert find_sightings(codes_of_bytes(shown)).findings == ("none",)
+    assert find_candidates(codes_of_bytes(shown)).findings == ("none",)
 
 
 def test_forms_of_one_picture_agree() -> None:
@@ -117,7 +116,7 @@ def test_forms_of_one_picture_agree() -> None:
     centres = truth(drawing)[1]
     light = (shown / 255.0) ** 2.2
     for codes in (codes_of_bytes(back), codes_of_light(light), codes_of_light(light[..., 1]), codes_of_bytes(shown)):
-        assert off(find_sightings(codes).sightings[0].patches, centres) < 0.05
+        assert off(find_candidates(codes).candidates[0].patches, centres) < 0.05
 
 
 def test_a_larger_picture_is_reduced_and_its_points_are_its_own() -> None:
@@ -125,7 +124,7 @@ def test_a_larger_picture_is_reduced_and_its_points_are_its_own() -> None:
     codes = codes_of_bytes(as_preview(drawing))
     assert codes.step == 2
     assert max(codes.values.shape) == 650
-    assert off(find_sightings(codes).sightings[0].patches, truth(drawing)[1]) < 0.02
+    assert off(find_candidates(codes).candidates[0].patches, truth(drawing)[1]) < 0.02
 
 
 @pytest.mark.parametrize("shape", [(31, 100), (100, 100, 2), (100,)])
@@ -135,8 +134,8 @@ def test_what_is_no_picture(shape: tuple[int, ...]) -> None:
 
 
 def test_a_black_picture_and_one_that_is_not_finite() -> None:
-    assert find_sightings(codes_of_light(np.zeros((64, 64, 3)))).findings == ("none",)
-    assert find_sightings(codes_of_light(np.full((64, 64), np.nan))).findings == ("none",)
+    assert find_candidates(codes_of_light(np.zeros((64, 64, 3)))).findings == ("none",)
+    assert find_candidates(codes_of_light(np.full((64, 64), np.nan))).findings == ("none",)
 
 
 def test_a_fitted_homography_gives_its_points_back() -> None:
@@ -150,6 +149,7 @@ def test_a_fitted_homography_gives_its_points_back() -> None:
     assert fitted([(float(u), 0.0, 10.0 * u, 5.0) for u in range(9)]) is None  # a line fixes none
 
 
+@pytest.mark.repository
 def test_the_stored_colours_are_what_their_sources_give(capsys: pytest.CaptureFixture[str]) -> None:
     assert tool.main(["--check"]) == 0, capsys.readouterr()
     assert [len(kind.colours) for kind in chart_colours()] == [24, 140]
@@ -157,7 +157,7 @@ def test_the_stored_colours_are_what_their_sources_give(capsys: pytest.CaptureFi
 
 def find_nothing(monkeypatch: pytest.MonkeyPatch, *detectors: Detector) -> None:
     if OWN in detectors:
-        monkeypatch.setattr(searching, "find_sightings", lambda *_: FoundCharts((), ("none",)))
+        monkeypatch.setattr(searching, "find_candidates", lambda *_: FoundCharts((), ("none",)))
     if OPENCV in detectors:
         monkeypatch.setattr(opencv, "_quads", lambda *_: [])
 

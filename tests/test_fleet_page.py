@@ -16,10 +16,10 @@ from camssf.photo.read.unit import Unit
 pytest.importorskip("duckdb", reason="duckdb is not here")
 pytest.importorskip("deltalake", reason="deltalake is not here")
 
-from camssf.fleet.compare import spread
-from camssf.fleet.overview import fleet_page
-from camssf.fleet.registry import Registry
-from camssf.report.fleet import MOST_ROWS
+from camssf_fleet.compare import spread
+from camssf_fleet.overview import fleet_page
+from camssf_fleet.page import MOST_ROWS
+from camssf_fleet.registry import Registry
 
 NOW = START + timedelta(days=400)
 
@@ -86,6 +86,22 @@ def test_what_the_page_counts(phones: Registry) -> None:
     assert over[3].startswith("Expose less")
 
 
+def test_what_cannot_be_tested_is_not_called_without_drift(phones: Registry, tmp_path: Path) -> None:
+    """Units with too few results are counted by their results; none of them is said not to drift."""
+    page = fleet_page(phones, now=NOW)
+    assert '<span class="number">1</span><span>of 4 tested units drift</span>' in page
+    assert "Not testable: 1 unit has no calibration with a time, 1 unit has one calibration. A test needs 4" in page
+    assert "Tested: 4 units;" in page
+    young = Registry(tmp_path / "young", new=True)
+    young.add([made(i, bells(), serial=f"S{i}", captured=START) for i in range(1200)])
+    young.add([made(2000 + i, bells(), serial="S0", captured=START + timedelta(days=i)) for i in range(1, 3)])
+    page = fleet_page(young, now=NOW)
+    assert '<span class="number">not testable</span>' in page
+    assert "Not testable: 1,199 units have one calibration, 1 unit has 3 calibrations. A test needs 4, each" in page
+    assert "units that drift" not in page
+    assert "Tested" not in page
+
+
 def test_the_spread_is_that_of_compare(phones: Registry) -> None:
     found = spread(phones, Unit(make="Maker", model="Model"))
     assert found.between is not None
@@ -94,7 +110,7 @@ def test_the_spread_is_that_of_compare(phones: Registry) -> None:
     assert row[0] == "Maker Model"
     for cell, values in zip(row[1:], zip(found.between, found.low, found.high, strict=True), strict=True):
         numbers = cell.replace("(", "").replace(")", "").replace("to", "").split()
-        assert [float(each) for each in numbers] == pytest.approx(values, rel=0.05)
+        assert [float(number) for number in numbers] == pytest.approx(values, rel=0.05)
 
 
 def test_rows_beyond_the_most_are_counted_and_names_are_escaped(tmp_path: Path) -> None:

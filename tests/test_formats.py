@@ -13,8 +13,9 @@ import pytest
 from documents import document
 
 import camssf
+from camssf.documents.document import document_bytes
 from camssf.errors import InvalidArgument, LampUnfit
-from camssf.exports import export, read_result
+from camssf.exports import export, exported
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import (
     CameraLike,
@@ -26,8 +27,7 @@ from camssf.spectra import (
     read_lamp,
     shipped_cameras,
 )
-from camssf.spectra.lamp_aliases import FORMAT, lamp_aliases
-from camssf.spectra.lamps import Lamp
+from camssf.spectra.lamps import NAMES_FORMAT, Lamp, lamp_aliases
 from camssf.spectra.readers import CURVES, LAMPS
 from camssf.spectra.tables import read_curves, read_spectrum
 from camssf.spectra.text import plain
@@ -259,7 +259,7 @@ def test_a_bomb_of_entities_is_refused_before_it_grows(tmp_path: Path) -> None:
 @pytest.mark.parametrize("line", ["Spectral Data {}[nm],x", "Spectral Data {}[nm],1,2", "{}nm\t1\t2", "{}nm\t"])
 def test_a_meter_s_line_without_its_number_is_refused(line: str, tmp_path: Path) -> None:
     path = write(tmp_path / "x.csv", "".join(line.format(nm) + "\n" for nm in NM))
-    with pytest.raises(InvalidArgument, match="no single number at 380 nm"):
+    with pytest.raises(InvalidArgument, match=r"line 1: 'x' is not a number|line 1 has [02] values at 380 nm"):
         read_lamp(path)
 
 
@@ -334,7 +334,7 @@ def test_broken_json_is_refused(text: str, tmp_path: Path) -> None:
 
 def test_a_result_is_told_how_to_become_a_camera(tmp_path: Path) -> None:
     with pytest.raises(InvalidArgument) as caught:
-        read_camera(write(tmp_path / "result.json", json.dumps(document("D55"))))
+        read_camera(write(tmp_path / "result.json", document_bytes(document("D55")).decode()))
     assert "camssf export --to rawtoaces" in caught.value.advice
 
 
@@ -343,7 +343,7 @@ def test_our_own_exports_are_cameras(to: str, tmp_path: Path) -> None:
     given = document("D55")
     path = tmp_path / "export"
     path.write_bytes(export(given, to))
-    expected = read_result(given).own
+    expected = exported(given).own
     camera = read_camera(str(path))
     step = {"rawtoaces": 10, "dcamprof": 10, "spectacle": 2}.get(to, 1)
     np.testing.assert_allclose(camera.values[::step], expected[::step], atol=1e-12)
@@ -358,7 +358,10 @@ def test_a_camera_of_four_columns_needs_no_header(mark: str, tmp_path: Path) -> 
     assert name == "mine"
     assert np.array_equal(wavelengths, nm)
     assert np.array_equal(found, curves)
-    for broken, words in (([*rows, "710,1,2"], "four numbers"), ([*rows, "710,1,2,x"], "row of numbers")):
+    for broken, words in (
+        ([*rows, "710,1,2"], "line 32: .* is not four numbers"),
+        ([*rows, "710,1,2,x"], "line 3[23]: 'x'"),
+    ):
         broken = [line.replace(",", mark) for line in broken]
         with pytest.raises(InvalidArgument, match=words):
             read_camera(write(tmp_path / "x.csv", "\n".join(broken)))
@@ -373,9 +376,9 @@ def cmf(sets: int = 3, kind: str | None = None) -> tuple[str, Floats, Floats]:
     curves = np.stack([np.exp(-(((nm - at) / 45.0) ** 2)) for at in (600, 530, 460, 440)[:sets]])
     fields = " ".join(f"SPEC_{round(each)}" for each in nm)
     rows = "\n".join(" ".join(f"{each:.9f}" for each in row) for row in curves)
-    told = "" if kind is None else f'MEAS_TYPE "{kind}"\n'
+    kind_line = "" if kind is None else f'MEAS_TYPE "{kind}"\n'
     text = (
-        f'CMF  \n\nORIGINATOR "Argyll CMS"\n{told}SPECTRAL_BANDS "106"\nSPECTRAL_START_NM "380.000000"\n'
+        f'CMF  \n\nORIGINATOR "Argyll CMS"\n{kind_line}SPECTRAL_BANDS "106"\nSPECTRAL_START_NM "380.000000"\n'
         f'SPECTRAL_END_NM "730.000000"\nSPECTRAL_NORM "1.000000"\nNUMBER_OF_FIELDS 106\nBEGIN_DATA_FORMAT\n{fields}\n'
         f"END_DATA_FORMAT\n\nNUMBER_OF_SETS {sets}\nBEGIN_DATA\n{rows}\nEND_DATA\n"
     )
@@ -606,7 +609,7 @@ def test_a_validation_takes_an_object_as_truth() -> None:
     from typing import get_args
 
     from camssf.calibration import calibrate, solve
-    from camssf.simulation.frames import simulate
+    from camssf_lab.simulation.frames import simulate
 
     assert MeasuredCurves in get_args(CameraLike)
     for function, name in ((calibrate, "truth"), (solve, "truth"), (simulate, "camera")):
@@ -618,13 +621,13 @@ def test_a_validation_takes_an_object_as_truth() -> None:
 
 def test_the_names_are_data_and_each_says_one_thing() -> None:
     place = Path(camssf.__file__).parent / "data" / "lamp-names.json"
-    assert json.loads(place.read_text("utf-8"))["format"] == FORMAT
-    names = [plain(name) for each in lamp_aliases() for name in each.names]
+    assert json.loads(place.read_text("utf-8"))["format"] == NAMES_FORMAT
+    names = [plain(name) for alias in lamp_aliases() for name in alias.names]
     assert len(names) == len(set(names)) > 80
     assert not set(names) & {plain(name) for name in lamp_names()}  # a name that is known already means itself
-    for each in lamp_aliases():
-        assert bool(each.lamp) != bool(each.advice)
-        assert each.what
+    for alias in lamp_aliases():
+        assert bool(alias.lamp) != bool(alias.advice)
+        assert alias.what
 
 
 @pytest.mark.parametrize("each", lamp_aliases(), ids=lambda each: each.names[0])
@@ -643,7 +646,7 @@ def test_what_people_type_is_answered(each: Any) -> None:
                 assert caught.value.advice == each.advice
 
 
-@pytest.mark.parametrize("each", [each for each in lamp_aliases() if each.advice], ids=lambda each: each.names[0])
+@pytest.mark.parametrize("each", [alias for alias in lamp_aliases() if alias.advice], ids=lambda each: each.names[0])
 def test_an_advice_names_lamps_that_are_read(each: Any) -> None:
     words = re.findall(r"[\w:.-]*\w", each.advice)
     named = [word for word in words if plain(word) in {plain(name) for name in lamp_names()} or ":" in word]
@@ -659,15 +662,17 @@ def test_a_bare_number_is_asked_for_its_kind(spec: str, words: str) -> None:
     assert words in caught.value.advice
 
 
-def test_a_file_goes_before_what_people_say(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_people_say_goes_before_a_file_of_that_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     write(tmp_path / "halogen", "".join(f"{nm},{nm}\n" for nm in NM))
-    assert read_lamp("halogen").source == "file halogen"
+    assert read_lamp("halogen").source.endswith("'halogen' was asked for")
+    assert read_lamp("./halogen").source == "file halogen"
 
 
 # -- docs -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.repository
 def test_the_page_of_tables_lists_formats_and_names() -> None:
     page = (ROOT / "docs" / "tables.md").read_text("utf-8")
     for each in (*LAMPS, *CURVES):

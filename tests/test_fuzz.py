@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from camssf.documents.patches_json import read_patches
+from camssf.documents.document import Document
+from camssf.documents.forms import from_plain
 from camssf.errors import InvalidArgument, UnsupportedRaw
-from camssf.fleet.manifest import Manifest
+from camssf_fleet.manifest import Manifest
 from tools.fuzz import READERS, _demo, _files, fuzz, read
 
 
@@ -52,11 +53,11 @@ def test_what_the_long_run_found(tmp_path: Path) -> None:
     manifest = tmp_path / "manifest.csv"
     manifest.write_text(f"name,photo,lamp\nA,a.dng,{'D' * 400}\n")
     assert Manifest(manifest).read_all()[0].lamps == ("D" * 400,)
-    for path, value in ((("saturation",), 2**5000), (("means", "chart", "count"), [[1e300] * 3] * 24)):
+    for path, value in ((("means", "saturation"), 2**5000), (("means", "chart", "count"), [[1e300] * 3] * 24)):
         document = json.loads(_demo()["patches"])
-        place = document["shots"][0]
+        place = document["capture"]["shots"][0]
         for key in path[:-1]:
             place = place[key]
         place[path[-1]] = value
         with pytest.raises(InvalidArgument):
-            read_patches(document)
+            from_plain(document, Document, "patches.json", "")

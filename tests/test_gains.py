@@ -12,8 +12,7 @@ import pytest
 
 from camssf.calibration import calibrate, solve
 from camssf.errors import InvalidArgument, UnevenLight
-from camssf.fit.capture_fit import prepare_fit
-from camssf.fit.gain_modes import BOWL, CORNER, OWN, PLANE, gain_modes, places, smooth_modes
+from camssf.fit.capture_fit import BOWL, CORNER, OWN, PLANE, gain_modes, places, prepare_fit, smooth_modes
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.options import Options
 from camssf.photo.capture import Capture
@@ -21,16 +20,19 @@ from camssf.photo.find.pose import Pose
 from camssf.photo.patches import FrameMeans
 from camssf.recovery import Observation, explain, predict
 from camssf.recovery.basis import read_basis
-from camssf.recovery.linear_model import SOURCES, anchor, linear_model
-from camssf.recovery.sensitivity import SolverSettings, Ssf, answer
+from camssf.recovery.covariance import SOURCES
+from camssf.recovery.rows import anchor
+from camssf.recovery.sensitivity import SolverSettings, Ssf, solve_on_basis
 from camssf.report.page import page
-from camssf.report.sections.uneven import falls_of
-from camssf.result import Calibration
-from camssf.simulation.frames import simulate
-from camssf.simulation.scene import Scene
+from camssf.report.sections.uneven import fall_of
+from camssf.report.shots import shots_of
+from camssf.result import Result
 from camssf.spectra import CameraCurves, read_chart, read_lamp
 from camssf.spectra.layouts import LAYOUTS
+from camssf_lab.simulation.frames import simulate
+from camssf_lab.simulation.scene import Scene
 from golden.forms import resolve
+from golden.linear_model import linear_model
 from golden.scenes import PHONE
 from tests.problems import theory, toy_camera
 from tests.test_choice import SEEN, capture
@@ -55,7 +57,8 @@ def shaded(vignetting: float, gradient: float, middle: tuple[float, float] = (0.
 def uneven(light: Floats, lamps: tuple[str, ...] = ("D55",), **how: Any) -> Capture:
     """A phone's capture with so much light on each patch, and no white frame."""
     given = capture(resolve(PHONE), lamps, **how)
-    return replace(given, shots=tuple(replace(shot, means=_shaded(shot.means, light)) for shot in given.shots))
+    shots = tuple(replace(shot, white=None, means=_shaded(shot.means, light)) for shot in given.shots)
+    return replace(given, shots=shots)
 
 
 def _shaded(means: Any, light: Floats) -> Any:
@@ -66,7 +69,7 @@ def _shaded(means: Any, light: Floats) -> Any:
 
 
 @cache
-def found(vignetting: float, gradient: float, lamps: tuple[str, ...] = ("D55",)) -> Calibration:
+def found(vignetting: float, gradient: float, lamps: tuple[str, ...] = ("D55",)) -> Result:
     return solve(uneven(shaded(vignetting, gradient), lamps), options=Options(basis="phones"))
 
 
@@ -79,7 +82,9 @@ def off(ssf: Ssf) -> tuple[float, float]:
     return float(np.sqrt(np.mean(apart**2, axis=0)).mean()), float((np.abs(apart) <= 1.96 * std[SEEN]).mean())
 
 
-def told(light: Floats, lamps: tuple[str, ...] = ("D55",), modes: Floats | None = None, **more: Any) -> Observation:
+def observed(
+    light: Floats, lamps: tuple[str, ...] = ("D55",), modes: Floats | None = None, **more: Any
+) -> Observation:
     """Exact signals of the toy camera under uneven light, with gain modes."""
     lights = np.stack([read_lamp(lamp).values for lamp in lamps])
     k = len(lamps)
@@ -158,38 +163,41 @@ def test_the_rows_are_linear_in_curves_and_gains() -> None:
 
 def test_the_answer_is_the_joint_least_squares() -> None:
     """Curves and gains beside each other, x and v ~ N(0, I): the same as gains folded into Σ, by lstsq."""
-    given = told(shaded(0.3, 0.15))
+    given = observed(shaded(0.3, 0.15))
     basis = read_basis("cameras")
     rows = linear_model(given, basis)
-    found = answer(given, "cameras", settings=SolverSettings(gamma=0.0, engine="reference"))
+    found = solve_on_basis(given, "cameras", settings=SolverSettings(gamma=0.0, engine="reference"))
     A, D, b = rows.matrix[0], rows.gains, rows.target[0]
     root = np.linalg.cholesky(rows.covariance[0] - D @ D.T)
     both = np.linalg.solve(root, np.column_stack([A, D, b]))
     stacked = np.vstack([both[:, :-1], np.eye(A.shape[1] + D.shape[1])])
     z = np.linalg.lstsq(stacked, np.append(both[:, -1], np.zeros(stacked.shape[1])), rcond=None)[0]
     assert found.code.T.ravel() == pytest.approx(z[: A.shape[1]], abs=1e-7 * np.abs(z).max())
-    assert found.light.gain_code.ravel() == pytest.approx(z[A.shape[1] :], abs=1e-7 * np.abs(z).max())
+    assert found.gain_code.ravel() == pytest.approx(z[A.shape[1] :], abs=1e-7 * np.abs(z).max())
 
 
 @pytest.mark.parametrize("lamps", [("D55",), ("D55", "A")])
 def test_both_engines_agree(lamps: tuple[str, ...]) -> None:
     for modes, own in ((None, OWN), (gain_modes(uneven(np.ones(24)), 0.08)[0][0], 0.0)):
-        given = told(shaded(0.3, 0.15), lamps, modes, gain_own=own)
+        given = observed(shaded(0.3, 0.15), lamps, modes, gain_own=own)
         reference, model = (
-            answer(given, "phones", settings=SolverSettings(engine=engine)) for engine in ("reference", "onnx")
+            solve_on_basis(given, "phones", settings=SolverSettings(engine=engine))
+            for engine in ("reference", "onnx")
         )
         assert model.values == pytest.approx(reference.values, abs=1e-10 * reference.values.max())
-        assert model.light.gain_code == pytest.approx(reference.light.gain_code, abs=1e-10)
-        assert model.posterior.log_evidence == pytest.approx(reference.posterior.log_evidence, abs=1e-7)
+        assert model.gain_code == pytest.approx(reference.gain_code, abs=1e-10)
+        assert model.log_evidence == pytest.approx(reference.log_evidence, abs=1e-7)
 
 
 def test_modes_of_nothing_change_nothing() -> None:
-    given = told(np.ones(24), modes=np.zeros((6, 24)))
+    given = observed(np.ones(24), modes=np.zeros((6, 24)))
     without = replace(given, gain_modes=np.zeros((0, 0)))
     for engine in ("reference", "onnx"):
-        same, bare = (answer(each, "cameras", settings=SolverSettings(engine=engine)) for each in (given, without))
+        same, bare = (
+            solve_on_basis(each, "cameras", settings=SolverSettings(engine=engine)) for each in (given, without)
+        )
         assert same.values == pytest.approx(bare.values, rel=1e-12)
-        assert np.all(same.light.gain_code == 0.0)
+        assert np.all(same.gain_code == 0.0)
 
 
 def test_each_patch_free_makes_any_shading_no_matter() -> None:
@@ -197,11 +205,12 @@ def test_each_patch_free_makes_any_shading_no_matter() -> None:
     modes = gain_modes(uneven(np.ones(24)), 1.0)[0][0]
     rng = np.random.default_rng(4)
     one, other = (
-        answer(told(np.exp(0.1 * rng.normal(size=24)), modes=modes, gain_own=0.0), "phones").peak()[0]
+        solve_on_basis(observed(np.exp(0.1 * rng.normal(size=24)), modes=modes, gain_own=0.0), "phones").peak()[0]
         for _ in range(2)
     )
     plain = [
-        answer(told(np.exp(0.1 * rng.normal(size=24)), modes=np.zeros((0, 24))), "phones").peak()[0] for _ in range(2)
+        solve_on_basis(observed(np.exp(0.1 * rng.normal(size=24)), modes=np.zeros((0, 24))), "phones").peak()[0]
+        for _ in range(2)
     ]
     assert np.abs(one - other).max() < 0.1 * np.abs(plain[0] - plain[1]).max()
 
@@ -223,19 +232,19 @@ def test_uneven_light_costs_hardly_anything(lamps: tuple[str, ...]) -> None:
 def test_the_light_is_found() -> None:
     light = shaded(0.3, 0.15)
     done = found(0.3, 0.15)
-    assert 1.0 / done.level[0] == pytest.approx(light, abs=0.04)
+    level = done.answer.level
+    assert 1.0 / level[0] == pytest.approx(light, abs=0.04)
     assert np.ptp(light) > 0.25
-    patches = done.document()["shots"][0]["patches"]
-    assert [patch["level"] for patch in patches] == pytest.approx(done.level[0])
-    assert patches[WHITE]["level"] == 1.0
-    (said,) = [each.message for each in done.assumptions if each.code == "uneven_light"]
-    assert f"{100 / done.level.min() - 100:+.0f} %" in said
+    assert level[0, WHITE] == 1.0
+    (said,) = [assumption.message for assumption in done.assumptions if assumption.code == "uneven_light"]
+    assert f"{100 / level.min() - 100:+.0f} %" in said
 
 
 def test_residuals_are_those_of_even_light() -> None:
     """Scores compare what even light would have given; as the light fell they would be 20 % and more."""
     assert (found(0.3, 0.15).scores.rmsre_percent < 2.0).all()
-    even, level = found(0.3, 0.15).ssf.predicted, found(0.3, 0.15).level[:, :, None]
+    answer = found(0.3, 0.15).answer
+    even, level = answer.predicted, answer.level[:, :, None]
     signals = found(0.3, 0.15).signals.values
     used = found(0.3, 0.15).signals.used
     assert np.abs(signals * level - even)[used].max() < 0.25 * np.abs(signals - even)[used].max()
@@ -243,10 +252,11 @@ def test_residuals_are_those_of_even_light() -> None:
 
 def test_the_unseen_bands_hold() -> None:
     done = found(0.3, 0.15)
-    assert done.unseen_std is not None
+    answer = done.answer
+    assert answer.unseen_std is not None
     used = done.signals.used
-    apart = (done.signals.values * done.level[:, :, None] - done.unseen)[used]
-    size = np.hypot(done.unseen_std, done.signals.standard_error)[used]
+    apart = (done.signals.values * answer.level[:, :, None] - answer.unseen)[used]
+    size = np.hypot(answer.unseen_std, done.signals.standard_error)[used]
     assert np.mean(np.abs(apart) <= 1.96 * size) > 0.9
 
 
@@ -258,8 +268,8 @@ def test_the_budget_names_uneven_light() -> None:
     assert sum(shares.values()) == pytest.approx(np.ones(3))
     uncertainty = found(0.3, 0.15).uncertainty
     assert uncertainty is not None
-    (row,) = [each for each in uncertainty["budget"] if each["source"] == "uneven light"]
-    assert "no white frame" in row["size"]
+    (row,) = [each for each in uncertainty.budget if each.source == "uneven light"]
+    assert "no white frame" in row.size
 
 
 @pytest.mark.parametrize("depth", [0.7, 1.3])
@@ -274,8 +284,8 @@ def test_light_that_no_bowl_can_be_is_doubted(depth: float) -> None:
 
 
 def test_predictions_take_other_patches_gains() -> None:
-    given = told(shaded(0.3, 0.15))
-    ssf = answer(given, "cameras")
+    given = observed(shaded(0.3, 0.15))
+    ssf = solve_on_basis(given, "cameras")
     inside = predict(ssf, given, of=TABLE.values[:2], of_gains=given.gain_modes[:, :, :2]).std
     plain = predict(ssf, given, of=TABLE.values[:2]).std
     assert (inside[:, 24:] > plain[:, 24:]).any()
@@ -288,9 +298,10 @@ def test_the_bands_of_unseen_patches_hold_under_a_dark_lens(vignetting: float) -
     """A patch that the fit has not seen stands in its own light: even-light values in its place made bands too narrow
     (two shots, 60 %: .78 held)."""
     done = found(vignetting, 0.15, ("D55", "A"))
-    assert done.unseen_std is not None
-    apart = (done.signals.values * done.level[:, :, None] - done.unseen)[done.signals.used]
-    assert np.mean(np.abs(apart) <= 1.96 * done.unseen_std[done.signals.used]) > 0.9
+    answer, signals = done.answer, done.signals
+    assert answer.unseen_std is not None
+    apart = (signals.values * answer.level[:, :, None] - answer.unseen)[signals.used]
+    assert np.mean(np.abs(apart) <= 1.96 * answer.unseen_std[signals.used]) > 0.9
 
 
 def test_the_paper_s_basis_has_no_place_for_uneven_light() -> None:
@@ -315,9 +326,9 @@ def test_light_that_cannot_be_is_refused(size: Any) -> None:
 
 def test_gain_modes_that_do_not_fit_are_refused() -> None:
     with pytest.raises(InvalidArgument, match="gain_modes"):
-        told(np.ones(24), modes=np.zeros((5, 23)))
+        observed(np.ones(24), modes=np.zeros((5, 23)))
     with pytest.raises(InvalidArgument, match="gain_own"):
-        told(np.ones(24), gain_own=-0.1)
+        observed(np.ones(24), gain_own=-0.1)
 
 
 @pytest.mark.full
@@ -335,13 +346,12 @@ def test_a_photo_without_a_white_frame(tmp_path: Path) -> None:
 
 def test_the_report_draws_the_light() -> None:
     done = found(0.3, 0.15)
-    text = page(done.document(), [None])
+    (shown,) = shots_of(done)
+    text = page(done, [shown], [None])
     assert "Unevenness of the light" in text
-    most = f"{100.0 / done.level.min() - 100.0:+.0f} %"
+    most = f"{100.0 / done.answer.level.min() - 100.0:+.0f} %"
     assert f">{most}</text>" in text
     assert text.count("hsl(45") == 24
     framed = solve(capture(resolve(PHONE), ("D55",)), options=Options(basis="phones"))
-    assert "Unevenness of the light" not in page(framed.document(), [None])
-    refused = found(0.3, 0.15).document()
-    refused["shots"][0] |= {"pose": None, "patches": []}
-    assert falls_of(refused) == [None]
+    assert "Unevenness of the light" not in page(framed, shots_of(framed), [None])
+    assert fall_of(replace(shown, pose=None, patches=None)) is None

@@ -13,8 +13,8 @@ import pytest
 
 from camssf.grid import WAVELENGTHS
 from camssf.recovery.basis import interpolate, read_basis
-from camssf.recovery.linear_model import anchor
 from camssf.recovery.onnx_model import SHIPPED, load_model
+from camssf.recovery.rows import anchor
 from golden import compare, drawing, forms, generate, reading
 from golden.forms import ROOT, GoldenError, resolve
 from golden.reading import check, paths, read_case
@@ -31,6 +31,7 @@ MANIFEST = json.loads((ROOT / "manifest.json").read_text(encoding="utf-8"))
 # -- form ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.repository
 def test_the_manifest_names_every_file() -> None:
     assert MANIFEST["format"] == 1
     assert MANIFEST["count"] == len(CASES) >= 60
@@ -45,10 +46,12 @@ def test_the_manifest_names_every_file() -> None:
     assert used - {None} == set(photos)
 
 
+@pytest.mark.repository
 def test_the_files_were_made_by_these_sources() -> None:
     assert MANIFEST["generator"] == reading.generator_digest(), f"run `{generate.COMMAND}`"
 
 
+@pytest.mark.repository
 def test_spectra_say_where_they_come_from() -> None:
     for name in ("charts", "lamps", "modes", "cameras"):
         table = forms.spectra(name)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import pytest
+
 from benchmarks.claims import guide
 
 ROOT = Path(__file__).parents[1]
@@ -14,6 +16,8 @@ ROWS = {
     "TOO_BRIGHT": ["CLIPPED", "BRIGHT"], "OUT_OF_FOCUS": ["BLUR_PIXELS", "BLUR_PITCHES"], "SHADOW": ["SHADOW"],
     "UNEVEN": ["GRADIENT"], "TINTED": ["TINT"],
 }  # fmt: skip
+
+pytestmark = pytest.mark.repository
 
 
 def numbers(text: str) -> list[float]:

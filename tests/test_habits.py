@@ -7,6 +7,7 @@ import re
 import tomllib
 from pathlib import Path
 
+import pytest
 import yaml
 from packaging.utils import canonicalize_name
 
@@ -16,16 +17,7 @@ ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 PYTHONS = ["3.11", "3.12", "3.13"]
 
-
-# -- required tools -----------------------------------------------------------------------------------------------
-
-# -- markers ------------------------------------------------------------------------------------------------------
-
-
-# -- other processors ---------------------------------------------------------------------------------------------
-
-
-# -- what strangers look for --------------------------------------------------------------------------------------
+pytestmark = pytest.mark.repository
 
 
 def test_one_list_of_pythons() -> None:

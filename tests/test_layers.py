@@ -13,13 +13,12 @@ import pytest
 
 from camssf.grid import Floats
 from camssf.recovery.basis import read_basis
-from camssf.recovery.elastic_net import ElasticNet, whiten
-from camssf.recovery.layers import DEPTH, RELAXATION, Layer, ista, soft, splitting
-from camssf.recovery.linear_model import linear_model
+from camssf.recovery.elastic_net import ElasticNet, soft
+from camssf.recovery.layers import DEPTH, RELAXATION, Layer, ista, splitting
 from camssf.recovery.observation import Observation
-from camssf.recovery.pivoting import finish_steps, pivot_to_optimum
 from camssf.spectra import read_chart, read_lamp
-from tests.problems import theory, toy_camera
+from golden.linear_model import linear_model
+from tests.problems import theory, toy_camera, walked, whiten
 
 pytestmark = pytest.mark.requirement("R-LAYERS")
 
@@ -57,8 +56,7 @@ def capture(*lamps: str, basis: str = "cameras") -> tuple[Floats, Floats]:
         ),
         known,
     )
-    rows, target, _ = whiten(linear.matrix[0], linear.target[0], linear.covariance[0])
-    return rows, target
+    return whiten(linear.matrix[0], linear.target[0], linear.covariance[0])
 
 
 def constants(problem: ElasticNet) -> tuple[float, float]:
@@ -77,8 +75,7 @@ def states(layer: Layer, depth: int) -> list[Floats]:
 
 def optimum(problem: ElasticNet) -> Floats:
     """By the pivoting walk, which needs no layers; its KKT conditions are checked here."""
-    r = problem.g.size
-    x = pivot_to_optimum(problem, np.zeros(r), finish_steps(r))[0]
+    x = walked(problem, np.zeros(problem.g.size))[0]
     assert kkt(problem, x) < 1e-9
     return x
 

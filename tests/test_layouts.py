@@ -8,19 +8,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from camssf.documents.patches_json import patches_document, read_patches
 from camssf.errors import ChartNotFound, InvalidArgument
-from camssf.fleet.batch import inputs_hash
-from camssf.fleet.manifest import Manifest
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.photo.capture import measure
 from camssf.photo.find.geometry import block_corners, homography, map_points
 from camssf.photo.find.pose import Pose, find_chart
 from camssf.photo.read.dng import read_dng
-from camssf.simulation.frames import simulate
-from camssf.simulation.scene import Scene, true_pose
 from camssf.spectra import ChartTable, read_chart
 from camssf.spectra.layouts import LAYOUTS, layout_from, read_layout
+from camssf_fleet.batch import inputs_hash
+from camssf_fleet.manifest import Manifest
+from camssf_lab.simulation.frames import simulate
+from camssf_lab.simulation.scene import Scene, true_pose
+from tests.captures import capture_in, document_of
 
 CARD: dict[str, Any] = {
     "format": "camssf-layout/1", "name": "garden card", "columns": 7, "rows": 5, "patch": [18, 12], "gap": [3, 2],
@@ -190,18 +190,19 @@ def test_patches_without_gaps_need_corners(tmp_path: Path) -> None:
     assert worst(find_chart(photo, table, corners=true.corners + 3), true) < 0.05
 
 
-def test_a_patches_document_keeps_the_layout(card: tuple[Path, str, ChartTable, Scene]) -> None:
+def test_the_document_keeps_the_layout(card: tuple[Path, str, ChartTable, Scene]) -> None:
     folder, spec, table, _ = card
     capture = measure(folder / "chart.dng", "D55", chart=spec)
-    document = json.loads(json.dumps(patches_document(capture)))
-    assert document["chart"]["layout"] == "garden card"
-    again = read_patches(document)
-    assert again.chart.layout.columns == table.layout.columns
-    assert patches_document(again)["chart"]["patches"] == document["chart"]["patches"]
+    document = document_of(capture)
+    layout = document["capture"]["chart"]["layout"]
+    assert layout["name"] == "garden card"
+    again = capture_in(document)
+    assert again.chart.layout == table.layout
+    assert document_of(again) == document
     for damage in ({"columns": 5}, {"name": "other"}, {"format": "x"}):
-        worse = document | {"chart": document["chart"] | {"geometry": document["chart"]["geometry"] | damage}}
+        document["capture"]["chart"]["layout"] = layout | damage
         with pytest.raises(InvalidArgument):
-            read_patches(worse)
+            capture_in(document)
 
 
 def test_a_manifest_names_the_layout_and_its_change_is_seen(card: tuple[Path, str, ChartTable, Scene]) -> None:

@@ -298,10 +298,15 @@ REFUSED: dict[str, tuple[bytes, type[RawError], str]] = {
     "area outside": (tagged(tag=50829, kind=LONG, value=[0, 0, 65, 96]), UnreadableRaw, "active area"),
     "area inside out": (tagged(tag=50829, kind=LONG, value=[60, 0, 4, 96]), UnreadableRaw, "active area"),
     "area of three numbers": (tagged(tag=50829, kind=LONG, value=[0, 0, 9]), UnreadableRaw, "tag 50829"),
-    "huge": (of(tags={256: (LONG, [60000]), 257: (LONG, [60000])}), UnreadableRaw, "60000 × 60000"),
+    "huge": (of(tags={256: (LONG, [60000]), 257: (LONG, [60000])}), UnreadableRaw, "pieces of data"),
     "no width": (of(tags={256: None}), UnreadableRaw, "0 × 64"),
     "data beyond the end": (tagged(tag=273, kind=LONG, value=[10**6]), UnreadableRaw, "end at byte"),
-    "short data": (tagged(tag=279, kind=LONG, value=[100]), UnreadableRaw, "too short"),
+    "short data": (of()[:-2000], UnreadableRaw, "wanted of"),
+    "strips that overlap": (
+        of(rows_per_strip=32, tags={273: (LONG, [8, 1000])}),
+        UnreadableRaw,
+        "too short",
+    ),
     "strip missing": (tagged(tag=278, kind=LONG, value=[16]), UnreadableRaw, "instead of 4"),
     "black without number": (tagged(tag=50714, kind=RATIONAL, value=[1, 0]), UnreadableRaw, "black"),
     "black too short": (

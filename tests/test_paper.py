@@ -40,10 +40,12 @@ def numbers(content: Any) -> Iterator[float]:
         yield float(content)
 
 
+@pytest.mark.repository
 def test_the_page_is_written_from_the_json(found: dict[str, Any], text: str) -> None:
     assert text == page(found)
 
 
+@pytest.mark.repository
 @pytest.mark.requirement("R-PAPER")
 def test_each_number_in_a_table_is_in_the_json(found: dict[str, Any], text: str) -> None:
     """Rounded as the page rounds; not by the page's own code."""
@@ -62,6 +64,7 @@ def test_each_number_in_a_table_is_in_the_json(found: dict[str, Any], text: str)
         assert number in allowed, number
 
 
+@pytest.mark.repository
 @pytest.mark.requirement("R-PAPER")
 def test_what_the_page_says_in_words_holds(found: dict[str, Any]) -> None:
     rows = found["figure_4"]
@@ -97,6 +100,7 @@ def test_what_the_page_says_in_words_holds(found: dict[str, Any]) -> None:
     assert colours[9] < 1.15 * colours[15]
 
 
+@pytest.mark.repository
 @pytest.mark.requirement("R-PAPER")
 def test_the_bars_hold(found: dict[str, Any]) -> None:
     for bar in found["bars"]:

@@ -12,8 +12,8 @@ from camssf.errors import ChartNotFound, FramesDiffer
 from camssf.photo.find.pose import Pose
 from camssf.photo.patches import measure_patches
 from camssf.photo.read.dng import CFA_ORDERS, Mosaic
-from camssf.simulation.camera import Sensor
-from camssf.simulation.scene import Scene
+from camssf_lab.simulation.camera import Sensor
+from camssf_lab.simulation.scene import Scene
 from tests.scenes import SIZE, mosaic, shoot
 
 SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])

@@ -19,9 +19,9 @@ from benchmarks.claims import phones
 from benchmarks.claims.accuracy import Setting
 from benchmarks.claims.phones import APART, CAMERAS, JUDGED, OTHER_MAKER, OTHERS, Runs, auto
 from camssf.grid import Floats
-from camssf.learning.basis import learn, main
-from camssf.learning.training import HANDFUL, Enlargement, Statistics, maker_of, read_curves, training_set_of
 from camssf.recovery.basis import NODES, read_basis
+from camssf_lab.learning.basis import learn, main
+from camssf_lab.learning.training import HANDFUL, Enlargement, Statistics, maker_of, read_curves, training_set_of
 from tests.problems import toy_camera
 from tests.test_basis import write_curves
 

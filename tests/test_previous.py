@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import json
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,20 +14,21 @@ import pytest
 
 from camssf import cli
 from camssf.calibration import calibrate, read_previous, solve
-from camssf.documents.previous import evened
-from camssf.documents.result_json import check_document
-from camssf.errors import CalibrationError, InvalidArgument, UnitDiffers
+from camssf.documents.document import document_bytes
+from camssf.documents.previous import PreviousResult, evened
+from camssf.errors import CalibrationError, FramesDiffer, InvalidArgument, UnitDiffers
 from camssf.fit.capture_fit import prepare_fit
 from camssf.grid import Floats
 from camssf.options import Options
 from camssf.photo.capture import Capture, MeasuredShot, measure
 from camssf.photo.patches import FrameMeans, PatchMeans
+from camssf.photo.read.unit import Unit
 from camssf.photo.shot import Shot
 from camssf.photo.signals import normalise
 from camssf.report.build import report
-from camssf.result import Calibration
+from camssf.result import Result
 from camssf.rules import rules
-from camssf.spectra import Unnamed, read_lamp
+from camssf.spectra import Unnamed, read_chart, read_lamp
 from camssf.spectra.lamps import read_light, with_tolerance
 from camssf.verdict.unit_drift import STEPS, moves
 from golden.forms import resolve
@@ -51,12 +51,12 @@ def later(lamp: str, named: bool = False, camera: Floats | None = None, frames: 
 
 
 @cache
-def previous(lamp: str = "D55") -> Calibration:
+def previous(lamp: str = "D55") -> Result:
     """The phone's calibration under a named lamp."""
     return solve(capture(resolve(PHONE), (lamp,), make="Apple"))
 
 
-def accepted(found: Calibration) -> Calibration:
+def accepted(found: Result) -> Result:
     return replace(found, verdict=replace(found.verdict, status="accepted", reasons=()))
 
 
@@ -67,12 +67,12 @@ def moved(steps: int) -> Floats:
     return phone
 
 
-def error(found: Calibration, camera: Floats) -> float:
+def error(found: Result, camera: Floats) -> float:
     off = (found.ssf.peak()[0] - camera / camera.max(axis=0))[SEEN]
     return float(np.sqrt(np.mean(off**2)))
 
 
-def check(found: Calibration, name: str = "unit_drift") -> float:
+def check(found: Result, name: str = "unit_drift") -> float:
     (value,) = (each.value for each in found.verdict.checks if each.name == name)
     return value
 
@@ -90,9 +90,8 @@ def test_shots_of_a_document_have_the_same_signals(frames: tuple[str, ...]) -> N
     stored = read_previous(accepted(solve(replace(given, shots=(shot,)), options=Options(basis="phones"))))
     joint = stored.joined(capture(resolve(PHONE), ("D55",), make="Apple"))
     again, direct = (normalise([each.means], TABLE) for each in (joint.shots[1], evened(shot, TABLE)))
-    assert again.values == pytest.approx(direct.values, rel=1e-12, abs=1e-12)
-    assert again.standard_error == pytest.approx(direct.standard_error, rel=1e-9)
-    assert (again.used == direct.used).all()
+    for name in ("values", "standard_error", "used"):
+        assert np.array_equal(getattr(again, name), getattr(direct, name))
     before = normalise([shot.means], TABLE).values
     assert again.values == pytest.approx(before / before[:, [TABLE.white]], rel=1e-12, abs=1e-12)
     assert joint.shots[1].lamp.name == "A"
@@ -108,8 +107,8 @@ def test_lamps_of_a_document_are_those_that_were_named(name: str, tolerance: str
     given = later("D55", named=True)
     found = solve(replace(given, shots=(replace(given.shots[0], lamp=lamp),)))
     again = read_previous(accepted(found)).joined(capture(resolve(PHONE), ("A",), make="Apple")).shots[1].lamp
-    assert again.values == pytest.approx(lamp.values, rel=1e-12)
-    assert again.modes == pytest.approx(lamp.modes, rel=1e-12)
+    assert np.array_equal(again.values, lamp.values)
+    assert np.array_equal(again.modes, lamp.modes)
     assert (again.tolerance, again.source, again.tolerance_kelvin) == (
         lamp.tolerance, lamp.source, lamp.tolerance_kelvin,
     )  # fmt: skip
@@ -141,10 +140,9 @@ def test_a_later_photo_in_any_light_is_solved_with_the_previous_result(lamp: str
     assert width is not None
     assert before is not None
     assert width < before
-    document = check_document(found.document(), "it")
-    stored = read_previous(path)
-    assert document["hashes"]["inputs"]["previous result: first.json"] == stored.sha256
-    assert any(each["code"] == "previous_result" for each in document["assumptions"])
+    saved = Result.load(found.save(tmp_path / "found.json"))
+    assert saved.capture.hashes["previous result: first.json"] == read_previous(path).sha256
+    assert any(assumption.code == "previous_result" for assumption in saved.assumptions)
 
 
 @pytest.mark.requirement("R-PREVIOUS")
@@ -159,6 +157,18 @@ def test_a_common_answer_is_a_previous_result_again() -> None:
 
 
 # -- drift ---------------------------------------------------------------------------------------------------------
+
+
+def test_the_table_that_a_previous_result_chose_is_that_of_the_same_chart() -> None:
+    """The new photo's chart states no table; a table that the user named differently is another chart."""
+    given = capture(resolve(PHONE), ("D55",), make="Apple")
+    chosen = replace(given, chart=read_chart("classic24:ohta"))
+    result = accepted(solve(chosen))
+    assert result.capture.chart.name == "classic24:ohta"
+    first = PreviousResult("first.json", "0" * 64, result)
+    assert first.joined(later("A")).chart.name == "classic24:ohta"
+    with pytest.raises(InvalidArgument, match="on the chart classic24:ohta, not on classic24:babelcolor"):
+        first.joined(replace(later("A"), chart=read_chart("classic24:babelcolor")))
 
 
 def test_moves_by_hand() -> None:
@@ -181,8 +191,7 @@ def test_a_drift_is_noticed_and_the_new_photo_answers_alone(named: bool, steps: 
     assert found.verdict.reasons[0].value == check(found)
     assert (found.ssf.values == alone.ssf.values).all()
     assert len(found.capture.shots) == 1
-    document = check_document(found.document(), "it")
-    assert "previous result: (given)" in document["hashes"]["inputs"]
+    assert "previous result: (given)" in found.capture.hashes
     with pytest.raises(InvalidArgument, match="was doubtful"):
         solve(later("A"), previous=found)
 
@@ -199,27 +208,40 @@ def test_another_camera_contradicts_and_does_no_harm() -> None:
 # -- wrong uses ----------------------------------------------------------------------------------------------------
 
 
-def of_unit(document: dict[str, Any], **camera: str) -> None:
-    document["camera"].update(camera)
+def shot_in(document: dict[str, Any]) -> dict[str, Any]:
+    """The only shot of a document."""
+    (shot,) = document["capture"]["shots"]
+    return dict(shot)
 
 
 WRONG: list[tuple[Callable[[dict[str, Any]], Any], type[CalibrationError], str]] = [
     (
         lambda d: d["verdict"].update(
             status="doubtful",
-            reasons=[{"code": "glare", "message": "a.", "advice": "b.", "value": 1, "threshold": 0}],
+            reasons=[{"code": "glare", "message": "a.", "advice": "b.", "value": 1.0, "threshold": 0.0}],
         ),
         InvalidArgument,
         "was doubtful: a.",
     ),
-    (lambda d: d["shots"][0]["lamp"].update(name="auto"), InvalidArgument, "names no lamp"),
-    (lambda d: d["shots"][0]["lamp"].pop("power"), InvalidArgument, "older version"),
-    (lambda d: d["chart"].update(name="nano24"), InvalidArgument, "on the chart nano24"),
-    (lambda d: d["hashes"]["inputs"].update({"chart table: mine.csv": "0" * 64}), InvalidArgument, "on the chart"),
-    (lambda d: of_unit(d, make="Samsung"), UnitDiffers, "make Samsung against Apple"),
-    (lambda d: d["shots"][0]["photo"].update(width=800), UnitDiffers, "800 × 400"),
-    (lambda d: d["shots"][0]["photo"].update(sha256=NEW), InvalidArgument, "already in the previous result"),
-    (lambda d: d["shots"][0]["patches"].pop(), InvalidArgument, "must hold 23"),
+    (
+        lambda d: d["capture"]["shots"][0].update(lamp={"kind": "unnamed", "name": "auto"}),
+        InvalidArgument,
+        "names no lamp",
+    ),
+    (lambda d: shot_in(d)["lamp"].pop("values"), InvalidArgument, r"capture\.shots\[0\]\.lamp lacks values"),
+    (lambda d: d["capture"]["chart"].update(name="nano24"), InvalidArgument, "on the chart nano24"),
+    (
+        lambda d: d["capture"].setdefault("files", {}).update({"chart table: mine.csv": "0" * 64}),
+        InvalidArgument,
+        "on the chart",
+    ),
+    (lambda d: shot_in(d)["photo"].update(make="Samsung"), UnitDiffers, "make Samsung against Apple"),
+    (lambda d: shot_in(d)["photo"].update(make=""), FramesDiffer, "different cameras"),
+    (lambda d: shot_in(d)["photo"].update(unit={"lens": "tele"}), UnitDiffers, "lens 'wide' against 'tele'"),
+    (lambda d: shot_in(d)["photo"].update(width=800), UnitDiffers, "800 × 400"),
+    (lambda d: shot_in(d)["photo"].update(sha256=NEW), InvalidArgument, "already in the previous result"),
+    (lambda d: shot_in(d)["means"]["chart"]["mean"].pop(), InvalidArgument, "must hold 24 rows"),
+    (lambda d: d.update(format="camssf-result/1"), InvalidArgument, "camssf-result/1, not camssf/2"),
 ]
 
 
@@ -227,12 +249,16 @@ WRONG: list[tuple[Callable[[dict[str, Any]], Any], type[CalibrationError], str]]
 def test_what_cannot_be_a_previous_result(
     change: Callable[[dict[str, Any]], Any], kind: type[CalibrationError], words: str, tmp_path: Path
 ) -> None:
-    document = copy.deepcopy(previous().document())
+    document = json.loads(document_bytes(previous()))
+    del document["sha256"]
     change(document)
     path = tmp_path / "first.json"
     path.write_text(json.dumps(document))
+    new = later("A")
+    (shot,) = new.shots
+    new = replace(new, shots=(replace(shot, photo=replace(shot.photo, unit=Unit(lens="wide"))),))
     with pytest.raises(kind, match=words):
-        solve(later("A"), previous=path)
+        solve(new, previous=path)
 
 
 @pytest.mark.parametrize("options", [Options(basis="gaussian"), Options(light_per_patch=0.08)])
@@ -253,12 +279,12 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert cli.main(["calibrate", photo, "--previous", str(first)]) == 0
     document = json.loads(capsys.readouterr().out)
     assert document["verdict"]["status"] == "accepted"
-    assert len(document["shots"]) == 2
+    assert len(document["capture"]["shots"]) == 2
     (tmp_path / "joint.json").write_text(json.dumps(document))
     assert cli.main(["patches", photo]) == 0
     (tmp_path / "patches.json").write_text(capsys.readouterr().out)
     assert cli.main(["solve", str(tmp_path / "patches.json"), "--previous", str(first)]) == 0
-    assert json.loads(capsys.readouterr().out)["ssf"] == document["ssf"]
+    assert json.loads(capsys.readouterr().out)["answer"]["curves"] == document["answer"]["curves"]
     assert cli.main(["report", str(tmp_path / "joint.json"), "-o", str(tmp_path / "out")]) == 0
     assert cli.main(["parity", str(tmp_path / "joint.json"), photo]) == 2
     assert "previous one by itself" in capsys.readouterr().err
@@ -322,17 +348,16 @@ def test_the_torch_s_spectrum_is_measured_against_a_named_lamp() -> None:
     true = read_lamp("LED-B3").values
     alone, found = (solve(under_torch(torch_shot()), previous=each) for each in (None, previous()))
     assert [shot.lamp.name for shot in found.capture.shots] == ["torch", "D55"]
-    light, other = (each.ssf.light.lights[0] for each in (found, alone))
+    light, other = (each.ssf.lights[0] for each in (found, alone))
     assert light is not None
     assert other is not None
     assert light.kinds["white-led"] > 0.9
     assert (np.abs(light.power - true / true.mean()) <= 1.96 * light.std)[SEEN].mean() >= 0.9
     assert light.std[SEEN].mean() < other.std[SEEN].mean()
-    document = found.document()
-    check_document(document, "result.json")
-    assert document["shots"][0]["light"]["power"] == light.power.tolist()
-    page = report(document).html
-    assert any("the light was the phone's torch" in each["message"] for each in document["assumptions"])
+    made = report(found)
+    assert json.loads(made.result_json)["answer"]["lights"][0]["power"] == light.power.tolist()
+    page = made.html
+    assert any("the light was the phone's torch" in assumption.message for assumption in found.assumptions)
     assert "<dd>the phone&#39;s torch + D55</dd>" in page
     assert "Shot 1: the phone&#39;s torch" in page
     assert "not named" not in page

@@ -107,18 +107,18 @@ if __name__ == "__main__":
     for words in (
         "demo -o out",
         "calibrate out/shots/chart.dng --lamp D55 -o again",
-        "batch two.csv -o many --jobs 2",
+        "batch two.csv -o many --workers 2",
         "passport key -o keys",
         "passport sign again/result.json --key keys/passport-key.pem --photo out/shots/chart.dng -o keys/a.jws",
         "passport verify keys/a.jws --key keys/passport-key.pub.pem",
         "registry add phones out/result.json again/result.json",
         "registry list phones",
-        "registry compare phones --result out/result.json --doubtful",
+        "registry verify phones",
         "registry export phones -o phones/all.csv",
     ):
         assert main(words.split()) == 0, words
     frames = [f"out/shots/{name}.dng" for name in ("chart", "white", "dark")]
-    assert report(calibrate(Shot(frames[0], "D55", white=frames[1], dark=frames[2])).document()).ssf_png
+    assert report(calibrate(Shot(frames[0], "D55", white=frames[1], dark=frames[2])), png=True).ssf_png
 """
 """Commands and library; a file, since a batch's workers import it again."""
 
@@ -138,10 +138,10 @@ def test_commands_and_library_leave_nothing_send_nothing_and_need_no_network(pla
     assert sorted(path.name for path in (places.work / "keys").iterdir()) == [
         "a.jws", "passport-key.pem", "passport-key.pub.pem",
     ]  # fmt: skip
-    four = ["report.html", "result.json", "ssf.csv", "ssf.png"]
-    assert sorted(path.name for path in (places.work / "again").iterdir()) == four
-    assert sorted(path.name for path in (places.work / "out").iterdir()) == ["named", *four[:2], "shots", *four[2:]]
-    assert sorted(path.name for path in (places.work / "out" / "named").iterdir()) == four
+    files = ["patches.csv", "report.html", "result.json", "ssf.csv", "ssf.svg"]
+    assert sorted(path.name for path in (places.work / "again").iterdir()) == files
+    assert sorted(path.name for path in (places.work / "out").iterdir()) == sorted(["named", "shots", *files])
+    assert sorted(path.name for path in (places.work / "out" / "named").iterdir()) == files
 
 
 def away() -> tuple[str, ...]:
@@ -170,7 +170,7 @@ def test_matplotlib_s_own_folders_are_used_where_they_are(places: Places) -> Non
     (settings / "matplotlibrc").write_text("lines.linewidth: 7.5\n")
     done = places.run(
         "-c",
-        "from camssf.fonts import prepare_matplotlib\nprepare_matplotlib()\nimport matplotlib.font_manager, os\n"
+        "from camssf.libraries import prepare_matplotlib\nprepare_matplotlib()\nimport matplotlib.font_manager, os\n"
         "assert 'MPLCONFIGDIR' not in os.environ\nprint(matplotlib.rcParams['lines.linewidth'])",
     )
     assert done.stdout == "7.5\n", done.stderr
@@ -178,7 +178,7 @@ def test_matplotlib_s_own_folders_are_used_where_they_are(places: Places) -> Non
     elsewhere = places.work / "mine"
     done = places.run(
         "-c",
-        "import camssf.fonts as f; f.prepare_matplotlib(); import matplotlib.font_manager",
+        "import camssf.libraries as f; f.prepare_matplotlib(); import matplotlib.font_manager",
         MPLCONFIGDIR=str(elsewhere),
         HOME="/x",
     )
@@ -265,6 +265,7 @@ def test_the_switch_is_set_before_it_is_loaded(
     assert capsys.readouterr().out.split() == ["1", "disabled"]
 
 
+@pytest.mark.repository
 def test_one_place_loads_it() -> None:
     places = []
     for folder in ("reference", "export", "golden", "benchmarks", "tests"):

@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 
 from camssf.calibration import solve
+from camssf.colorimetry import chromaticity, uv
 from camssf.grid import WAVELENGTHS
 from camssf.photo.capture import Capture
 from camssf.photo.read.colour_matrix import WHITE_POINTS, ColourMatrix, colour_matrix
 from camssf.recovery.covariance import LAMP_CORRELATION, smooth_errors
-from camssf.recovery.raw_white import chromaticity, given_raw_white, narrow, uv
+from camssf.recovery.raw_white import given_raw_white, narrow
 from camssf.rules import rules
 from camssf.spectra import Unnamed, colour_science, read_lamp
-from camssf.spectra.surfaces import observer
+from camssf.spectra.bundled import observer
 from golden.forms import resolve
 from golden.scenes import PHONE
 from tests.test_any_light import unnamed
@@ -27,13 +28,13 @@ FLAT = np.ones(WAVELENGTHS.size)
 def test_a_matrix_gives_the_white_of_its_illuminant() -> None:
     matrix = np.diag([0.5, 1.0, 0.8])
     found = colour_matrix(21, matrix, calibration=2.0 * np.eye(3), balance=np.array([1.0, 1.0, 1.5]))
-    assert found is not None
     x, y = WHITE_POINTS["D65"]
     assert found.white == pytest.approx([0.5 * x / y, 1.0, 1.2 * (1.0 - x - y) / y])
     assert found.kelvin == pytest.approx(6504.0, rel=0.002)
-    assert colour_matrix(255, matrix) is None  # a light that Exif does not define
-    assert colour_matrix(21, None) is None
-    assert colour_matrix(21, np.diag([1.0, 1.0, -1.0])) is None
+    with pytest.raises(ValueError, match="light source 255"):  # a light that Exif does not define
+        colour_matrix(255, matrix)
+    with pytest.raises(ValueError, match="no white under D65"):
+        colour_matrix(21, np.diag([1.0, 1.0, -1.0]))
 
 
 def test_the_chromaticity_is_colour_science_s() -> None:
@@ -83,7 +84,7 @@ def test_a_kind_is_narrowed_as_by_draws() -> None:
 def test_the_white_narrows_the_answer_and_a_wrong_matrix_does_not_harm() -> None:
     given = unnamed(capture(resolve(PHONE), ["D:9000"], make="Apple"))
     plain, helped, wrong = solve(given), solve(with_matrix(given, 1.0)), solve(with_matrix(given, 3.0))
-    (light,), (before,) = helped.ssf.light.lights, plain.ssf.light.lights
+    (light,), (before,) = helped.ssf.lights, plain.ssf.lights
     assert light is not None
     assert before is not None
     assert light.kelvin_std < before.kelvin_std

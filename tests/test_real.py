@@ -15,7 +15,7 @@ from benchmarks.claims.real import AUTO, CLAIM, LEFT_OUT, MEASURED, PAPER, PASSE
 from camssf.grid import WAVELENGTHS
 from camssf.recovery.basis import read_basis
 from camssf.recovery.sensitivity import Ssf
-from tools import real_page
+from tools import pages, real_page
 
 DOCS = Path(__file__).parents[1] / "docs"
 APART = 0.036
@@ -153,10 +153,10 @@ def test_the_evidence_takes_it_for_a_camera(basis: str) -> None:
 def test_too_small_a_tolerance_is_seen_without_the_truth() -> None:
     """The light scatters by 8 %; told 3 %, the verdict's surprise (doubtful above 3.5) is 8, the evidence 27 nats
     less, and the answer worse. Published, 3 %: 20, and worse than no photo."""
-    told, meant = row(LEFT_OUT, tolerance=0.03), row(LEFT_OUT)
-    assert meant["z"] < 3.5 < 6.0 < told["z"]
-    assert meant["log_evidence"] > told["log_evidence"] + 10
-    assert worst(meant)[0] < worst(told)[0]
+    stated, meant = row(LEFT_OUT, tolerance=0.03), row(LEFT_OUT)
+    assert meant["z"] < 3.5 < 6.0 < stated["z"]
+    assert meant["log_evidence"] > stated["log_evidence"] + 10
+    assert worst(meant)[0] < worst(stated)[0]
     published = row(CLAIM, PUBLISHED, 0.03)
     assert published["z"] > 12
     assert worst(published)[0] > real.references()[real.MEAN]["2011"]["rmse"]
@@ -184,8 +184,8 @@ def test_the_real_capture_is_one_of_those_simulated_like_it() -> None:
 
 def test_automatic_is_the_product_s_choice() -> None:
     """With the shipped basis in the place of the left-out one, it is `recover` itself."""
-    told = real.evidence(MEASURED, 0.08)
-    mine: Ssf = real.automatic(told, read_basis(SHIPPED))
+    observation = real.evidence(MEASURED, 0.08)
+    mine: Ssf = real.automatic(observation, read_basis(SHIPPED))
     theirs = real.solve(AUTO, MEASURED, 0.08)[1]
     assert mine.values == pytest.approx(theirs.values, rel=1e-6, abs=1e-9)
     assert [each.probability for each in mine.choice] == pytest.approx([each.probability for each in theirs.choice])
@@ -194,6 +194,7 @@ def test_automatic_is_the_product_s_choice() -> None:
 # the page
 
 
+@pytest.mark.repository
 def test_the_page_s_tables_are_the_benchmark_s() -> None:
     found = json.loads((DOCS / "real.json").read_text("utf-8"))
     text = (DOCS / "real.md").read_text("utf-8")
@@ -202,7 +203,7 @@ def test_the_page_s_tables_are_the_benchmark_s() -> None:
     found["rows"][0]["passes"]["2011"]["rmse"] += 0.01
     assert real_page.page(text, found) != text
     with pytest.raises(ValueError, match="has no place"):
-        real_page.page(text.replace(real_page.END, ""), found)
+        real_page.page(text.replace(pages.END, ""), found)
 
 
 @pytest.mark.requirement("R-REAL")

@@ -108,7 +108,7 @@ def test_a_new_jvm_project_by_the_page_alone(kotlin: str, tmp_path: Path, cache:
     assert said.lower().startswith("accepted, red at 600 nm: 0."), said
     result = json.loads((folder / "result.json").read_text("utf-8"))
     assert result["verdict"]["status"] == "accepted"
-    assert "ssf" in result
+    assert "answer" in result
 
 
 POM = """<project xmlns="http://maven.apache.org/POM/4.0.0">
@@ -208,6 +208,13 @@ class Screen(private val contentResolver: ContentResolver, private val filesDir:
     ) {{
 {camera}
     }}
+
+    fun coloured(
+        calibrated: Calibrated, frame: RawFrame, nextFrame: RawFrame,
+        whiteArea: Region, stripArea: Region, previewArea: Region,
+    ) {{
+{colours}
+    }}
 }}
 """
 SCREEN_TEST = """package example
@@ -234,7 +241,7 @@ class ScreenTest {{
         runBlocking {{ screen.chosen(Uri.fromFile(photo), {corners}) }}
         assertTrue("${{screen.shown}}", screen.shown.single().startsWith("red at 600 nm 0."))
         val result = File(app.filesDir, "result.json").readText()
-        assertTrue(result, "\\"ssf\\":" in result)
+        assertTrue(result, "\\"curves\\":" in result)
         File("result.json").writeText(result)
     }}
 }}
@@ -269,7 +276,7 @@ def test_a_new_android_module_by_the_page_alone(tmp_path: Path, cache: Path) -> 
         reversed(re.match(r"(.*?:(.*?):.*)", found).groups())  # type: ignore[union-attr]
         for found in re.findall(r'implementation\("([\w.:-]+)"\)', ANDROID_PAGE)
     )
-    assert set(asked) == {"camssf-camera2", "camssf-camerax"}
+    assert set(asked) == {"camssf-camera2", "camssf-camerax", "camssf-colour"}
     of = versions_of_the_build("robolectric", "android", "kotlin", "junit", "onnxruntime")
     graphics = (
         "<scope>test</scope><exclusions><exclusion><groupId>org.robolectric</groupId>"
@@ -284,6 +291,7 @@ def test_a_new_android_module_by_the_page_alone(tmp_path: Path, cache: Path) -> 
     dependencies = [
         dependency(asked["camssf-camera2"], f"<type>aar</type>{excluding('com.microsoft.onnxruntime')}"),
         dependency(asked["camssf-camerax"], excluding("androidx.camera", "com.microsoft.onnxruntime")),
+        dependency(asked["camssf-colour"]),
         dependency("local:camera2:1", f"<scope>system</scope><systemPath>{folder / 'classes.jar'}</systemPath>"),
         dependency("local:stubs:1", f"<scope>system</scope><systemPath>{stubs}</systemPath>"),
         dependency(f"com.microsoft.onnxruntime:onnxruntime:{of['onnxruntime']}", "<scope>test</scope>"),
@@ -291,11 +299,17 @@ def test_a_new_android_module_by_the_page_alone(tmp_path: Path, cache: Path) -> 
         dependency(f"org.robolectric:robolectric:{of['robolectric']}", graphics),
         dependency(f"org.robolectric:android-all:{of['android']}", "<scope>provided</scope>"),
     ]
-    first, camera, binding, camerax = (
-        next(block for block in blocks(ANDROID_PAGE, "kotlin") if begin in block)
-        for begin in ("PhotoSource.dng", "CaptureRequirements.check", "bindToLifecycle", "awaitChart")
-    )
-    code = {"first": first, "camera": camera, "binding": binding, "camerax": camerax}
+    begins = {
+        "first": "PhotoSource.dng",
+        "camera": "CaptureRequirements.check",
+        "binding": "bindToLifecycle",
+        "camerax": "awaitChart",
+        "colours": "Standardiser.of",
+    }
+    code = {
+        name: next(block for block in blocks(ANDROID_PAGE, "kotlin") if begin in block)
+        for name, begin in begins.items()
+    }
     lines = [line for block in code.values() for line in block.splitlines()]
     imports = "\n".join(sorted({line for line in lines if line.startswith("import ")}))
     code = {name: re.sub(r"^import .*\n", "", block, flags=re.MULTILINE) for name, block in code.items()}
@@ -312,4 +326,4 @@ def test_a_new_android_module_by_the_page_alone(tmp_path: Path, cache: Path) -> 
     photo = ROOT / "golden" / "dng" / "chart-turned-0.dng"
     write(folder, "src/test/kotlin/example/ScreenTest.kt", SCREEN_TEST.format(photo=photo, corners=corners))
     run("mvn -q test", folder)
-    assert "ssf" in json.loads((folder / "result.json").read_text("utf-8"))
+    assert "answer" in json.loads((folder / "result.json").read_text("utf-8"))

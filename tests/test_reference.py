@@ -8,6 +8,7 @@ import os
 import re
 import subprocess
 import sys
+from dataclasses import fields, is_dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import get_origin
@@ -15,11 +16,13 @@ from typing import get_origin
 import pytest
 from test_docs import ROOT, blocks
 
-ROOMS = ("camssf", "camssf.spectra", "camssf.recovery", "camssf.colour", "camssf.exports", "camssf.direct")
-FURTHER = ("camssf.result.SavedResult", "camssf.photo.read.raw.read_raw", "camssf.error_codes.explain_code")
-"""Public, too, but imported from where they stand."""
-NO_EXAMPLE = {"divide", "extract", "FrameSpectrum", "Progress"}
-"""A spectrograph's frames are too long to make on a page: tests/test_direct.py makes them."""
+ROOMS = (
+    "camssf", "camssf.spectra", "camssf.recovery", "camssf_colour", "camssf.exports", "camssf_lab.direct",
+    "camssf_fleet",
+)  # fmt: skip
+NO_EXAMPLE = {"divide", "extract", "FrameSpectrum", "Progress"} | {"Passport", "verify", "read_public"}
+"""A spectrograph's frames are too long to make on a page: tests/test_direct.py makes them. A passport needs a signer:
+the one of docs/passport.md is an example."""
 PAGES = {page: page.read_text("utf-8") for page in sorted((ROOT / "docs" / "reference").glob("*.md"))}
 WITH_DOCTESTS = ("camssf.spectra.lamps", "camssf.spectra.charts", "camssf.spectra.cameras", "camssf.error_codes")
 
@@ -28,9 +31,10 @@ def public() -> list[str]:
     names = [f"{room}.{name}" for room in ROOMS for name in import_module(room).__all__]
     errors = import_module("camssf.errors")
     kinds = [name for name, kind in vars(errors).items() if isinstance(kind, type) and hasattr(kind, "exit_status")]
-    return [*names, *FURTHER, *(f"camssf.errors.{name}" for name in kinds)]
+    return [*names, *(f"camssf.errors.{name}" for name in kinds)]
 
 
+@pytest.mark.repository
 def test_every_public_name_is_in_the_reference_with_an_example() -> None:
     used = {
         page: {
@@ -48,11 +52,25 @@ def test_every_public_name_is_in_the_reference_with_an_example() -> None:
         assert word in used[pages[0]] or word in NO_EXAMPLE, name
 
 
+@pytest.mark.repository
 def test_the_reference_names_nothing_that_is_not_there() -> None:
     listed = [name for text in PAGES.values() for name in re.findall(r"^::: (\S+)$", text, re.MULTILINE)]
     assert sorted(listed) == sorted(public())
 
 
+@pytest.mark.repository
+def test_pages_import_public_names_only() -> None:
+    rooms = {*ROOMS, "camssf.errors"}
+    for page in (ROOT / "README.md", *(ROOT / "docs").glob("**/*.md")):
+        for block in blocks(page.read_text("utf-8"), "python"):
+            for node in ast.walk(ast.parse(block)):
+                if isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0].startswith("camssf"):
+                    private = {name.name for name in node.names if f"{node.module}.{name.name}" not in public()}
+                    assert node.module in rooms, (page.name, node.module)
+                    assert not private, (page.name, node.module, private)
+
+
+@pytest.mark.repository
 def test_every_public_name_says_what_it_is() -> None:
     """Functions name what they raise where they raise; classes their attributes."""
     for name in public():
@@ -61,9 +79,9 @@ def test_every_public_name_says_what_it_is() -> None:
         if not isinstance(found, type) and (not callable(found) or get_origin(found)):
             continue  # a type alias or a constant: its words stand below it in the source
         assert found.__doc__, name
-        if isinstance(found, type) and hasattr(found, "__dataclass_fields__") and not issubclass(found, Exception):
-            for field in found.__dataclass_fields__:
-                assert re.search(rf"\b{field}\b", found.__doc__), f"{name}.{field}"
+        if isinstance(found, type) and is_dataclass(found) and not issubclass(found, Exception):
+            for field in fields(found):
+                assert re.search(rf"\b{field.name}\b", found.__doc__), f"{name}.{field.name}"
 
 
 @pytest.mark.parametrize("module", WITH_DOCTESTS)
@@ -73,6 +91,7 @@ def test_the_docstrings_examples_run(module: str) -> None:
     assert not failed
 
 
+@pytest.mark.repository
 def test_formulas_are_balanced() -> None:
     for page in (ROOT / "docs").glob("**/*.md"):
         text = re.sub(r"```.*?```", "", page.read_text("utf-8"), flags=re.DOTALL)
@@ -86,9 +105,9 @@ def test_formulas_are_balanced() -> None:
 
 CHECKS = """
 import os
-from camssf import Calibration
+from camssf import Result
 assert os.path.getsize("curves.png") > 10_000
-assert Calibration.load("phone.json").verdict.status in ("accepted", "doubtful")
+assert Result.load("phone.json").verdict.status in ("accepted", "doubtful")
 assert colour.lab.shape == (1, 3) and 0 < error.max() < 50
 print("a stranger's ten minutes end well")
 """

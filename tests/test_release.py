@@ -32,10 +32,10 @@ def key() -> Iterator[tuple[str, dict[str, str]]]:
     environment = {**ENVIRONMENT, "GNUPGHOME": str(folder)}
     make = ["gpg", "--batch", "--pinentry-mode", "loopback", "--passphrase", "", "--quick-gen-key", "throwaway"]
     subprocess.run(make, env=environment, check=True, capture_output=True)
-    told = subprocess.run(
+    done = subprocess.run(
         ["gpg", "--batch", "--list-secret-keys", "--with-colons"], env=environment, capture_output=True, text=True
     ).stdout
-    yield next(line.split(":")[9] for line in told.splitlines() if line.startswith("fpr:")), environment
+    yield next(line.split(":")[9] for line in done.splitlines() if line.startswith("fpr:")), environment
     subprocess.run(["gpgconf", "--kill", "all"], env=environment, capture_output=True)
     shutil.rmtree(folder)
 

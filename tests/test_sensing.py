@@ -11,11 +11,12 @@ import pytest
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.recovery.basis import NODES, interpolate, read_basis
 from camssf.recovery.covariance import CHART_CORRELATION, smooth_errors
-from camssf.recovery.linear_model import STACK, LinearModel, anchor, linear_model
+from camssf.recovery.evidence import STACKS, log_evidences
 from camssf.recovery.observation import Observation
-from camssf.recovery.solve import log_evidences, solve
+from camssf.recovery.rows import anchor
 from camssf.spectra import read_lamp
 from camssf.spectra.families import principal_modes
+from golden.linear_model import LinearModel, linear_model, solve
 from tests.problems import chart_and_lamp, near, recovered, theory, toy_camera
 
 
@@ -45,9 +46,9 @@ def test_hypotheses_weighed_together_are_those_weighed_alone() -> None:
             y, reflectance, np.stack([day, read_lamp(f"D:{4000 + 500 * i}").values]),
             standard_error=np.full(y.shape, 1e-3), lamp_modes=modes * (i % 3 == 1),
         )
-        for i in range(2 * STACK)
+        for i in range(2 * STACKS[2])
     ]  # fmt: skip
-    alone = [log_evidences([each], read_basis("cameras"))[0] for each in observations]
+    alone = [log_evidences([observation], read_basis("cameras"))[0] for observation in observations]
     assert len(set(alone)) == len(alone)
     assert near(log_evidences(observations, read_basis("cameras")), np.array(alone), rel=1e-12)
 

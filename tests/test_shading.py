@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import struct
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,16 +14,17 @@ import pytest
 
 from camssf.calibration import calibrate
 from camssf.cli import main
-from camssf.documents.patches_json import read_patches
+from camssf.documents.document import document_bytes
 from camssf.errors import InvalidArgument, UnreadableRaw, UnsupportedRaw
 from camssf.photo.capture import Capture, measure
 from camssf.photo.find.pose import Pose
 from camssf.photo.patches import measure_patches
 from camssf.photo.read.dng import Mosaic, read_dng, shading
 from camssf.photo.shot import Shot
-from camssf.simulation.camera import Sensor
-from camssf.simulation.scene import Scene
+from camssf_lab.simulation.camera import Sensor
+from camssf_lab.simulation.scene import Scene
 from golden.dngs import BAD_PIXELS, GAIN_MAP, RATIONAL, SHORT, Dng, gain_map, opcode_list
+from tests.captures import capture_in, photos
 from tests.scenes import mosaic, shoot
 
 SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
@@ -225,37 +228,51 @@ def test_with_a_white_frame_it_cancels(shots: dict[str, Path]) -> None:
     notes = [[a.message for a in each.assumptions if a.code == "lens_shading"] for each in (plain, applied)]
     assert "was not applied, the white frame corrects" in notes[0][0]
     assert "was applied to the patches' signals of every frame" in notes[1][0]
-    assert [each.document()["shots"][0]["lens_shading"] for each in (plain, applied)] == ["as-stored", "apply"]
+    said = [json.loads(document_bytes(each))["capture"]["shots"][0].get("lens_shading") for each in (plain, applied)]
+    assert said == [None, "apply"]
 
 
 def test_the_command_line_records_it(shots: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
-    import json
-
     photo = str(shots["shaded chart"])
     assert main(["patches", photo, "--lamp", "D55", "--lens-shading", "apply"]) == 0
     document = json.loads(capsys.readouterr().out)
-    assert document["shots"][0]["lens_shading"] == "apply"
-    capture = read_patches(document)
+    assert document["capture"]["shots"][0]["lens_shading"] == "apply"
+    capture = capture_in(document)
     assert capture.shots[0].lens_shading == "apply"
     applied = measure(Shot(photo, "D55", lens_shading="apply"))
     assert capture.shots[0].means.chart.mean.tolist() == applied.shots[0].means.chart.mean.tolist()
-    document["shots"][0]["lens_shading"] = "perhaps"
-    with pytest.raises(InvalidArgument, match="lens_shading"):
-        read_patches(document)
+    del document["sha256"]
+    document["capture"]["shots"][0]["lens_shading"] = "perhaps"
+    with pytest.raises(InvalidArgument, match=r"capture\.shots\[0\]\.lens_shading must be"):
+        capture_in(document)
     assert main(["calibrate", photo, "--lamp", "D55", "--lens-shading", "often"]) == 2
     assert "as-stored or apply" in capsys.readouterr().err
 
 
 @pytest.mark.full
 def test_a_batch_passes_it_on(shots: dict[str, Path], tmp_path: Path) -> None:
-    import json
-
-    from camssf.fleet.batch import run_batch
-    from camssf.fleet.manifest import Manifest
+    from camssf_fleet.batch import run_batch
+    from camssf_fleet.manifest import Manifest
 
     manifest = tmp_path / "manifest.csv"
     manifest.write_text(f"name,photo,lamp\nphone,{shots['shaded chart']},D55\n", "utf-8")
     (outcome,) = run_batch(Manifest(manifest, lens_shading="apply"), tmp_path / "out", workers=1).outcomes
     assert outcome.ok
     document = json.loads((tmp_path / "out" / outcome.folder / "result.json").read_text("utf-8"))
-    assert document["shots"][0]["lens_shading"] == "apply"
+    assert document["capture"]["shots"][0]["lens_shading"] == "apply"
+
+
+def test_a_colour_applies_the_map_if_the_result_did(shots: dict[str, Path]) -> None:
+    from camssf_colour.cli.regions import measure as measured
+
+    white = "440,440,40,40,0.9"
+
+    def signals(photo: Path, *applied: str) -> np.ndarray:
+        taken = [SimpleNamespace(lens_shading=word) for word in applied]
+        result = SimpleNamespace(capture=SimpleNamespace(shots=taken, photos=[SimpleNamespace(make="", model="")]))
+        return measured(result, str(photo), ["40,40,40,40"], white, None).signals  # type: ignore[arg-type]
+
+    shaded, plain = shots["shaded white"], photos().shots[0].white
+    stored, evened = signals(shaded, "as-stored"), signals(shaded, "as-stored", "apply")
+    assert np.abs(evened - 0.9).max() < 0.02 < np.abs(stored - 0.9).max()
+    assert signals(plain, "apply").tolist() == signals(plain, "as-stored").tolist()  # no map in this file

@@ -10,8 +10,8 @@ from camssf.photo.find.pose import find_chart
 from camssf.photo.patches import FrameMeans, PatchMeans, measure_patches
 from camssf.photo.read.dng import CFA_ORDERS
 from camssf.photo.signals import Signals, normalise
-from camssf.simulation.camera import Sensor
-from camssf.simulation.scene import Scene
+from camssf_lab.simulation.camera import Sensor
+from camssf_lab.simulation.scene import Scene
 from tests.scenes import SIZE, mosaic, shoot, table
 
 QUIET = Sensor(noise=False)

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.photo.read.dng import CFA_ORDERS, read_dng
-from camssf.simulation import frames as module
-from camssf.simulation.camera import Sensor
-from camssf.simulation.frames import simulate
-from camssf.simulation.scene import Scene, homography, render_mosaic, true_pose
-from camssf.simulation.shot import photograph
 from camssf.spectra import CameraCurves, ChartTable, Lamp, read_camera, read_chart, read_lamp
 from camssf.spectra.layouts import LAYOUTS
+from camssf_lab.simulation import frames as module
+from camssf_lab.simulation.camera import Sensor
+from camssf_lab.simulation.frames import simulate
+from camssf_lab.simulation.scene import Scene, homography, render_mosaic, true_pose
+from camssf_lab.simulation.shot import photograph
 
 SIZE = (600, 450)
 QUIET = Sensor(noise=False)
@@ -41,7 +41,7 @@ def table(layout: str = "classic24") -> ChartTable:
     level = np.random.default_rng(3).permutation(np.linspace(0.05, 0.9, count))[:, None]
     values = level * (0.7 + 0.3 * np.sin(WAVELENGTHS / 40 + np.arange(count)[:, None]))
     names = tuple(f"p{number}" for number in range(count))
-    return ChartTable(layout, "test", LAYOUTS[layout], names, values, np.full(count, 0.03), 0, "test")
+    return ChartTable(layout, "test", LAYOUTS[layout], names, WAVELENGTHS, values, np.full(count, 0.03), 0, "test")
 
 
 def inside(pose_patch: Floats, shape: tuple[int, int], share: float = 0.7) -> NDArray[np.bool_]:

@@ -82,4 +82,4 @@ def test_axe_finds_no_serious_fault_in_the_site(page: str, scheme: str, site: Pa
     assert faults(text, "judged") == []
     if page == "index.html":  # without our styles and scripts it finds the theme's
         plain = re.sub(r"<(script|link)[^>]*assets/site\.(js|css)[^>]*>", "", text)
-        assert "aria-hidden-focus" in {each[0] for each in faults(plain, "plain")}
+        assert "aria-hidden-focus" in {fault[0] for fault in faults(plain, "plain")}

@@ -620,6 +620,7 @@ def test_named_cameras_are_colour_science_s_and_the_shipped_ones() -> None:
         assert camera.values.min() >= 0
 
 
+@pytest.mark.repository
 def test_the_demo_s_phone_is_the_draw_that_its_command_makes(capsys: pytest.CaptureFixture[str]) -> None:
     """A camera that could be, and none that the basis was learned from: those stand nearer to each other."""
     assert demo_phone.main(["--check"]) == 0, capsys.readouterr().err
@@ -729,7 +730,7 @@ def test_a_wrong_camera_gets_advice(spec: str, advice: str) -> None:
         "wavelength_nm,red,green,blue\n" + "".join(f"{nm},0,1,1\n" for nm in range(380, 721, 5)),
         "wavelength_nm,red,green,blue\n" + "".join(f"{nm},nan,1,1\n" for nm in range(380, 721, 5)),
         "wavelength_nm,red,green,blue\n" + "".join(f"{nm},1e300,1,1\n" for nm in range(380, 721, 5)),
-        "wavelength_nm,red,green,blue\n" + "".join(f"{nm},1,1,1\n" for nm in range(720, 379, -5)),
+        "wavelength_nm,red,green,blue\n" + "".join(f"{nm},1,1,1\n" for nm in (385, *range(380, 721, 5))),
         "wavelength_nm,red,green,blue\n" + "".join(f"{nm},1,1,1\n" for nm in range(800, 1000, 5)),
         "wavelength_nm,red,green,blue\n380,1,1,1\n550,1,1,1\n",
         "wavelength_nm,red,green,blue\n380,1,1,1\n385,1,1\n",

@@ -11,28 +11,31 @@ from typing import Any
 import numpy as np
 import pytest
 
-import camssf
 from camssf import cli
-from camssf.colour import Camera, Reference, View
-from camssf.colour.absorbance import INDICES, absorbance, index_weights, indices, shipped_index
-from camssf.colour.camera import OwnWhite
-from camssf.colour.light import see, see_together
-from camssf.colour.posterior import LinearResponse, surface_posterior
-from camssf.colour.reflectance import FAR, LitSurfaces, SurfaceSpectra, spectrum
-from camssf.colour.surface_prior import NEIGHBOURS, ROUGHNESS, prior_of, read_prior, skin_changes
-from camssf.colour.transforms import signals_of
-from camssf.documents.result_json import document_bytes
+from camssf.colorimetry import signals_of
+from camssf.documents.document import document_bytes
+from camssf.documents.forms import from_plain, to_plain
+from camssf.documents.schema import schema
 from camssf.errors import InvalidArgument, LampUnfit
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.result import Result
 from camssf.spectra import read_chart, read_lamp
-from camssf.spectra.surfaces import SURFACE_NODES, absorbers, surface_sets, surfaces
+from camssf.spectra.bundled import SURFACE_NODES, absorbers, surface_sets, surfaces
+from camssf_colour import Camera, Reference, View
+from camssf_colour.absorbance import INDICES, absorbance, index_weights, indices, shipped_index
+from camssf_colour.camera import OwnWhite
+from camssf_colour.light import see, see_together
+from camssf_colour.posterior import LinearResponse, surface_posterior
+from camssf_colour.reflectance import FAR, LitSurfaces, SurfaceSpectra, spectrum
+from camssf_colour.spectrum_document import SpectrumDocument
+from camssf_colour.surface_prior import NEIGHBOURS, ROUGHNESS, prior_of, read_prior, skin_changes
 from tests.captures import calibrated, photos
 from tests.schemas import check_schema
 from tests.test_colour import blurred, exact, power
 from tools import surfaces as tool
 
 ROOT = Path(__file__).parents[1]
-SCHEMA = Path(camssf.__file__).parent / "data" / "spectrum.schema.json"
+SCHEMA = schema(SpectrumDocument)
 
 
 # -- data -------------------------------------------------------------------------------------------------------
@@ -177,9 +180,9 @@ def test_the_posterior_is_what_drawing_gives() -> None:
         seen = (centre + apart) @ a.T + np.einsum("ne,ecj,j->nc", x, moves, centre)
         size = level * (1.0 + 0.06 * n)
         log[mine] = 0.5 * n**2 - 0.5 * np.sum(((y[0] - size[:, None] * seen) / error[0]) ** 2, axis=1)
-        told = (centre + apart) @ asked.T
-        told[:, 2] += np.einsum("ne,ej,j->n", x, asked_moves[:, 0], centre)
-        values[mine] = told * size[:, None] / level
+        drawn_outputs = (centre + apart) @ asked.T
+        drawn_outputs[:, 2] += np.einsum("ne,ej,j->n", x, asked_moves[:, 0], centre)
+        values[mine] = drawn_outputs * size[:, None] / level
     weight = np.exp(log - log.max())
     weight /= weight.sum()
     assert 1.0 / np.sum(weight**2) > 2_000, "too few draws count"
@@ -207,7 +210,7 @@ def test_spectra_reproduce_their_signals_and_colours() -> None:
     y = photographed()
     found = spectrum(exact(), LitSurfaces(known(), y, 1e-6, Reference(0.0)))
     assert np.abs(signals_of(on_grid(found.reflectance), power(), exact().values) - y).max() < 1e-4
-    from camssf.colour.standard import of_surfaces
+    from camssf_colour.standard import of_surfaces
 
     xyz, colours = of_surfaces(on_grid(found.reflectance), power(), View())
     assert np.abs(found.xyz - xyz).max() < 1e-12
@@ -423,43 +426,44 @@ def test_colour_science_takes_the_spectra() -> None:
     assert np.array_equal(table.wavelengths, SURFACE_NODES)
 
 
-def place(document: dict[str, Any], patch: int) -> str:
-    outline = np.array(document["shots"][0]["pose"]["patches"][patch])
+def place(document: Result, patch: int) -> str:
+    outline = document.capture.shots[0].pose.patches[patch]
     x, y = outline.min(axis=0) + 8
     width, height = np.ptp(outline, axis=0) - 16
     return f"{x:.0f},{y:.0f},{width:.0f},{height:.0f}"
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
-    """A folder with result.json, and its document."""
+def folder(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result]:
+    """A folder with result.json, and the result."""
     where = tmp_path_factory.mktemp("spectrum")
-    document = calibrated().document()
+    document = calibrated()
     (where / "result.json").write_bytes(document_bytes(document))
     return where, document
 
 
 def test_the_command_states_true_spectra(
-    folder: tuple[Path, dict[str, Any]], capsys: pytest.CaptureFixture[str], tmp_path: Path
+    folder: tuple[Path, Result], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     jsonschema = pytest.importorskip("jsonschema")
     where, document = folder
     patches = (0, 1, 12, 14)
     words = [word for patch in patches for word in ("--region", place(document, patch))]
     grey = read_chart("classic24").values[20][100:641].mean()  # the flattest of the greys
-    words += ["--white-region", place(document, 20), "--white-reflectance", f"{grey:.4f}"]
-    words += ["--index", "erythema", "--csv", str(tmp_path / "s.csv"), "--plot", str(tmp_path / "s.png")]
+    words += ["--white-region", f"{place(document, 20)},{grey:.4f}"]
+    words += ["--index", "erythema", "-o", str(tmp_path / "s.csv"), "-o", str(tmp_path / "s.svg")]
     one, two = (photos(lamp).shots[0].chart for lamp in ("D55", "A"))
-    base = ["spectrum", str(where / "result.json"), str(one), "--lamp", "D55", *words]
+    base = ["spectrum", str(where / "result.json"), str(one)]
     truth = read_chart("classic24").values[list(patches)][:, ::20]
     errors = []
-    for more in ([], ["--photo2", str(two), "--lamp2", "A"]):
-        assert cli.main([*base, *more]) == 0
+    for lights in (["--lamp", "D55"], [str(two), "--lamp", "D55", "--lamp", "A"]):
+        assert cli.main([*base, *lights, *words]) == 0
         said = capsys.readouterr()
         found = json.loads(said.out)
-        jsonschema.Draft202012Validator(json.loads(SCHEMA.read_text("utf-8"))).validate(found)
+        jsonschema.Draft202012Validator(SCHEMA).validate(found)
+        assert to_plain(from_plain(found, SpectrumDocument, "it", "")) == found
         assert found["prior"]["name"] == "general"
-        assert [len(each["signal"]) for each in found["regions"]] == [1 + len(more) // 4] * len(patches)
+        assert [len(each["signal"]) for each in found["regions"]] == [lights.count("--lamp")] * len(patches)
         assert said.err.count("prior general") == len(patches)
         got = np.array([each["reflectance"] for each in found["regions"]])
         std = np.array([each["standard_deviation"] for each in found["regions"]])
@@ -469,12 +473,12 @@ def test_the_command_states_true_spectra(
             rows = list(csv.reader(file))
         assert len(rows) == 1 + SURFACE_NODES.size
         assert np.abs(np.array(rows[1:], dtype=float)[:, 1 : 1 + len(patches)].T - got).max() < 1e-6
-        assert (tmp_path / "s.png").read_bytes().startswith(b"\x89PNG")
+        assert (tmp_path / "s.svg").read_bytes().startswith(b"<svg")
     assert max(errors) < 0.06
 
 
 def test_the_command_says_when_the_prior_does_not_hold(
-    folder: tuple[Path, dict[str, Any]], capsys: pytest.CaptureFixture[str]
+    folder: tuple[Path, Result], capsys: pytest.CaptureFixture[str]
 ) -> None:
     where, document = folder
     words = ["--region", place(document, 12), "--white-region", place(document, 18), "--prior", "skin"]
@@ -489,19 +493,20 @@ def test_the_command_says_when_the_prior_does_not_hold(
     [
         ([], "needs a region"),
         (["--region", "HERE"], "needs a region"),
-        (["--region", "HERE", "--white-region", "WHITE", "--photo2", "PHOTO"], "needs its light"),
-        (["--region", "HERE", "--white-region", "WHITE", "--lamp2", "A"], "needs its light"),
+        (["--region", "HERE", "--white-region", "WHITE", "--lamp", "A", "--lamp", "D55"], "one --lamp a photo"),
+        (["PHOTO", "--region", "HERE", "--white-region", "WHITE", "--lamp", "A"], "one --lamp a photo"),
+        (["PHOTO", "--region", "HERE", "--white-region", "WHITE"], "one --lamp a photo"),
+        (["PHOTO", "PHOTO", "--region", "HERE", "--white-region", "WHITE"], "Give one photo, or two"),
         (["--region", "HERE", "--white-region", "WHITE", "--prior", "fur"], "No prior"),
         (["--region", "HERE", "--white-region", "WHITE", "--index", "fur"], "No index"),
-        (["--region", "HERE", "--white-region", "WHITE", "--observer", "1932"], "observer"),
-        (["--region", "HERE", "--white-region", "WHITE", "--plot", "x.gif"], "No picture"),
-        (["--region", "HERE", "--white-region", "WHITE", "--csv", "PHOTO"], "would be overwritten"),
+        (["--region", "HERE", "--white-region", "WHITE", "-o", "x.gif"], "No spectra"),
+        (["--region", "HERE", "--white-region", "WHITE", "-o", "PHOTO"], "would be overwritten"),
     ],
 )
 def test_the_command_says_no(
     words: list[str],
     said: str,
-    folder: tuple[Path, dict[str, Any]],
+    folder: tuple[Path, Result],
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     where, document = folder
@@ -534,7 +539,7 @@ def test_curves_that_no_camera_has_are_answered_or_refused(seed: int) -> None:
 
 
 def test_the_python_of_spectrum_md_runs(
-    folder: tuple[Path, dict[str, Any]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    folder: tuple[Path, Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (block,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "spectrum.md").read_text("utf-8"), re.DOTALL)
     (tmp_path / "out").mkdir()
@@ -547,14 +552,22 @@ def test_the_python_of_spectrum_md_runs(
 
 
 def test_spectra_are_drawn_with_their_bands() -> None:
-    from matplotlib.figure import Figure
+    from xml.etree import ElementTree
 
-    from camssf.report.spectrum_plot import draw_spectra
+    from camssf_colour.spectrum_plot import spectrum_svg
 
     found = spectrum(exact(), LitSurfaces("D55", photographed(rows=a_few()[:2]), 0.002))
-    ax = Figure().subplots()
-    draw_spectra(found, ax)
-    assert np.array_equal(ax.lines[1].get_ydata(), found.reflectance[1])
-    corners = ax.collections[1].get_paths()[0].vertices
-    assert corners[:, 1].max() == pytest.approx((found.reflectance[1] + 1.96 * found.standard_deviation[1]).max())
-    assert ax.get_title() == "reflectance and 95 % band, prior general"
+    drawn = ElementTree.fromstring(spectrum_svg(found))
+    ways = {path.get("class"): path.get("d") or "" for path in drawn.iter("{http://www.w3.org/2000/svg}path")}
+    assert set(ways) == {"band red", "band green", "curve red", "curve green"}
+
+    def heights(way: str) -> np.ndarray:
+        return np.array([pair.split(",")[1] for pair in way.strip("MZ").split("L")], dtype=float)
+
+    line, ring = heights(ways["curve green"]), heights(ways["band green"])
+    scale, zero = np.polyfit(found.reflectance[1], line, 1)
+    assert np.abs(zero + scale * found.reflectance[1] - line).max() < 0.06
+    top = found.reflectance[1] + 1.96 * found.standard_deviation[1]
+    assert ring.min() == pytest.approx(zero + scale * top.max(), abs=0.2)
+    texts = [text.text for text in drawn.iter("{http://www.w3.org/2000/svg}text")]
+    assert "reflectance and 95 % band, prior general" in texts

@@ -10,10 +10,10 @@ import pytest
 from camssf.errors import InvalidArgument, LampUnfit
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.recovery.basis import gaussian_basis, read_basis
-from camssf.recovery.linear_model import anchor, linear_model
 from camssf.recovery.observation import Observation
+from camssf.recovery.rows import anchor
 from camssf.recovery.sensitivity import Ssf
-from camssf.recovery.solve import solve
+from golden.linear_model import linear_model, solve
 from tests import problems
 from tests.problems import chart_and_lamp, explained, measured_cameras, predicted, theory, toy_camera
 
@@ -105,12 +105,12 @@ def test_bands_shrink_with_evidence_and_exist_only_with_a_prior() -> None:
     y = theory(reflectance, lamp, toy_camera())
     few = recovered(y[:6], reflectance[:6], lamp, basis="cameras", standard_error=0.005 * y[:6])
     many = recovered(y, reflectance, lamp, basis="cameras", standard_error=0.005 * y)
-    vague = recovered(y, reflectance, lamp, basis="cameras", standard_error=0.05 * y, lamp_tolerance=0.1)
+    uncertain = recovered(y, reflectance, lamp, basis="cameras", standard_error=0.05 * y, lamp_tolerance=0.1)
     assert few.std is not None
     assert many.std is not None
-    assert vague.std is not None
+    assert uncertain.std is not None
     assert many.std.mean() < few.std.mean()
-    assert many.std.mean() < vague.std.mean()
+    assert many.std.mean() < uncertain.std.mean()
     assert recovered(y, reflectance, lamp, basis="gaussian", standard_error=0.005 * y).std is None
 
 
@@ -165,18 +165,18 @@ def test_a_gamma_of_each_channel_is_the_paper_s_alone() -> None:
     """On `gaussian` the channels are three problems, each as if asked alone; on a learned basis they are one."""
     reflectance, lamp = chart_and_lamp("D55", slice(0, 24))
     y = theory(reflectance, lamp, toy_camera())
-    told: dict[str, Any] = {"basis": "gaussian", "standard_error": 0.005 * y, "chart_tolerance": 0.0}
+    arguments: dict[str, Any] = {"basis": "gaussian", "standard_error": 0.005 * y, "chart_tolerance": 0.0}
     gammas = [0.3, 1.0, 3.0]
-    mixed = recovered(y, reflectance, lamp, gamma=gammas, **told)
-    assert mixed.settings.gamma == pytest.approx(gammas)
+    mixed = recovered(y, reflectance, lamp, gamma=gammas, **arguments)
+    assert mixed.gamma == pytest.approx(gammas)
     assert mixed.proof.layers_gap.shape == mixed.proof.finish_steps.shape == (3,)
     for c, gamma in enumerate(gammas):
-        alone = recovered(y, reflectance, lamp, gamma=gamma, **told)
+        alone = recovered(y, reflectance, lamp, gamma=gamma, **arguments)
         assert mixed.code[:, c] == pytest.approx(alone.code[:, c], abs=1e-12)
     with pytest.raises(InvalidArgument, match="one problem"):
         recovered(y, reflectance, lamp, gamma=gammas)
     same = recovered(y, reflectance, lamp, gamma=[0.3] * 3)
-    assert same.settings.gamma == pytest.approx([0.3] * 3)
+    assert same.gamma == pytest.approx([0.3] * 3)
     assert same.values == pytest.approx(recovered(y, reflectance, lamp, gamma=0.3).values, rel=1e-12)
 
 
@@ -216,37 +216,35 @@ def slopes_of_peak_one(code: Floats, lamp: Floats, h: float = 1e-4) -> Floats:
 @pytest.mark.parametrize("shots", [1, 2])
 def test_bands_are_the_posterior_s(shots: int) -> None:
     """The covariance of x as I - Aᵀ (Σ + A Aᵀ)⁻¹ A, and the curves' by finite differences of the curve of peak 1."""
-    told = declared(shots) | {"basis": "cameras"}
-    answer = recovered(**told)
-    rows = linear_model(problems.told(**told)[0], read_basis("cameras"))
+    arguments = declared(shots) | {"basis": "cameras"}
+    answer = recovered(**arguments)
+    rows = linear_model(problems.observed(**arguments)[0], read_basis("cameras"))
     A, sigma = rows.matrix[0], rows.covariance[0]
     spread = np.eye(72) - A.T @ np.linalg.solve(sigma + A @ A.T, A)
-    assert answer.posterior is not None
-    assert answer.posterior.code_covariance.shape == (72, 72)
-    assert answer.posterior.code_covariance == pytest.approx(spread, abs=1e-10)
+    assert answer.code_covariance is not None
+    assert answer.code_covariance.shape == (72, 72)
+    assert answer.code_covariance == pytest.approx(spread, abs=1e-10)
     deviation = np.sqrt(np.diag(spread))
     between = (spread / np.outer(deviation, deviation))[:24, 24:48]
     assert np.abs(between).max() > 0.1  # one chart, one white, one lamp: what is wrong with red is with green
-    slopes = slopes_of_peak_one(answer.code.T.ravel(), told["lamp"][0])
+    slopes = slopes_of_peak_one(answer.code.T.ravel(), arguments["lamp"][0])
     std = answer.peak()[1]
     assert std is not None
     assert pytest.approx(np.sqrt(np.einsum("cmx,xz,cmz->cm", slopes, spread, slopes)), abs=1e-7) == std.T
 
 
 def test_the_evidence_is_that_of_the_rows_and_prefers_the_true_lamp() -> None:
-    told = declared(2) | {"basis": "cameras"}
-    answer = recovered(**told)
-    rows = linear_model(problems.told(**told)[0], read_basis("cameras"))
-    assert answer.posterior.log_evidence == pytest.approx(
-        solve(rows, 1.0, np.full(1, 0.05)).log_evidence[0], rel=1e-9
-    )
-    wrong = recovered(**told | {"lamp": np.stack([told["lamp"][0], chart_and_lamp("FL2")[1]])})
-    assert answer.posterior is not None
-    assert wrong.posterior is not None
-    assert answer.posterior.log_evidence > wrong.posterior.log_evidence + 10
+    arguments = declared(2) | {"basis": "cameras"}
+    answer = recovered(**arguments)
+    rows = linear_model(problems.observed(**arguments)[0], read_basis("cameras"))
+    assert answer.log_evidence == pytest.approx(solve(rows, 1.0, np.full(1, 0.05)).log_evidence[0], rel=1e-9)
+    wrong = recovered(**arguments | {"lamp": np.stack([arguments["lamp"][0], chart_and_lamp("FL2")[1]])})
+    assert answer.log_evidence is not None
+    assert wrong.log_evidence is not None
+    assert answer.log_evidence > wrong.log_evidence + 10
     paper = recovered(**declared(1) | {"basis": "gaussian", "chart_tolerance": 0.0, "gamma": 1.0})
-    assert paper.posterior is None
-    assert paper.posterior is None
+    assert paper.code_covariance is None
+    assert paper.log_evidence is None
 
 
 def test_the_product_s_answer_is_the_layers() -> None:
@@ -255,7 +253,7 @@ def test_the_product_s_answer_is_the_layers() -> None:
     assert answer.proof.layers_gap.shape == answer.proof.finish_steps.shape == (1,)
     assert answer.proof.layers_gap[0] <= 1e-10
     assert answer.proof.finish_steps[0] == 0
-    assert answer.proof.gap.shape == answer.settings.gamma.shape == (3,)
+    assert answer.proof.gap.shape == answer.gamma.shape == (3,)
     assert (answer.proof.gap == answer.proof.layers_gap[0]).all()
 
 
@@ -263,15 +261,15 @@ def test_the_product_s_answer_is_the_layers() -> None:
 def test_the_budget_s_parts_are_the_posterior(shots: int) -> None:
     """Each source's variance by hand, G Σ_t Gᵀ seen through finite differences; with what no patch has seen they add
     up to the band that `recover` returns, channel by channel."""
-    told = declared(shots)
-    shares = explained(**told)
-    answer = recovered(**told, basis="cameras", gamma=0.0)
-    assert answer.posterior is not None
+    arguments = declared(shots)
+    shares = explained(**arguments)
+    answer = recovered(**arguments, basis="cameras", gamma=0.0)
+    assert answer.code_covariance is not None
     std = answer.peak()[1]
     assert std is not None
-    rows = linear_model(problems.told(**told)[0], read_basis("cameras"))
-    gain = answer.posterior.code_covariance @ rows.matrix[0].T @ np.linalg.inv(rows.covariance[0])
-    slopes = slopes_of_peak_one(answer.code.T.ravel(), told["lamp"][0])
+    rows = linear_model(problems.observed(**arguments)[0], read_basis("cameras"))
+    gain = answer.code_covariance @ rows.matrix[0].T @ np.linalg.inv(rows.covariance[0])
+    slopes = slopes_of_peak_one(answer.code.T.ravel(), arguments["lamp"][0])
     band = np.sum(std**2, axis=0)
     assert set(shares) == {"noise", "chart", "white", "lamp", "lamp modes", "uneven light", "unseen"}
     for source, term in rows.terms.items():
@@ -303,19 +301,19 @@ def test_the_budget_names_what_is_uncertain() -> None:
 @pytest.mark.parametrize("shots", [1, 2])
 def test_prediction_bands_are_those_of_their_model(shots: int) -> None:
     """GUM Supplement 1: draw code, errors and noise from the rows' own model, fit, compare."""
-    told, book = declared(shots), read_basis("cameras")
+    arguments, book = declared(shots), read_basis("cameras")
     others = chart_and_lamp("D55", slice(0, 24))[0][1::2]
-    answer = recovered(**told)
-    found = predicted(answer, **told, of=others, of_tolerance=0.02)
+    answer = recovered(**arguments)
+    found = predicted(answer, **arguments, of=others, of_tolerance=0.02)
     assert found.values[:, :12] == pytest.approx(answer.predicted, rel=1e-9)
     k, n = shots, 24
-    y = np.concatenate([told["signals"], found.values[:, 12:]], axis=1)
+    y = np.concatenate([arguments["signals"], found.values[:, 12:]], axis=1)
     rows = linear_model(
         Observation(
             y,
-            np.concatenate([told["reflectance"], others]),
-            told["lamp"],
-            standard_error=np.concatenate([told["standard_error"], np.full((k, 12, 3), 1e3)], axis=1),
+            np.concatenate([arguments["reflectance"], others]),
+            arguments["lamp"],
+            standard_error=np.concatenate([arguments["standard_error"], np.full((k, 12, 3), 1e3)], axis=1),
             chart_tolerance=np.repeat([0.03, 0.02], 12),
             white_reflectance=np.ones(681),
             white_tolerance=0.01,
@@ -337,20 +335,20 @@ def test_prediction_bands_are_those_of_their_model(shots: int) -> None:
     for c in range(3):
         # The rows' unit is the white signal of μ, the signals' that of the curve found.
         curve = book.mean[c]
-        s = answer.values[:, c] * (curve @ told["lamp"][0]) * STEP
-        unit = (told["lamp"] @ curve) / (told["lamp"] @ s)
+        s = answer.values[:, c] * (curve @ arguments["lamp"][0]) * STEP
+        unit = (arguments["lamp"] @ curve) / (arguments["lamp"] @ s)
         assert found.std[:, :, c] == pytest.approx(drawn[c] * unit[:, None], rel=0.03, abs=1e-5)
 
 
 def test_a_surface_of_known_reflectance_is_better_known_than_a_patch() -> None:
-    told = declared(2)
+    arguments = declared(2)
     others = chart_and_lamp("D55", slice(0, 24))[0][1::2]
-    answer = recovered(**told)
-    exact, table = (predicted(answer, **told, of=others, of_tolerance=tau).std for tau in (0.0, 0.03))
+    answer = recovered(**arguments)
+    exact, table = (predicted(answer, **arguments, of=others, of_tolerance=tau).std for tau in (0.0, 0.03))
     assert (exact[:, 12:] < table[:, 12:]).all()
     assert exact[:, :12] == pytest.approx(table[:, :12], rel=1e-6)  # what is asked changes no answer
-    assert predicted(answer, **told).std == pytest.approx(exact[:, :12], rel=1e-6)
+    assert predicted(answer, **arguments).std == pytest.approx(exact[:, :12], rel=1e-6)
     with pytest.raises(InvalidArgument, match="no prior"):
-        predicted(answer, **told | {"basis": "gaussian"})
+        predicted(answer, **arguments | {"basis": "gaussian"})
     with pytest.raises(InvalidArgument, match="`of` has shape"):
-        predicted(answer, **told, of=np.ones((2, 3)))
+        predicted(answer, **arguments, of=np.ones((2, 3)))

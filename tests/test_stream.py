@@ -11,7 +11,6 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,22 +23,23 @@ from camssf.errors import InvalidArgument
 
 pytest.importorskip("duckdb", reason="duckdb is not here")
 
-from camssf.fleet import archive, batch, pools
-from camssf.fleet.archive import task_of
-from camssf.fleet.batch import inputs_hash
-from camssf.fleet.inputs import basis_hash, file_hash
-from camssf.fleet.manifest import Job, Manifest
-from camssf.fleet.outcome import Outcome, Summary
-from camssf.fleet.registry import Registry
-from camssf.fleet.rows import Row, Task, columns
-from camssf.fleet.tables import connection
 from camssf.photo.read.unit import Unit
+from camssf_fleet import archive, batch, pools
+from camssf_fleet.archive import task_of
+from camssf_fleet.batch import inputs_hash
+from camssf_fleet.inputs import basis_hash, file_hash
+from camssf_fleet.manifest import Job, Manifest
+from camssf_fleet.outcome import Outcome, Summary
+from camssf_fleet.registry import Registry
+from camssf_fleet.rows import Row, Task, columns
+from camssf_fleet.tables import connection
 
 HEADER = "name,photo,lamp,white,dark,chart,serial,site"
 HERE = Path(__file__).parent
+LAST = "ended = (SELECT max(ended) FROM rows)"
 
 
-def stub(job: Job, folder: Path, *, pages: bool = False) -> Outcome:
+def stub(job: Job, folder: Path) -> Outcome:
     """In place of the calibration, in the other process: what the photo says is what happens."""
     photo = Path(job.photos[0])
     text = photo.read_text()
@@ -52,11 +52,11 @@ def stub(job: Job, folder: Path, *, pages: bool = False) -> Outcome:
     if text == "wrong":
         raise InvalidArgument("The lamp is none.", "Name one.")
     document = json.loads((photo.parent / f"template-{text == 'refused'}.json").read_text("utf-8"))
-    document["camera"]["model"] = text
+    capture = document["capture"]
+    photo_of = capture.get("unfinished") or capture["shots"][0]
+    photo_of["photo"]["model"] = text
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "result.json").write_text(json.dumps(document), "utf-8")
-    if pages:
-        (folder / "report.html").write_text("page", "utf-8")
     return Outcome(job.name, document["verdict"]["status"])
 
 
@@ -74,9 +74,14 @@ def slow(job: Job, folder: Path) -> Outcome:
 
 @pytest.fixture(scope="module")
 def templates() -> dict[str, str]:
-    from documents import document, refused
+    return made_templates()
 
-    return {"template-False.json": json.dumps(document()), "template-True.json": json.dumps(refused())}
+
+def made_templates() -> dict[str, str]:
+    """Of an answer and of a refusal."""
+    from documents import document, text_of, unplaced
+
+    return {"template-False.json": text_of(document()), "template-True.json": text_of(unplaced())}
 
 
 class Desk:
@@ -94,13 +99,12 @@ class Desk:
 
     def run(self, *, processes: bool = False, **more: Any) -> Summary:
         manifest = Manifest(self.home / "manifest.csv", **more.pop("options", {}))
-        work = partial(stub, pages=True) if more.get("pages") else stub
-        registry = Registry(self.home / "phones", new=True)
+        registry = Registry(self.home / "phones", new=True, correct=more.pop("correct", False))
         out = self.home / more.pop("out", "out")
         with pytest.MonkeyPatch.context() as patched:
             if not processes:
                 patched.setattr(batch, "run_processes", in_this_process)
-            return batch.run_batch(manifest, out, registry, **{"workers": 1, "work": work, **more})
+            return batch.run_batch(manifest, out, registry, **{"workers": 1, "work": stub, **more})
 
     def rows(self, columns: str = "name, model, status") -> list[dict[str, Any]]:
         return Registry(self.home / "phones").query(f"SELECT {columns} FROM rows ORDER BY name")
@@ -245,7 +249,7 @@ def test_many_rows_are_streamed(tmp_path: Path) -> None:
     next(iter(manifest))
     assert manifest.done < 1e-4
     code = (
-        "import resource, sys\nfrom itertools import islice\nfrom camssf.fleet.manifest import Manifest\n"
+        "import resource, sys\nfrom itertools import islice\nfrom camssf_fleet.manifest import Manifest\n"
         "def kilobytes(): return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
         f"rows = iter(Manifest({str(tmp_path / 'm.csv')!r}))\n"
         "next(rows); before = kilobytes(); n = sum(1 for _ in islice(rows, 20_000)); print(n, kilobytes() - before)"
@@ -311,18 +315,25 @@ def test_a_damaged_result_in_the_archive_is_made_anew(desk: Desk) -> None:
 
 
 def test_a_correction_of_the_manifest_reaches_the_registry(desk: Desk) -> None:
-    """What was said last counts; nothing is calibrated for it."""
+    """What contradicts the registry is refused until it is asked for; nothing is emptied, or calibrated for it."""
     header = "name,photo,lamp,serial,captured,lens,site"
     desk.write(["cam,a,D55,S1,2026-01-02T10:00,50mm,lab"], {"a": "Phone"}, header)
     desk.run()
     for words, expected in (
         ("S2,2026-01-03T10:00,50mm,lab", {"serial": "S2", "captured": datetime(2026, 1, 3, 10, tzinfo=UTC)}),
         ("S2,2026-01-03T10:00,35mm,lab", {"lens": "35mm"}),
-        ("S2,,,roof", {"captured": None, "lens": "", "extra": '{"site": "roof"}'}),
+        ("S2,,,roof", {"captured": datetime(2026, 1, 3, 10, tzinfo=UTC), "lens": "35mm",
+                       "extra": '{"site": "roof"}'}),
     ):  # fmt: skip
         desk.write([f"cam,a,D55,{words}"], {}, header)
-        found = desk.run()
-        assert (found.total, found.resumed, found.duplicates) == (1, 0, 0)
+        (before,) = desk.rows("*")
+        for _ in range(2):  # it is tried again, not forgotten
+            assert desk.run().by_code == {"invalid_argument": 1}
+        (stored_row,) = Registry(desk.home / "phones").query(f"SELECT reason FROM rows WHERE {LAST}", table=Task)
+        assert "What is given of the result" in stored_row["reason"]
+        assert desk.rows("*") == [before]
+        found = desk.run(correct=True)
+        assert (found.total, found.resumed, found.duplicates, found.failed) == (1, 0, 0, 0)
         (row,) = desk.rows("*")
         assert {name: row[name] for name in expected} == expected
     assert desk.run().resumed == 1
@@ -338,9 +349,9 @@ def test_a_correction_wins_against_a_clock_that_was_years_ahead(desk: Desk) -> N
     registry = Registry(desk.home / "phones")
     (now,) = desk.rows(", ".join(columns(Row)))
     now = Row(**{name: tuple(v) if isinstance(v, list) else v for name, v in now.items()})
-    registry.add([replace(now, serial="S0", added=now.added + timedelta(days=1500))])
+    Registry(registry.folder, correct=True).add([replace(now, serial="S0", added=now.added + timedelta(days=1500))])
     desk.write(["cam,a,D55,,,,S2,"], {})
-    desk.run()
+    desk.run(correct=True)
     assert desk.rows("serial") == [{"serial": "S2"}]
 
 
@@ -398,7 +409,7 @@ def test_a_basis_is_looked_at_once_a_run(tmp_path: Path, monkeypatch: pytest.Mon
     looked: list[Path] = []
     monkeypatch.setattr(archive, "stamp", lambda path: looked.append(path))
     manifest = Manifest(tmp_path / "m.csv", basis=str(tmp_path / "mine.npz"))
-    registry, place = Registry(tmp_path / "phones", new=True), archive.Archive(tmp_path, tmp_path, False)
+    registry, place = Registry(tmp_path / "phones", new=True), archive.Archive(tmp_path, tmp_path)
     assert len(list(archive.unfinished(manifest, registry, Summary(), place))) == 50
     assert looked == [tmp_path / "mine.npz"]
 
@@ -416,20 +427,17 @@ def test_a_picture_s_sidecar_is_part_of_it(desk: Desk) -> None:
 
 
 def test_done_is_what_lies_in_this_archive(desk: Desk) -> None:
-    """Pages that lack, a result that is gone, another archive: it is done again, for those alone."""
+    """A result that is gone, another archive: it is done again, for those alone."""
     desk.write(["one,a,D55,,,,,", "two,b,D55,,,,,"], {"a": "Phone a", "b": "Phone b"})
     desk.run()
-    assert desk.run(pages=True).resumed == 0
-    assert len(list((desk.home / "out").glob("*/*/report.html"))) == 2
-    assert (desk.run(pages=True).resumed, desk.run().resumed) == (2, 2)
-    assert desk.visits() == {"one": 2, "two": 2}
+    assert desk.run().resumed == 2
     places = desk.rows("place")
     shutil.rmtree((desk.home / "phones" / places[0]["place"]).parent)
     assert desk.run().resumed == 1
-    assert desk.visits() == {"one": 3, "two": 2}
+    assert desk.visits() == {"one": 2, "two": 1}
     assert desk.run(out="other").resumed == 0
     assert len(list((desk.home / "other").glob("*/*/result.json"))) == 2
-    assert desk.visits() == {"one": 4, "two": 3}
+    assert desk.visits() == {"one": 3, "two": 2}
     assert (desk.run(out="other").resumed, desk.run().resumed) == (2, 2)
     for row in desk.rows("place"):
         assert row["place"].startswith("../other/")
@@ -505,7 +513,7 @@ def test_a_run_that_is_killed_is_taken_up(desk: Desk) -> None:
 def test_the_registry_s_full_disk_is_said(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
     desk.write(["one,a,D55,,,,,"], {"a": "Phone"})
 
-    def full(self: Registry, rows: Any) -> None:
+    def full(self: Registry, rows: Any, **more: Any) -> None:
         raise InvalidArgument("No space left.", "Free some.")
 
     with monkeypatch.context() as patched:
@@ -537,14 +545,12 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeyp
     )
     capsys.readouterr()
     words = ["batch", "m.csv", "-o", "archive", "--registry", "phones", "--workers", "1"]
-    assert cli.main([*words, "--pages"]) == cli.BATCH_FAILED
-    told = json.loads(capsys.readouterr().out)
-    assert (told["total"], told["duplicates"], told["by_status"]["refused"]) == (3, 1, 1)
+    assert cli.main(words) == cli.BATCH_FAILED
+    document = json.loads(capsys.readouterr().out)
+    assert (document["total"], document["duplicates"], document["by_status"]["refused"]) == (3, 1, 1)
     (row,) = Registry("phones").query("SELECT * FROM rows WHERE status <> 'refused'")
     assert (row["serial"], row["model"]) == ("S1", "Nikon 5100 (NPL)")
-    assert sorted(path.name for path in (Path("phones") / row["place"]).parent.iterdir()) == [
-        "report.html", "result.json", "ssf.csv", "ssf.png",
-    ]  # fmt: skip
+    assert [path.name for path in (Path("phones") / row["place"]).parent.iterdir()] == ["result.json"]
     assert cli.main(words) == cli.BATCH_FAILED
     assert json.loads(capsys.readouterr().out)["resumed"] == 3
-    assert cli.main(["batch", "m.csv", "-o", "archive", "--pages"]) == InvalidArgument.exit_status
+    assert cli.main(["batch", "m.csv", "-o", "archive", "--correct"]) == InvalidArgument.exit_status

@@ -15,6 +15,7 @@ from camssf.spectra.layouts import LAYOUTS
 from tools import tabulate
 
 
+@pytest.mark.repository
 def test_the_file_is_what_the_command_makes(capsys: pytest.CaptureFixture[str]) -> None:
     assert tabulate.main(["--check"]) == 0, capsys.readouterr().out
     assert capsys.readouterr().out == "0 of 13 parts drifted\n"
@@ -31,6 +32,7 @@ def test_it_is_strict_json_of_plain_numbers() -> None:
     assert tabulate.as_text(found) == text
 
 
+@pytest.mark.repository
 def test_every_number_is_colour_science_s() -> None:
     science, file = colour_science(), bundled()
     daylight = science.colorimetry.datasets.illuminants.SDS_BASIS_FUNCTIONS_CIE_ILLUMINANT_D_SERIES

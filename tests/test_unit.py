@@ -10,17 +10,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from camssf.documents.patches_json import patches_document, read_patches
-from camssf.errors import CalibrationError, UnitDiffers
+from camssf.errors import InvalidArgument, UnitDiffers
 from camssf.photo.capture import Capture, check_alike, measure
 from camssf.photo.patches import measure_patches
 from camssf.photo.read.dng import read_dng
 from camssf.photo.read.unit import Unit, check_unit
 from camssf.photo.shot import Shot
-from camssf.simulation.frames import simulate
-from camssf.simulation.scene import Scene
+from camssf_lab.simulation.frames import simulate
+from camssf_lab.simulation.scene import Scene
+from tests.captures import capture_in, document_of
 
-WIDE = Unit("Maker", "Phone", "0", "S1", "Phone wide 6.8 mm", 6.81, 1.85)
+WIDE = Unit("Maker", "Phone", "0", "S1", "12ab", "Phone wide 6.8 mm", 6.81, 1.85)
 AREA = (0, 0, 3000, 4000)
 
 
@@ -29,6 +29,7 @@ AREA = (0, 0, 3000, 4000)
     [
         ({"camera_id": "2"}, "camera '2' against '0'"),
         ({"serial": "S2"}, "another serial number"),
+        ({"serial": "", "serial_check": "12ac"}, "another serial number"),
         ({"lens": "Phone tele"}, "lens 'Phone tele' against 'Phone wide 6.8 mm'"),
         ({"focal_length": 19.0}, "focal length 19 mm against 6.81 mm"),
         ({"aperture": 2.8}, "aperture f/2.8 against f/1.85"),
@@ -78,21 +79,22 @@ def test_shots_and_frames_are_held_to_it(measured: tuple[Capture, list[Path]]) -
         measure_patches(replace(photo, unit=Unit(lens="wide")), one.pose, white=tele)
 
 
-def test_the_patches_document_keeps_it_but_for_the_serial_number(measured: tuple[Capture, list[Path]]) -> None:
+def test_the_document_keeps_it_but_for_the_serial_number(measured: tuple[Capture, list[Path]]) -> None:
     found, _ = measured
     one, two = found.shots
     shots = (replace(one, photo=replace(one.photo, unit=replace(WIDE, make="", model=""))), two)
-    document = json.loads(json.dumps(patches_document(replace(found, shots=shots))))
-    again = read_patches(document)
-    assert again.shots[0].photo.unit == Unit(camera_id="0", lens=WIDE.lens, focal_length=6.81, aperture=1.85)
+    document = document_of(replace(found, shots=shots))
+    again = capture_in(document)
+    assert again.shots[0].photo.unit == replace(WIDE, make="", model="", serial="")
     assert again.shots[0].photo.active_area == one.photo.active_area
     assert "S1" not in json.dumps(document)
-    document["shots"][1]["photo"]["unit"] = {"camera_id": "2"}
-    with pytest.raises(UnitDiffers):
-        read_patches(document)
-    for broken in ({"camera_id": 2}, {"focal_length": -1}, {"other": ""}, "unit"):
-        document["shots"][1]["photo"]["unit"] = broken
-        with pytest.raises(CalibrationError):
-            read_patches(document)
-    del document["shots"][1]["photo"]["unit"], document["shots"][1]["photo"]["active_area"]  # of an older release
-    assert np.array_equal(read_patches(document).shots[1].means.chart.mean, two.means.chart.mean)
+    photo = document["capture"]["shots"][1]["photo"]
+    photo["unit"] = {"camera_id": "2"}
+    with pytest.raises(InvalidArgument, match=r"camera '2' against '0'"):
+        capture_in(document)
+    for broken in ({"camera_id": 2}, {"focal_length": -1}, {"serial_check": "S1"}, {"other": ""}, "unit"):
+        photo["unit"] = broken
+        with pytest.raises(InvalidArgument, match=r"capture\.shots\[1\]\.photo\.unit"):
+            capture_in(document)
+    photo.pop("unit"), photo.pop("active_area")  # of a file that names neither
+    assert np.array_equal(capture_in(document).shots[1].means.chart.mean, two.means.chart.mean)

@@ -1,5 +1,6 @@
 """Judged by limits computed by hand, and for colours by colour-science's own integration of its own tables."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from camssf.errors import InvalidArgument
-from camssf.fit.scores import Scores, reflectance_srgb, rmse, rmsre, validate
+from camssf.fit.scores import PatchColours, Scores, patch_colours, reflectance_srgb, rmse, rmsre, validate
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.photo.signals import Signals
 from camssf.spectra import CameraCurves, ChartTable, Lamp, colour_science, read_camera, read_chart, read_lamp
@@ -44,13 +45,22 @@ def score(predicted: Floats, **more: object) -> Scores:
     return validate(signals(Y), predicted, TABLE, LAMPS, **more)  # type: ignore[arg-type]
 
 
+def pictures(
+    predicted: Floats, y: Floats = Y, lamps: Sequence[Lamp] = LAMPS, used: NDArray[np.bool_] | None = None
+) -> tuple[PatchColours, PatchColours]:
+    """Colours of the measured and of the predicted patches."""
+    return patch_colours(y, predicted, signals(y, used).used, TABLE, np.stack([lamp.values for lamp in lamps]))
+
+
 def test_a_perfect_prediction_scores_zero() -> None:
     scores = score(Y.copy(), ssf_values=CAMERA.values, truth=CAMERA, method="by hand")
     np.testing.assert_array_equal(scores.rmsre_percent, 0)
     np.testing.assert_array_equal(scores.rmse, 0)
     assert scores.delta_e00 == 0
     assert scores.unseen == "by hand"
-    np.testing.assert_array_equal(scores.measured_srgb, scores.synthetic_srgb)
+    measured, synthetic = pictures(Y.copy())
+    np.testing.assert_array_equal(measured.srgb, synthetic.srgb)
+    np.testing.assert_array_equal(measured.lab, synthetic.lab)
 
 
 @pytest.mark.parametrize("factor", [1.01, 0.99])
@@ -142,7 +152,7 @@ def lab_by_colour_science(values: Floats, lamp: Lamp) -> tuple[Floats, Floats]:
         return np.asarray(colour.sd_to_XYZ(spectrum, cmfs, light, method="Integration", shape=shape)) / 100
 
     white = xyz(np.ones(681))
-    seen = [colour.chromatic_adaptation(xyz(each), white, colour.xy_to_XYZ(d65)) for each in values]
+    seen = [colour.chromatic_adaptation(xyz(value), white, colour.xy_to_XYZ(d65)) for value in values]
     lab = np.array([colour.XYZ_to_Lab(each, d65) for each in seen])
     srgb = np.array([colour.XYZ_to_sRGB(each) for each in seen])
     return lab, np.clip(srgb, 0, 1)
@@ -151,18 +161,19 @@ def lab_by_colour_science(values: Floats, lamp: Lamp) -> tuple[Floats, Floats]:
 def test_delta_e_and_pictures_against_colour_science() -> None:
     """For the CIE observer as a camera, each colour and their differences follow from the spectra alone."""
     camera = observed().values
-    faded = replace(TABLE, values=TABLE.values * (0.9 + 0.2 * (WAVELENGTHS - 380) / 340))
+    faded = TABLE.with_values(TABLE.values * (0.9 + 0.2 * (WAVELENGTHS - 380) / 340))
     y = np.stack([theory(TABLE, lamp, camera) for lamp in LAMPS])
     guess = np.stack([theory(faded, lamp, camera) for lamp in LAMPS])
     unseen = np.zeros((2, 24), bool)
     unseen[0, :12] = unseen[1, 6:] = True
     scores = validate(signals(y), guess, TABLE, LAMPS, unseen=unseen)
+    measured, synthetic = pictures(guess, y)
     apart = []
     for j, lamp in enumerate(LAMPS):
         lab, srgb = lab_by_colour_science(TABLE.values, lamp)
         other_lab, other_srgb = lab_by_colour_science(faded.values, lamp)
-        np.testing.assert_allclose(scores.measured_srgb[j], srgb, atol=1e-9)
-        np.testing.assert_allclose(scores.synthetic_srgb[j], other_srgb, atol=1e-9)
+        np.testing.assert_allclose(measured.srgb[j], srgb, atol=1e-9)
+        np.testing.assert_allclose(synthetic.srgb[j], other_srgb, atol=1e-9)
         apart.append(colour_science().delta_E(lab, other_lab, method="CIE 2000"))
     assert 1 < np.stack(apart)[unseen].mean() < 10
     assert scores.delta_e00 == pytest.approx(np.stack(apart)[unseen].mean(), rel=1e-8)
@@ -174,20 +185,21 @@ def test_channel_scales_do_not_change_colours() -> None:
     one = score(predicted)
     other = validate(signals(Y * scale), predicted * scale, TABLE, LAMPS)
     assert other.delta_e00 == pytest.approx(one.delta_e00, rel=1e-9)
-    np.testing.assert_allclose(other.synthetic_srgb, one.synthetic_srgb, atol=1e-9)
+    before, after = (pictures(predicted * each, Y * each)[1].srgb for each in (1.0, scale))
+    np.testing.assert_allclose(after, before, atol=1e-9)
 
 
 def test_a_real_camera_s_picture_resembles_the_chart() -> None:
     """The matrix of a real camera is not exact, but the white is white and red is red under either lamp."""
-    scores = score(Y * 1.02)
+    measured = pictures(Y * 1.02)[0].srgb
     expected = reflectance_srgb(TABLE)
-    assert np.abs(scores.measured_srgb - expected).mean() < 0.03
-    for shot in scores.measured_srgb:
+    assert np.abs(measured - expected).mean() < 0.03
+    for shot in measured:
         assert np.ptp(shot[18]) < 0.03
         assert shot[18].mean() > 0.9
         assert shot[14].argmax() == 0
         assert shot[12].argmax() == 2
-    assert 0.1 < scores.delta_e00 < 1.5  # 2 % more light
+    assert 0.1 < score(Y * 1.02).delta_e00 < 1.5  # 2 % more light
 
 
 def test_reflectance_colours_against_colour_science() -> None:
@@ -198,7 +210,7 @@ def test_reflectance_colours_against_colour_science() -> None:
 def test_flat_reflectances_are_grey_as_srgb_defines_it() -> None:
     """IEC 61966-2-1: 1.055 R^(1 / 2.4) - 0.055, so 18 % is 118 of 255."""
     level = np.array([0.0, 0.002, 0.18, 0.5, 1.0])
-    flat = replace(TABLE, patches=tuple("abcde"), values=np.tile(level[:, None], (1, 681)))
+    flat = replace(TABLE, patches=tuple("abcde")).with_values(np.tile(level[:, None], (1, 681)))
     expected = np.where(level <= 0.0031308, 12.92 * level, 1.055 * level ** (1 / 2.4) - 0.055)
     assert round(255 * expected[2]) == 118
     np.testing.assert_allclose(
@@ -212,15 +224,16 @@ def test_a_lamp_of_one_line_gives_numbers_not_warnings() -> None:
     lamp = Lamp("sodium", values, 0.0, np.zeros((0, 681)), "")
     y = theory(TABLE, lamp, CAMERA.values + 1e-6)[None]
     scores = validate(signals(y), 1.1 * y, TABLE, [lamp])
-    for each in (scores.delta_e00, scores.measured_srgb, scores.synthetic_srgb):
+    for each in (scores.delta_e00, *(colours.srgb for colours in pictures(1.1 * y, y, [lamp]))):
         assert np.isfinite(each).all()
 
 
 def test_few_used_patches_still_give_a_picture() -> None:
     used = np.zeros((2, 24), bool)
     used[:, 0] = True
-    scores = validate(signals(Y, used), Y * 1.01, TABLE, LAMPS)
-    assert np.abs(scores.measured_srgb - reflectance_srgb(TABLE)).mean() < 0.03
+    validate(signals(Y, used), Y * 1.01, TABLE, LAMPS)
+    measured = pictures(Y * 1.01, used=used)[0].srgb
+    assert np.abs(measured - reflectance_srgb(TABLE)).mean() < 0.03
 
 
 @pytest.mark.parametrize(

@@ -25,6 +25,7 @@ import tifffile
 from PIL import Image
 
 from camssf import cli
+from camssf.documents.document import document_bytes
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import read_chart, read_lamp
 from tests.captures import calibrated, photos
@@ -79,6 +80,24 @@ INPUTS = [
     Wrong("calibrate cut.dng --lamp D55 -o out", 3, "cut.dng is truncated", AGAIN),
     Wrong("calibrate linear.dng --lamp D55 -o out", 3, "linear.dng is a linear DNG", "plain RAW (DNG) mode"),
     Wrong("calibrate chart.dng chart.dng -o out", 2, "chart.dng was given 2 times", "Give each photo once"),
+    Wrong(
+        "calibrate chart.dng --white chart.dng --lamp D55 -o out",
+        2,
+        "The chart's photo and the white frame are the same photo",
+        "Give another file for one of them",
+    ),
+    Wrong(
+        "calibrate chart.dng --dark twin.dng -o out",
+        2,
+        "The chart's photo and the dark frame are the same photo",
+        "Give another file for one of them",
+    ),
+    Wrong(
+        "patches chart.dng --white white.dng --dark white.dng",
+        2,
+        "The white frame and the dark frame are the same photo",
+        "Give another file for one of them",
+    ),
     Wrong("calibrate chart.dng --white '' -o out", 2, "--white is empty", "Give the path"),
     Wrong("patches chart.dng --dark ' '", 2, "--dark is empty", "Give the path"),
     Wrong("solve none.json", 2, "none.json: No such file", "Check the path."),
@@ -106,13 +125,6 @@ CAPTURES = [
         5,
         "swapped",
         "Give the bright frame",
-        "out",
-    ),
-    Wrong(
-        "calibrate chart.dng --white chart.dng --lamp D55 -o out",
-        5,
-        "The white frame",
-        "Take the white frame again",
         "out",
     ),
     Wrong(
@@ -146,11 +158,12 @@ TABLES = [
     Wrong(
         "calibrate chart.dng --lamp um.csv -o out", 2, "wavelengths in um.csv are not in nm", "Write 550 for green"
     ),
-    Wrong("calibrate chart.dng --lamp back.csv -o out", 2, "wavelengths in back.csv do not increase", "Sort them"),
+    Wrong("calibrate chart.dng --lamp mixed.csv -o out", 2, "wavelengths in mixed.csv do not increase", "Sort them"),
     Wrong("calibrate chart.dng --lamp minus.csv -o out", 6, "lamp in minus.csv has no power", "Measure it again"),
     Wrong("calibrate chart.dng --lamp hole.csv -o out", 6, "lamp in hole.csv has a power that is not", "Measure it"),
     Wrong("calibrate chart.dng --lamp short.csv -o out", 6, "short.csv covers only 455 to 595", "cover 400 to 700"),
-    Wrong("calibrate chart.dng --lamp photos.zip -o out", 2, "photos.zip is not a table", "Write a line"),
+    Wrong("calibrate chart.dng --lamp photos.zip -o out", 2, "photos.zip is an archive", "Save the table"),
+    Wrong("calibrate chart.dng --lamp counts.csv -o out", 2, "counts.csv, line 8: '1,045'", "thousands separators"),
     Wrong("calibrate chart.dng --lamp inks.csv -o out", 2, "inks.csv is not a table of one spectrum", "Write a line"),
     Wrong(f"{SHOT} --chart none.csv", 2, "no file none.csv", "Check the path."),
     Wrong(f"{SHOT} --chart classic42", 2, "No chart is called 'classic42'", "Did you mean classic24"),
@@ -208,14 +221,9 @@ OPTIONS = [
     Wrong("simulate --lamp D55 --size big -o out", 2, "'big' is not a size", "4000x3000"),
     Wrong(f"simulate --lamp D55 --size {'9' * 5000}x9 -o out", 2, "not a size", "4000x3000"),
     Wrong("simulate --lamp D55 --size 30000x30000 -o out", 2, "megapixels", ""),
-    Wrong("simulate --lamp D55 --white-level 99999 -o out", 2, "white_level is out of range", "1 to 65535"),
-    Wrong("simulate --lamp D55 --exposure 80 -o out", 2, "exposure is out of range", "80 % is 0.8"),
-    Wrong("simulate --lamp D55 --tilt nan -o out", 2, "tilt is out of range", "-80 to 80"),
-    Wrong("simulate --lamp D55 --fault glares -o out", 2, "No fault is called 'glares'", "Choose one of"),
-    Wrong("simulate --lamp D55 --severity 3 -o out", 2, "--severity needs --fault", "Add --fault NAME."),
     Wrong("simulate --camera iPhone99 --lamp D55 -o out", 2, "'iPhone99'", "`camssf cameras` lists"),
     Wrong("simulate --lamp auto -o out", 2, "A light that is not named has no spectrum", "Lamps:"),
-    Wrong("batch manifest.csv --jobs 0", 2, "--jobs", "--help"),
+    Wrong("batch manifest.csv --workers 0", 2, "--workers '0'", "Give 1 or more"),
     Wrong("app --port 99999", 2, "--port", "65535"),
     Wrong("explain overexposure", 2, "no error code 'overexposure'", "overexposed"),
 ]
@@ -233,31 +241,31 @@ OUTPUTS = [
     Wrong("export result.json -o folder", 2, "folder cannot be written (it is a folder)", "Name a file"),
     Wrong("export result.json -o pipe", 2, "pipe cannot be written (it is a device or a pipe)", "Name a file"),
     Wrong("export result.json -o none/x.csv", 2, "none/x.csv cannot be written", "Make its folder first"),
-    Wrong(f"spectrum result.json chart.dng {AREA} --csv chart.dng", 2, "chart.dng is an input", "Name another file."),
-    Wrong(f"spectrum result.json chart.dng {AREA} --plot x.bmp", 2, "'.bmp'", "Take one of .png"),
+    Wrong(f"spectrum result.json chart.dng {AREA} -o chart.dng", 2, "chart.dng is an input", "Name another file."),
 ]
 """Where results go."""
 
 RESULTS = [
-    Wrong("export newer.json -o x.csv", 2, "newer.json holds camssf-result/2", "Another version of camssf wrote it"),
-    Wrong("report newer.json -o out", 2, "newer.json holds camssf-result/2", "Another version of camssf wrote it"),
-    Wrong("export curveless.json -o x.csv", 2, "curveless.json: the document lacks ssf", "`camssf calibrate`"),
-    Wrong("export cut.json -o x.csv", 2, "cut.json is not valid JSON", "Give what another camssf command wrote."),
-    Wrong("export truth.csv -o x.csv", 2, "truth.csv is not valid JSON", "Give what another camssf command wrote."),
+    Wrong("export newer.json -o x.csv", 2, "is camssf/3, not camssf/2; another version", "`camssf calibrate`"),
+    Wrong("report newer.json -o out", 2, "is camssf/3, not camssf/2; another version", "`camssf calibrate`"),
+    Wrong("report older.json -o out", 2, "never released, so measure", "`camssf calibrate`"),
+    Wrong("solve changed.json", 2, "changed.json: sha256 is not the hash of the rest", "as it was written"),
+    Wrong("export curveless.json -o x.csv", 2, "answer is missing, but the verdict", "`camssf calibrate`"),
+    Wrong("export cut.json -o x.csv", 2, "cut.json is not valid JSON", "Give the result.json"),
+    Wrong("export truth.csv -o x.csv", 2, "truth.csv is not valid JSON", "Give the result.json"),
     Wrong("export passport.jws -o x.csv", 2, "passport.jws is a passport", "`camssf passport verify`"),
     Wrong("passport show result.json", 10, "holds no passport", "Give the passport"),
     Wrong("passport sign result.json --key truth.csv -o x.jws", 2, "truth.csv is not a private key", "passport key"),
-    Wrong("solve result.json", 2, "result.json holds camssf-result/1", "The order is patches, solve"),
     Wrong(f"colour result.json other.dng {AREA}", 5, "other.dng was taken by", "Calibrate that camera"),
     Wrong("colour result.json chart.dng --region 190,170,40,40", 2, "a white or grey surface", "--white-region"),
-    Wrong("colour --from result.json", 2, "needs two cameras", "both --from and --to"),
+    Wrong(f"spectrum result.json chart.dng {AREA} -o x.bmp", 2, "x.bmp", "ends in .csv or .svg"),
     Wrong(f"colour result.json chart.dng {AREA} --observer 1932", 2, "'1932'", "Take 1931 or 1964."),
     Wrong(
         "colour result.json chart.dng --region 5000,450,40,40 --white-region 190,450,40,40",
         2, "Region 1 (5000,450,40,40) leaves the photo, which is 900 × 675", "Pixels are counted",
     ),
     Wrong(f"spectrum result.json chart.dng {AREA} --prior nails", 2, "'nails'", "general or skin"),
-    Wrong("calibrate other.dng --previous curveless.json", 2, "curveless.json", "The form is"),
+    Wrong("calibrate other.dng --previous curveless.json", 2, "curveless.json: answer", "Give the result.json"),
     Wrong("calibrate other.dng --previous other.dng", 2, "other.dng is a photo", "Measure it first"),
     Wrong("calibrate other.dng --previous cut.json", 2, "cut.json", "Give the result.json"),
     Wrong("calibrate other.dng --previous result.json", 5, "of another camera than", "Give the result of this unit"),
@@ -292,6 +300,7 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = photos().shots[0]
     for role in ("chart", "white", "dark"):
         shutil.copy(getattr(made, role), folder / f"{role}.dng")
+    shutil.copy(made.chart, folder / "twin.dng")
     shutil.copy(photos(camera="Demo phone").shots[0].chart, folder / "other.dng")
     shutil.copy(photos(fill=0.08).shots[0].chart, folder / "small.dng")
     shutil.copy(photos().truth, folder / "truth.csv")
@@ -318,24 +327,26 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     nm = np.arange(380.0, 731.0, 5.0)
     lamp = np.interp(nm, WAVELENGTHS, read_lamp("D55").values)
     for name, x, power in (
-        ("lamp", nm, lamp), ("um", nm / 1000, lamp), ("back", nm[::-1], lamp[::-1]), ("minus", nm, -lamp),
-        ("hole", nm, np.where(nm == 500, np.nan, lamp)), ("short", nm[15:44], lamp[15:44]),
+        ("lamp", nm, lamp), ("um", nm / 1000, lamp), ("mixed", np.roll(nm, 9), np.roll(lamp, 9)),
+        ("minus", nm, -lamp), ("hole", nm, np.where(nm == 500, np.nan, lamp)), ("short", nm[15:44], lamp[15:44]),
     ):  # fmt: skip
         spectra(folder / f"{name}.csv", x, power)
-    inks = np.array([np.interp(nm, WAVELENGTHS, each) for each in read_chart("classic24").values]).T
+    (folder / "counts.csv").write_text("".join(f'{w:g},"{100 + 27 * (w - 380):,.0f}"\n' for w in nm), "utf-8")
+    inks = np.array([np.interp(nm, WAVELENGTHS, value) for value in read_chart("classic24").values]).T
     spectra(folder / "inks.csv", nm, inks)
     spectra(folder / "inks23.csv", nm, inks[:, 1:])
     card = {"format": "camssf-layout/1", "name": "my card", "columns": 7, "rows": 5, "patch": 18, "gap": 3}
     (folder / "card.json").write_text(json.dumps(card), "utf-8")
     (folder / "wide.json").write_text(json.dumps(card | {"gap": 30}), "utf-8")
-    result = calibrated().document()
-    for name, document in {
-        "result": result,
-        "newer": result | {"format": "camssf-result/2"},
-        "curveless": {key: value for key, value in result.items() if key != "ssf"},
-    }.items():
-        (folder / f"{name}.json").write_text(json.dumps(document), "utf-8")
-    (folder / "cut.json").write_text(json.dumps(result)[:5000], "utf-8")
+    data = document_bytes(calibrated())
+    result = json.loads(data)
+    (folder / "result.json").write_bytes(data)
+    (folder / "cut.json").write_bytes(data[:5000])
+    (folder / "newer.json").write_text(json.dumps(result | {"format": "camssf/3"}), "utf-8")
+    (folder / "older.json").write_text(json.dumps(result | {"format": "camssf-result/1"}), "utf-8")
+    (folder / "changed.json").write_bytes(data.replace(b'"iso": 100.0', b'"iso": 200.0'))
+    del result["answer"], result["sha256"]
+    (folder / "curveless.json").write_text(json.dumps(result), "utf-8")
     (folder / "folder").mkdir()
     (folder / "own").mkdir()
     (folder / "own" / "report.html").write_text("mine", "utf-8")
@@ -375,11 +386,12 @@ def test_a_wrong_use(
     assert "data:image" in page or not row.left  # the report of a refusal shows what is known: the photo
 
 
+@pytest.mark.repository
 def test_no_advice_of_the_library_names_an_option() -> None:
     """The page in the browser and callers of Python have none: only texts of the terminal's commands name them."""
-    package = Path(cli.__file__).parents[1]
-    terminal = ("cli", "fleet", "learning")
-    ours = [path for path in package.rglob("*.py") if path.parent.name not in terminal and path.name != "server.py"]
+    reference = Path(cli.__file__).parents[2]
+    terminal = {"cli", "cli.py", "camssf_fleet", "learning", "server.py"}
+    ours = [path for path in reference.rglob("*.py") if not terminal & set(path.relative_to(reference).parts)]
     assert len(ours) > 100
     for path in ours:
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
@@ -388,8 +400,10 @@ def test_no_advice_of_the_library_names_an_option() -> None:
                     if isinstance(text, ast.Constant) and isinstance(text.value, str):
                         words = re.sub("`.*?`", "", text.value)  # a command as a whole may be named
                         assert not re.search(r"(^|\s|\()--[a-z]", words), f"{path.name}: {text.value}"
-    for name in ("errors.json", "rules.json", "lamp-names.json", "app/app.js", "app/index.html"):
-        assert not re.search(r"--[a-z]", (package / "data" / name).read_text("utf-8")), name
+    page = reference / "camssf_app" / "data"
+    data = [reference / "camssf" / "data" / name for name in ("errors.json", "rules.json", "lamp-names.json")]
+    for path in (*data, page / "app.js", page / "index.html"):
+        assert not re.search(r"--[a-z]", path.read_text("utf-8")), path.name
 
 
 @pytest.mark.full

@@ -17,7 +17,7 @@ from camssf.photo.find.chart_colours import FORMAT
 from camssf.photo.find.search import plain_signals
 from camssf.spectra import ChartTable, colour_science, read_chart
 from camssf.spectra.layouts import LAYOUTS
-from tools.tabulate import Json, origin, write_or_check
+from tools.tabulate import Json, made_file, origin
 
 COMMAND = "python -m tools.chart_colours"
 PLACE = Path(__file__).parents[1] / "reference" / "camssf" / "data" / "finder.json"
@@ -26,7 +26,7 @@ SEMI_GLOSS = "ColorCheckerSG - After November 2014"
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command; returns 1 if `--check` finds a difference."""
-    return write_or_check(COMMAND, PLACE, tabulate, arguments)
+    return made_file(COMMAND, PLACE, tabulate, arguments)
 
 
 def tabulate() -> Json:
@@ -64,7 +64,15 @@ def semi_gloss() -> ChartTable:
     values = np.clip(xyz @ np.linalg.inv(to_xyz) @ bands.T, 0.005, 0.95)
     white = names.index("E5")
     return ChartTable(
-        "sg140", "bands", LAYOUTS["sg140"], tuple(names), values, np.full(140, 0.03), white, "colour-science"
+        "sg140",
+        "bands",
+        LAYOUTS["sg140"],
+        tuple(names),
+        WAVELENGTHS,
+        values,
+        np.full(140, 0.03),
+        white,
+        "colour-science",
     )
 
 

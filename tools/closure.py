@@ -10,7 +10,7 @@ from importlib.metadata import Distribution, PackageNotFoundError, distribution
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-EXTRAS = ("app", "passport", "fleet", "colour-science", "cxf")
+EXTRAS = ("app", "passport", "fleet", "colour-science", "cxf", "plot")
 """Extras for users with libraries of their own; `test`, `dev` and `export` are for developers."""
 CLASSIFIERS = {
     "Apache Software License": "Apache-2.0",
@@ -35,15 +35,11 @@ class Package:
         name: normalised as by `packaging`.
         version: the installed version.
         licence: an SPDX expression if the metadata give one, else their text.
-        needs: names of its own requirements in this environment.
-        direct: "always" or the extra of camssf that requires it; None for an indirect dependency.
     """
 
     name: str
     version: str
     licence: str
-    needs: tuple[str, ...]
-    direct: str | None
 
 
 def licence(found: Distribution) -> str:
@@ -75,30 +71,25 @@ def closure(root: str = "camssf", extras: Sequence[str] = EXTRAS) -> list[Packag
         PackageNotFoundError: one of them is not installed here.
     """
     top = distribution(root)
-    direct: dict[str, str] = {}
-    for extra in ("", *extras):
-        for each in needs(top, extra):
-            direct.setdefault(canonicalize_name(each.name), extra or "always")
-    open_, found = list(direct), dict[str, Package]()
+    open_ = [name for extra in ("", *extras) for name in _wanted(top, extra)]
+    found = dict[str, Package]()
     while open_:
         name = open_.pop()
-        if name in found:
-            continue
-        own = distribution(name)
-        wanted = _wanted(own)
-        found[name] = Package(name, own.version, licence(own), tuple(sorted(wanted)), direct.get(name))
-        open_ += wanted
+        if name not in found:
+            package = distribution(name)
+            found[name] = Package(name, package.version, licence(package))
+            open_ += _wanted(package)
     return [found[name] for name in sorted(found)]
 
 
-def _wanted(found: Distribution) -> set[str]:
+def _wanted(found: Distribution, extra: str = "") -> set[str]:
     """Names of the requirements, including those of the extras that a requirement asks for."""
     names = set()
-    for each in needs(found):
-        names.add(canonicalize_name(each.name))
-        for extra in each.extras:
+    for need in needs(found, extra):
+        names.add(canonicalize_name(need.name))
+        for asked in need.extras:
             try:
-                names |= {canonicalize_name(more.name) for more in needs(distribution(each.name), extra)}
+                names |= {canonicalize_name(more.name) for more in needs(distribution(need.name), asked)}
             except PackageNotFoundError:
-                names.add(canonicalize_name(each.name))
+                names.add(canonicalize_name(need.name))
     return {name for name in names if re.fullmatch(r"[a-z0-9-]+", name)}

@@ -29,15 +29,13 @@ from benchmarks.claims.accuracy import LOW, left_out
 from benchmarks.claims.colour import LAMPS, SEED, SHOTS, Case, calibrate, through_chart, unseen
 from benchmarks.claims.spectrum import prior_without
 from benchmarks.shared import console, lamp, one_thread, save, table, versions
-from camssf.colour import Camera, LitSurfaces, View, lab, spectrum, standard_colour
-from camssf.colour.spaces import adapt, white_of
-from camssf.colour.standard import of_surfaces
-from camssf.colour.transforms import signals_of
+from camssf.colorimetry import adapt, delta_e00, signals_of, white_of
 from camssf.files import write_file
 from camssf.grid import Floats
-from camssf.learning.training import maker_of
 from camssf.spectra import read_chart
-from camssf.spectra.appearance import delta_e00
+from camssf_colour import Camera, LitSurfaces, View, lab, spectrum, standard_colour
+from camssf_colour.standard import of_surfaces
+from camssf_lab.learning.training import maker_of
 
 NAMES = ("Canon EOS 5D", "Nikon D5100", "Sony ILCE-7M3")
 UNDER = "FL2"
@@ -190,7 +188,7 @@ def draw_skin(plt: Any, rows: list[dict[str, Any]]) -> Any:
 
 def paint(folder: Path, found: dict[str, list[Floats]], truth: Floats, rows: list[dict[str, Any]]) -> list[Path]:
     """Both pictures."""
-    from camssf.fonts import prepare_matplotlib
+    from camssf.libraries import prepare_matplotlib
 
     prepare_matplotlib()
     import matplotlib
@@ -215,13 +213,13 @@ def main(arguments: list[str] | None = None) -> int:
     """The command."""
     parser = argparse.ArgumentParser(prog="python -m tools.colour_story", description=(__doc__ or "").split("\n")[0])
     parser.add_argument("-o", "--out", type=Path, default=PLACE, help="folder of the pictures")
-    told = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     rng = np.random.default_rng(SEED)
     cases, cameras = recovered(rng)
     truth = of_surfaces(chart(), lamp(UNDER), D65)[1]
     found = story(cases, cameras, rng)
     rows = skin(cases, cameras, rng)
-    made = paint(told.out, found, truth, rows)
+    made = paint(options.out, found, truth, rows)
     chart_rows: dict[str, dict[str, Any]] = {
         way: {
             "cameras": [float(delta_e00(truth, colours).mean()) for colours in labs],

@@ -6,7 +6,6 @@ takes: the source is the file that PyPI will have, with its SHA-256.
 
 from __future__ import annotations
 
-import argparse
 import hashlib
 import re
 import sys
@@ -15,12 +14,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from camssf.files import write_file
+from tools.pages import parser, template, write_or_check
 
 ROOT = Path(__file__).parents[1]
+COMMAND = "python -m tools.conda_recipe"
 PAGE = ROOT / "recipe" / "meta.yaml"
-NAMES = {"matplotlib": "matplotlib-base", "opencv-python-headless": "py-opencv"}
-"""What conda-forge calls differently. Its OpenCV has four numbers in PyPI's version and three in its own."""
+OPENCV = "opencv-python-headless"
+"""conda-forge's py-opencv; it has four numbers in PyPI's version and three in its own."""
 
 
 def requirement(line: str) -> str:
@@ -28,9 +28,9 @@ def requirement(line: str) -> str:
     found = re.fullmatch(r"([\w.-]+)(.*)", line)
     assert found is not None, line
     name, bound = found.groups()
-    if name == "opencv-python-headless":
-        bound = re.sub(r"(\d+\.\d+\.\d+)\.\d+", r"\1", bound)
-    return f"{NAMES.get(name, name)} {bound}".strip()
+    if name == OPENCV:
+        name, bound = "py-opencv", re.sub(r"(\d+\.\d+\.\d+)\.\d+", r"\1", bound)
+    return f"{name} {bound}".strip()
 
 
 def recipe(project: dict[str, Any], build: Sequence[str], sdist: Path | None = None) -> str:
@@ -39,70 +39,18 @@ def recipe(project: dict[str, Any], build: Sequence[str], sdist: Path | None = N
     if sdist is not None:
         base = "https://pypi.org/packages/source/c/camssf/camssf-{{ version }}.tar.gz"
         source = [f"url: {base}", f"sha256: {hashlib.sha256(sdist.read_bytes()).hexdigest()}"]
-    script = "{{ PYTHON }} -m pip install . --no-deps --no-build-isolation -vv"
-    (command,) = project["scripts"].items()
-    python = f"python {project['requires-python']}"
-    lines = [
-        "# python -m tools.conda_recipe",
-        f'{{% set version = "{project["version"]}" %}}',
-        "",
-        "package:",
-        f"  name: {project['name']}",
-        "  version: {{ version }}",
-        "",
-        "source:",
-        *(f"  {line}" for line in source),
-        "",
-        "build:",
-        "  number: 0",
-        "  noarch: python",
-        f"  script: {script}",
-        "  entry_points:",
-        f"    - {command[0]} = {command[1]}",
-        "",
-        "requirements:",
-        "  host:",
-        *(f"    - {each}" for each in (python, "pip", *map(requirement, build))),
-        "  run:",
-        *(f"    - {each}" for each in (python, *map(requirement, project["dependencies"]))),
-        "",
-        "test:",
-        "  imports:",
-        "    - camssf",
-        "    - camssf_onnx",
-        "  commands:",
-        "    - camssf demo -o out",
-        "",
-        "about:",
-        f"  home: {project['urls']['Homepage']}",
-        f"  summary: {project['description']}",
-        f"  license: {project['license']}",
-        "  license_file:",
-        *(f"    - {name}" for name in project["license-files"]),
-        f"  doc_url: {project['urls']['Documentation']}",
-        "",
-        "extra:",
-        "  recipe-maintainers:",
-        "    - camssf",
-        "",
-    ]
-    return "\n".join(lines)
+    needs = [list(map(requirement, lines)) for lines in (build, project["dependencies"])]
+    return template("meta.yaml", project=project, source=source, build=needs[0], needs=needs[1])
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Write the recipe, or say whether it is pyproject.toml's."""
-    parser = argparse.ArgumentParser(prog="python -m tools.conda_recipe", description=__doc__)
-    parser.add_argument("--check", action="store_true", help="write nothing; 1 if the recipe differs")
-    parser.add_argument("--sdist", type=Path, help="the source distribution of a release")
-    options = parser.parse_args(argv)
+    command = parser(COMMAND, __doc__)
+    command.add_argument("--sdist", type=Path, help="the source distribution of a release")
+    options = command.parse_args(argv)
     content = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
     made = recipe(content["project"], content["build-system"]["requires"], options.sdist)
-    if options.check:
-        same = PAGE.is_file() and PAGE.read_text("utf-8") == made
-        print("The recipe is pyproject.toml's." if same else "The recipe differs: run python -m tools.conda_recipe.")
-        return int(not same)
-    write_file(PAGE, made.encode())
-    return 0
+    return write_or_check(COMMAND, PAGE.parent, {PAGE.name: made}, check=options.check)
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ import numpy as np
 from camssf.grid import Floats
 from camssf.recovery.basis import NODES, read_basis
 from camssf.spectra.cameras import DEMO_PHONE
-from tools.tabulate import Json, digest, write_or_check
+from tools.tabulate import Json, digest, made_file
 
 COMMAND = "python -m tools.demo_phone"
 PLACE = Path(__file__).parents[1] / "reference" / "camssf" / "data" / "demo-phone.json"
@@ -29,7 +29,7 @@ WIDTH = 0.7
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command; returns 1 if `--check` finds a difference."""
-    return write_or_check(COMMAND, PLACE, tabulate, arguments)
+    return made_file(COMMAND, PLACE, tabulate, arguments)
 
 
 def draw(seed: int) -> Floats:

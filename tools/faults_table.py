@@ -10,12 +10,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from benchmarks.faults import FAULTS
 from benchmarks.shared import RESULTS
-from camssf.files import write_file
-from camssf.simulation.faults import FAULTS
+from tools.pages import filled, markdown_table, write_or_check
 
 DOCS = Path(__file__).parents[1] / "docs"
-BEGIN, END = "<!-- python -m tools.faults_table -->", "<!-- end -->"
+COMMAND = "python -m tools.faults_table"
 
 
 def markdown(found: dict[str, Any]) -> str:
@@ -38,7 +38,7 @@ def markdown(found: dict[str, Any]) -> str:
     ]
     whats = "; ".join(f"`{name}`, {FAULTS[name].what}" for name in refused)
     lines += [f"All of both severities are refused: {whats}. The others:", ""]
-    lines += ["| fault | severity 2 | severity 3 |", "|---|---|---|"]
+    rows = []
     for name, each in found["faults"].items():
         if name in refused:
             continue
@@ -53,7 +53,7 @@ def markdown(found: dict[str, Any]) -> str:
             counted = [f"{count} {word}" for word, count in parts.items() if count]
             whole = [word for word, count in parts.items() if count == row["captures"]]
             cells.append(f"{degree}: " + ", ".join(whole or counted))
-        lines.append(f"| `{name}`: {FAULTS[name].what} | {' | '.join(cells)} |")
+        rows.append([f"`{name}`: {FAULTS[name].what}", *cells])
     bare = [
         f"{name}: {row['harmful_caught']} of {row['harmful']}"
         for name, row in found["without_matrix"].items()
@@ -66,6 +66,7 @@ def markdown(found: dict[str, Any]) -> str:
         for name, row in found["field"].items()
     ]
     lines += [
+        markdown_table(("fault", "severity 2", "severity 3"), rows),
         "",
         f"- **No colour matrix in the file**, harmful captures caught by fault and severity: {'; '.join(bare)}.",
         f"- **Two shots**, daylight and a bulb, one spoilt at severity 3 ({', '.join(pair['faults'])}): of "
@@ -82,12 +83,9 @@ def main() -> int:
     """The command."""
     found = json.loads((RESULTS / "faults.json").read_text("utf-8"))
     found.pop("versions")
-    write_file(DOCS / "faults.json", json.dumps(found, indent=1, ensure_ascii=False) + "\n")
-    page = (DOCS / "verdict.md").read_text("utf-8")
-    head, _, rest = page.partition(BEGIN)
-    _, _, tail = rest.partition(END)
-    write_file(DOCS / "verdict.md", f"{head}{BEGIN}\n{markdown(found)}\n{END}{tail}")
-    return 0
+    page = filled((DOCS / "verdict.md").read_text("utf-8"), {COMMAND: markdown(found)})
+    numbers = json.dumps(found, indent=1, ensure_ascii=False) + "\n"
+    return write_or_check(COMMAND, DOCS, {"faults.json": numbers, "verdict.md": page}, check=False)
 
 
 if __name__ == "__main__":

@@ -1,14 +1,16 @@
 """Stores what users get and compares it later: `python -m tools.freeze write FOLDER`, then `... compare FOLDER`.
 
-It stores the documents of twelve simulated captures with fixed seeds, four of their pages (with screenshots if
-Chromium is installed), every export of one result, the error codes with their pages, and the hash of the golden
-manifest. All is made by the command line, so names inside the package may change. `compare` makes everything again,
-prints every difference with its path, and exits with 1 if there is one.
+It stores the photos of some forty simulated captures with fixed seeds, their documents and pages (four with
+screenshots if Chromium is installed), every export, a colour and a spectrum of one result, the error codes, and the
+hashes of the models and of the golden manifest. `compare` makes everything again from the stored photos, prints every
+difference with its path, and exits with 1 if there is one. Results come from the command line, so names inside the
+package may change.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import csv
 import hashlib
 import json
@@ -21,7 +23,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from difflib import unified_diff
 from html.parser import HTMLParser
 from pathlib import Path
@@ -37,9 +39,12 @@ RELATIVE, NOUGHT = 1e-12, 1e-18
 PIXELS = 1e-3
 """Fraction of a picture's pixels that may differ."""
 AT_ONCE = 2
+PHOTOS, KEPT = "photos", "kept"
+"""Folders of what was photographed and of what was made of it."""
 CAMERA = "Canon EOS 5D Mark II"
 """Name in the bundled table."""
-FRAME = ("--size", "600x450", "--fill", "0.85")
+PHONE = "phone.csv"
+"""A phone's curves, made by `write_phone`."""
 WHITE_DARK = ("--white", "white.dng", "--dark", "dark.dng")
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 
@@ -49,88 +54,146 @@ class Capture:
     """One capture: what is simulated, and how it is calibrated.
 
     Attributes:
-        scene: options of `simulate`.
         call: photos and options of `calibrate`; files in the scene's folder.
-        maker: replaces the maker "camssf" in the simulated files, at most as long; "" to leave it.
+        lamps: of the photos.
+        camera: a bundled camera, or PHONE.
+        seed: of the noise.
+        scene: fields of the simulated `Scene`.
+        sensor: fields of the simulated `Sensor`.
+        chart: name, or name:table.
+        fault: name and severity of a simulated fault; None without.
     """
 
-    scene: tuple[str, ...]
     call: tuple[str, ...]
-    maker: str = ""
+    lamps: tuple[str, ...] = ("D55",)
+    camera: str = CAMERA
+    seed: int = 0
+    scene: Json = field(default_factory=dict)
+    sensor: Json = field(default_factory=dict)
+    chart: str = "classic24"
+    fault: tuple[str, int] | None = None
 
 
-DAY = ("--lamp", "D55")
+def _named(lamp: str, *words: str, **scene: Any) -> Capture:
+    return Capture(("chart.dng", "--lamp", lamp, *WHITE_DARK, *words), (lamp,), **scene)
+
+
+def _phone(lamp: str, *words: str, seed: int, **scene: Any) -> Capture:
+    call = ("chart.dng", *words)
+    return Capture(call, (lamp,), PHONE, seed, sensor={"make": "Apple"}, **scene)
+
+
+TWO = ("chart-D55.dng", "chart-A.dng", "--lamp", "D55", "--lamp", "A")
+TWO_WHITES = ("--white", "white-D55.dng", "--white", "white-A.dng", "--dark", "dark-D55.dng", "--dark", "dark-A.dng")
+FAULTS = (
+    "black", "clipped", "clipped-channel", "covered", "dark-leak", "defocus", "faded", "glare", "motion", "shading",
+    "shadow", "specular", "tone-mapped", "two-lamps", "underexposed", "upside-down", "white-lamp", "wrong-lamp",
+)  # fmt: skip
 CAPTURES = {
-    "accepted": Capture(DAY, ("chart.dng", *DAY, *WHITE_DARK)),
-    "reference": Capture((*DAY, "--seed", "1"), ("chart.dng", *DAY, *WHITE_DARK, "--engine", "reference")),
-    "gaussian": Capture(
-        (*DAY, "--no-noise"), ("chart.dng", *DAY, *WHITE_DARK, "--basis", "gaussian", "--fit", "7-18")
+    "accepted": _named("D55"),
+    "reference": _named("D55", "--engine", "reference", seed=1),
+    "gaussian": _named("D55", "--basis", "gaussian", "--fit", "7-18", sensor={"noise": False}),
+    "gaussian-signed": _named("D55", "--basis", "gaussian", "--signed", "--l2", "0.01"),
+    "l1-only": _named("D55", "--l2", "0", "--gamma", "1.4", "--basis", "cameras"),
+    "bulb-turned": Capture(
+        ("chart.dng", "--lamp", "bulb", *WHITE_DARK), ("A",), seed=2, scene={"rotation": 180.0},
+        sensor={"cfa": "GBRG"},
     ),
-    "tungsten-turned": Capture(
-        ("--lamp", "A", "--rotation", "180", "--cfa", "GBRG", "--seed", "2"),
-        ("chart.dng", "--lamp", "bulb", *WHITE_DARK),
+    "two-shots": Capture((*TWO, *TWO_WHITES), ("D55", "A"), seed=3),
+    "two-shots-gains": Capture(TWO, ("D55", "A"), seed=9, scene={"vignetting": 0.3}),
+    "white-led": Capture(("chart.dng", "--lamp", "white-led", *WHITE_DARK), ("LED-B3",), PHONE, 10),
+    "fluorescent": Capture(("chart.dng", "--lamp", "fluorescent", *WHITE_DARK), ("FL2",), PHONE, 11),
+    "kelvin": Capture(("chart.dng", "--lamp", "2856K", "--lamp-tolerance", "100K", *WHITE_DARK), ("A",), seed=12),
+    "unnamed": _phone("D55", *WHITE_DARK, seed=4),
+    "unnamed-led": _phone("LED-B3", *WHITE_DARK, seed=13),
+    "unnamed-bulb-uneven": _phone("A", seed=14, scene={"vignetting": 0.3, "tilt": 10.0}),
+    "unnamed-two": Capture(
+        ("chart-D55.dng", "chart-A.dng"), ("D55", "A"), PHONE, 15, sensor={"make": "Apple"}
     ),
-    "two-shots": Capture(
-        (*DAY, "--lamp", "A", "--seed", "3"),
-        ("chart-D55.dng", "chart-A.dng", *DAY, "--lamp", "A", "--white", "white-D55.dng", "--white", "white-A.dng",
-         "--dark", "dark-D55.dng", "--dark", "dark-A.dng"),
-    ),
-    "unnamed": Capture(
-        (*DAY, "--camera", "phone.csv", "--seed", "4"), ("chart.dng", *WHITE_DARK), "Apple"
-    ),
-    "unnamed-camera": Capture((*DAY, "--seed", "5"), ("chart.dng", *WHITE_DARK)),
+    "phone-named": _phone("D65", "--lamp", "D65", *WHITE_DARK, seed=16),
+    "unnamed-camera": Capture(("chart.dng", *WHITE_DARK), seed=5),
     "semi-gloss": Capture(
-        (*DAY, "--chart", "sg140:sg.csv", "--size", "1200x900", "--seed", "6"),
-        ("chart.dng", *DAY, *WHITE_DARK, "--chart", "sg140:sg.csv", "--corners", "corners.json"),
+        ("chart.dng", "--lamp", "D55", *WHITE_DARK, "--chart", "sg140:sg.csv", "--corners", "corners.json"),
+        seed=6, scene={"size": (1200, 900)}, chart="sg140:sg.csv",
     ),
-    "doubtful": Capture((*DAY, "--glare", "0.03", "--seed", "8"), ("chart.dng", *DAY, "--white", "white.dng")),
-    "no-white": Capture((*DAY, "--vignetting", "0.15", "--seed", "7"), ("chart.dng", *DAY, "--dark", "dark.dng")),
-    "overexposed": Capture((*DAY, "--fault", "clipped", "--severity", "3"), ("chart.dng", *DAY, *WHITE_DARK)),
-    "covered": Capture((*DAY, "--fault", "covered", "--severity", "3"), ("chart.dng", *DAY, *WHITE_DARK)),
+    "doubtful": Capture(("chart.dng", "--lamp", "D55", "--white", "white.dng"), seed=8, scene={"glare": 0.03}),
+    "no-white": Capture(
+        ("chart.dng", "--lamp", "D55", "--dark", "dark.dng"), seed=7, scene={"vignetting": 0.15}
+    ),
+    "truth": _named("D55", "--truth", "truth.csv", seed=17),
+    "twelve-patches": _named("D65", "--fit", "7-18", seed=18),
+    "no-chart": Capture(("white.dng", "--lamp", "D55")),
+    **{f"fault-{name}": Capture(("chart.dng", "--lamp", "D55"), seed=20, fault=(name, 2)) for name in FAULTS},
 }  # fmt: skip
-PAGES = ("accepted", "two-shots", "unnamed", "overexposed")
+PAGES = ("accepted", "two-shots", "unnamed", "fault-clipped")
+"""Captures whose pages are photographed."""
 EXPORTED = "accepted"
+REGION = ("--lamp", "D55", "--region", "100,100,20,20", "--white-region", "300,220,20,20")
 
 
 # What is made
 
 
-def make(folder: Path) -> None:
-    """Write everything into an empty folder."""
+def photograph(folder: Path) -> None:
+    """Write the photos of all captures, and the tables that they need."""
+    from benchmarks.faults import apply_fault
+    from camssf_lab.simulation.camera import Sensor
+    from camssf_lab.simulation.frames import simulate
+    from camssf_lab.simulation.scene import Scene
+
+    for name, capture in CAPTURES.items():
+        place = folder / name
+        place.mkdir(parents=True)
+        write_phone(place / PHONE)
+        if capture.chart != "classic24":
+            write_semi_gloss(place / "sg.csv")
+        with contextlib.chdir(place):
+            simulate(
+                capture.camera,
+                list(capture.lamps),
+                Path(),
+                chart=capture.chart,
+                scene=Scene(**{"size": (600, 450), "fill": 0.85} | capture.scene),
+                sensor=Sensor(**capture.sensor),
+                seed=capture.seed,
+                change=None if capture.fault is None else apply_fault(*capture.fault),
+            )
+
+
+def make(photos: Path, folder: Path) -> None:
+    """Write everything into an empty folder, from the photos of all captures."""
     with tempfile.TemporaryDirectory() as place, ThreadPoolExecutor(AT_ONCE) as pool:
         work = Path(place)
-        write_phone(work / "phone.csv")
-        write_semi_gloss(work / "sg.csv")
-        jobs = [pool.submit(capture, work, name, folder) for name in CAPTURES]
+        shutil.copytree(photos, work, dirs_exist_ok=True)
+        jobs = [pool.submit(calibrate, work / name, name, folder) for name in CAPTURES]
         jobs.append(pool.submit(error_codes, folder))
         for job in jobs:
             job.result()
         exports(work / EXPORTED / "out" / "result.json", folder / "exports")
-    manifest = ROOT / "golden" / "manifest.json"
-    put(folder / "golden.txt", f"{hashlib.sha256(manifest.read_bytes()).hexdigest()}\n")
+        for command in ("colour", "spectrum"):
+            done = camssf(work / EXPORTED, command, "out/result.json", "chart.dng", *REGION, check=False)
+            put(folder / "results" / f"{command}.json", done.stdout)
+    data = [*(ROOT / "reference" / "camssf" / "data").glob("*.onnx"), ROOT / "golden" / "manifest.json"]
+    sums = sorted(f"{hashlib.sha256(path.read_bytes()).hexdigest()} {path.name}\n" for path in data)
+    put(folder / "hashes.txt", "".join(sums))
 
 
-def capture(work: Path, name: str, folder: Path) -> None:
-    """Simulate and calibrate; store the document, the exit status and, for PAGES, the page."""
-    each, own = CAPTURES[name], work / name
-    own.mkdir()
-    for table in ("phone.csv", "sg.csv"):
-        shutil.copy(work / table, own / table)
-    camera = () if "--camera" in each.scene else ("--camera", CAMERA)
-    camssf(own, "simulate", *FRAME, *camera, *each.scene, "-o", ".")
-    if each.maker:
-        for photo in own.glob("*.dng"):
-            rename_maker(photo, each.maker)
-    run = camssf(own, "calibrate", *each.call, "-o", "out", check=False)
+def calibrate(work: Path, name: str, folder: Path) -> None:
+    """Calibrate a capture in its folder; store the document, the exit status and the page."""
+    call = CAPTURES[name].call
+    if CAPTURES[name].fault is not None:  # some faults are a frame that is missing
+        frames = [role for role in ("white", "dark") if (work / f"{role}.dng").exists()]
+        call += tuple(word for role in frames for word in (f"--{role}", f"{role}.dng"))
+    run = camssf(work, "calibrate", *call, "-o", "out", check=False)
     put(folder / "results" / f"{name}.status", f"{run.returncode}\n")
-    document = own / "out" / "result.json"
+    document = work / "out" / "result.json"
     if not document.exists():
         raise SystemExit(f"{name}: calibrate wrote no result:\n{run.stderr}")
     put(folder / "results" / f"{name}.json", document.read_text("utf-8"))
+    page = work / "out" / "report.html"
+    put(folder / "pages" / f"{name}.txt", text_of_page(page.read_text("utf-8")))
     if name in PAGES:
-        page = own / "out" / "report.html"
-        put(folder / "pages" / f"{name}.txt", text_of_page(page.read_text("utf-8")))
-        picture_of(page, folder / "pages" / f"{name}.png", own / "profile")
+        picture_of(page, folder / "pages" / f"{name}.png", work / "profile")
 
 
 def exports(result: Path, folder: Path) -> None:
@@ -170,15 +233,6 @@ def put(path: Path, text: str) -> None:
     """Write a text file, and create its folder."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text, "utf-8")
-
-
-def rename_maker(photo: Path, maker: str) -> None:
-    """Replace the maker in a simulated file without moving its tags."""
-    old = b"camssf\0"
-    data = photo.read_bytes()
-    if old not in data or len(maker) >= len(old):
-        raise SystemExit(f"{photo.name}: no maker of {len(old) - 1} letters to replace by {maker}.")
-    photo.write_bytes(data.replace(old, maker.encode().ljust(len(old), b"\0"), 1))
 
 
 def write_phone(path: Path) -> None:
@@ -371,15 +425,16 @@ def main(words: Sequence[str] | None = None) -> int:
         if folder.exists() and any(folder.iterdir()):
             parser.error(f"{given.folder} is not empty: name another folder.")
         folder.mkdir(parents=True, exist_ok=True)
-        make(folder)
+        photograph(folder / PHOTOS)
+        make(folder / PHOTOS, folder / KEPT)
         print(f"{sum(1 for _ in _files(folder))} files kept in {folder}")
         return 0
-    if not (folder / "results").is_dir():
+    if not (folder / KEPT).is_dir():
         parser.error(f"{given.folder} holds nothing that `write` has kept.")
     with tempfile.TemporaryDirectory() as place:
-        make(Path(place))
-        found = differences(folder, Path(place))
-        pictures = len(list(folder.glob("pages/*.png"))), len(list(Path(place).glob("pages/*.png")))
+        make(folder / PHOTOS, Path(place))
+        found = differences(folder / KEPT, Path(place))
+        pictures = len(list((folder / KEPT).glob("pages/*.png"))), len(list(Path(place).glob("pages/*.png")))
     for line in found:
         print(line)
     if pictures[0] != pictures[1]:

@@ -174,21 +174,20 @@ def _camera(path: Path) -> None:
 
 
 def _patches(path: Path) -> None:
-    from camssf.cli.reading import PATCHES, read_json
-    from camssf.documents.patches_json import read_patches
+    from camssf.documents.document import Document, read_document
 
-    read_patches(read_json(str(path), PATCHES))
+    read_document(path, Document)
 
 
 def _result(path: Path) -> None:
-    from camssf.documents.result_json import read_document
     from camssf.report.build import report
+    from camssf.result import Result
 
-    report(read_document(path))
+    report(Result.load(path))
 
 
 def _manifest(path: Path) -> None:
-    from camssf.fleet.manifest import Manifest
+    from camssf_fleet.manifest import Manifest
 
     Manifest(path).read_all()
 
@@ -197,16 +196,18 @@ def _manifest(path: Path) -> None:
 def _demo() -> dict[str, bytes]:
     """A patches and a result document of a small simulated capture."""
     from camssf.calibration import solve
-    from camssf.documents.patches_json import patches_document
+    from camssf.documents.document import Document
+    from camssf.documents.forms import to_plain
     from camssf.photo.capture import measure
-    from camssf.simulation.frames import simulate
-    from camssf.simulation.scene import Scene
+    from camssf_lab.simulation.frames import simulate
+    from camssf_lab.simulation.scene import Scene
 
     with tempfile.TemporaryDirectory() as folder:
         shot = simulate("Nikon 5100 (NPL)", ["D55"], folder, scene=Scene(size=(600, 450)), seed=3).shots[0]
         capture = measure(shot.shot)
         result = solve(capture)
-    documents = {"patches": patches_document(capture), "result": result.document()}
+    patches = Document(format=result.format, version=result.version, capture=capture)
+    documents = {"patches": to_plain(patches), "result": to_plain(result)}
     return {name: json.dumps(_short(document)).encode() for name, document in documents.items()}
 
 
@@ -303,6 +304,24 @@ def _rawtoaces() -> bytes:
     return json.dumps({"header": {"manufacturer": "M", "model": "m"}, "spectral_data": spectra}).encode()
 
 
+def _illuminant() -> bytes:
+    spectra = {
+        "index": {"main": ["power"]},
+        "data": {"main": {str(nm): [50.0 + nm % 37] for nm in range(380, 731, 5)}},
+    }
+    return json.dumps({"header": {"illuminant": "lamp"}, "spectral_data": spectra}).encode()
+
+
+def _one_row() -> bytes:
+    bands = range(380, 731, 5)
+    rows = (["name", *(f"{nm} nm" for nm in bands)], ["lamp", *(f"{50 + nm % 37},5" for nm in bands)])
+    return "\n".join(";".join(row) for row in rows).encode()
+
+
+def _marked() -> bytes:
+    return b"Date: x\n>>>>>Begin<<<<<\n" + _spectrum("\t").partition(b"\n")[2] + b">>>>>End<<<<<\nCCT\t5503\n"
+
+
 def _dcamprof(note: str = "") -> bytes:
     curves = [[1.0 + (nm + c) % 5 for nm in range(400, 721, 10)] for c in range(3)]
     names = ("red_ssf", "green_ssf", "blue_ssf")
@@ -347,6 +366,9 @@ READERS: dict[str, tuple[Callable[[Path], None], Callable[[], list[tuple[str, by
             ("csv", "\n".join(f"{nm},{50 + nm % 37},{0.5 + nm % 3}" for nm in range(380, 731, 5)).encode()),
             ("csv", _sekonic()),
             ("xls", _uprtek()),
+            ("json", _illuminant()),
+            ("csv", _one_row()),
+            ("txt", _marked()),
         ],
     ),
     "chart": (_chart, lambda: [("csv", _table(24)), ("txt", _cgats(24)), ("cxf", _cxf(24))]),

@@ -11,25 +11,26 @@ from typing import Any
 
 import numpy as np
 
-from camssf import Calibration, Options, calibrate
-from camssf.colour import standard_colour
-from camssf.fonts import prepare_matplotlib
+from camssf import Options, Result, calibrate
+from camssf.libraries import prepare_matplotlib
 from camssf.recovery import predict_signals
-from camssf.simulation.frames import Simulation, simulate
-from camssf.simulation.scene import Scene
+from camssf.report.shots import shots_of
 from camssf.spectra import read_camera, read_chart, read_lamp
+from camssf_colour import standard_colour
+from camssf_lab.simulation.frames import Simulation, simulate
+from camssf_lab.simulation.scene import Scene
 
 FOLDER = Path(__file__).parents[1] / "docs" / "images"
 CAMERA = "Nikon 5100 (NPL)"
 SIZE = (1200, 900)
 
 
-def _solved(made: Simulation, count: int, **told: Any) -> Calibration:
+def _solved(made: Simulation, count: int, **arguments: Any) -> Result:
     shots = made.shots[:count]
     return calibrate(
         [shot.shot for shot in shots],
         options=Options(basis="cameras"),
-        **told,
+        **arguments,
     )
 
 
@@ -69,13 +70,16 @@ def draw(folder: Path) -> list[Path]:
     return written
 
 
-def _colours(result: Calibration, ax: Any) -> None:
+def _colours(result: Result, ax: Any) -> None:
     """The chart's colours in Lab under a bulb: through the table, and through the curves with their errors."""
     lamp, chart, white = read_lamp("A"), read_chart("classic24"), np.ones(681)
     signals = predict_signals(read_camera(CAMERA).values, chart.values, lamp.values[None], white)[0]
     found = standard_colour(result, lamp, signals, 0.002)
+    shown = shots_of(result)[0].patches
+    assert shown is not None
+    assert shown.measured_srgb is not None
     error = 1.96 * np.sqrt(np.diagonal(found.lab_covariance, axis1=1, axis2=2))
-    hues = result.scores.measured_srgb[0]
+    hues = shown.measured_srgb
     for (_, a, b), (_, da, db), hue in zip(found.lab, error, hues, strict=True):
         ax.errorbar(a, b, xerr=da, yerr=db, fmt="o", color=hue, markeredgecolor="0.3", ecolor="0.5", capsize=2)
     ax.axhline(0, color="0.8", linewidth=0.8, zorder=0)

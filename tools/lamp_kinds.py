@@ -17,13 +17,12 @@ from typing import Any
 
 import numpy as np
 
+from camssf.colorimetry import uv
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery.basis import NODES
-from camssf.recovery.raw_white import uv
 from camssf.recovery.unnamed_light import temperature
-from camssf.spectra.bundled import daylight, planck
+from camssf.spectra.bundled import daylight, observer, planck
 from camssf.spectra.families import DIMMEST
-from camssf.spectra.surfaces import observer
 
 SEED = 2026
 DRAWS = 500

@@ -12,7 +12,7 @@ import numpy as np
 
 from camssf.spectra import colour_science
 from camssf.spectra.cameras import LIBRARY
-from tools.tabulate import Json, digest, origin, write_or_check
+from tools.tabulate import Json, digest, made_file, origin
 
 COMMAND = "python -m tools.npl"
 PLACE = Path(__file__).parents[1] / "reference" / "camssf" / "data" / "npl.json"
@@ -20,7 +20,7 @@ PLACE = Path(__file__).parents[1] / "reference" / "camssf" / "data" / "npl.json"
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command; returns 1 if `--check` finds a difference."""
-    return write_or_check(COMMAND, PLACE, tabulate, arguments)
+    return made_file(COMMAND, PLACE, tabulate, arguments)
 
 
 def tabulate() -> Json:

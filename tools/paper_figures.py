@@ -162,9 +162,9 @@ def lamps(plt: Any, found: dict[str, Any]) -> Any:
     names = list(rows["known"])
     at = np.arange(len(names))
     for panel, key, word in ((panels[0], "rmse", "RMSE against the truth"), (panels[1], "rmsre_percent", "RMSRE, %")):
-        for i, (told, shade) in enumerate((("known", "#117a65"), ("ignored", "#c0392b"))):
-            values = [rows[told][name][key] for name in names]
-            panel.bar(at + 0.4 * (i - 0.5), values, width=0.38, color=shade, label=f"lamp {told}")
+        for i, (case, shade) in enumerate((("known", "#117a65"), ("ignored", "#c0392b"))):
+            values = [rows[case][name][key] for name in names]
+            panel.bar(at + 0.4 * (i - 0.5), values, width=0.38, color=shade, label=f"lamp {case}")
         panel.set_xticks(at, names, fontsize=8)
         panel.set_ylabel(word)
         panel.grid(alpha=0.3, axis="y")

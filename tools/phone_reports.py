@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from tools import markdown_table
+from tools.pages import markdown_table
 
 FORMAT = "camssf-selftest/1"
 HEAD = (

@@ -28,19 +28,13 @@ from benchmarks.claims.real import (
 from benchmarks.shared import RESULTS
 from camssf.files import write_file
 from camssf.grid import WAVELENGTHS
-from tools import markdown_table
+from tools.pages import filled, markdown_table, write_or_check
 
 DOCS = Path(__file__).parents[1] / "docs"
 PICTURE = "images/real-d70.png"
 
 
-def begin(part: str) -> str:
-    """The mark before a table of the page."""
-    return f"<!-- python -m tools.real_page: {part} -->"
-
-
-END = "<!-- end -->"
-
+COMMAND = "python -m tools.real_page"
 RGB = ("#c0392b", "#1e8449", "#2455a4")
 
 
@@ -98,13 +92,7 @@ def markdown(found: Mapping[str, Any]) -> dict[str, str]:
 
 def page(text: str, found: Mapping[str, Any]) -> str:
     """The page with its tables made anew."""
-    for part, made in markdown(found).items():
-        head, mark, rest = text.partition(begin(part))
-        _, end, tail = rest.partition(END)
-        if not mark or not end:
-            raise ValueError(f"real.md has no place for a table: {begin(part)} and {END}")
-        text = f"{head}{mark}\n{made}\n{END}{tail}"
-    return text
+    return filled(text, {f"{COMMAND}: {part}": made for part, made in markdown(found).items()})
 
 
 def draw(path: Path) -> None:
@@ -149,11 +137,10 @@ def draw(path: Path) -> None:
 def main() -> int:
     """The command."""
     found = json.loads((RESULTS / "real.json").read_text("utf-8"))
-    text = (DOCS / "real.md").read_text("utf-8")
+    page_ = page((DOCS / "real.md").read_text("utf-8"), found)
     draw(DOCS / PICTURE)
-    write_file(DOCS / "real.json", json.dumps(found, indent=1, ensure_ascii=False) + "\n")
-    write_file(DOCS / "real.md", page(text, found).encode())
-    return 0
+    numbers = json.dumps(found, indent=1, ensure_ascii=False) + "\n"
+    return write_or_check(COMMAND, DOCS, {"real.json": numbers, "real.md": page_}, check=False)
 
 
 if __name__ == "__main__":

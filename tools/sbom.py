@@ -1,73 +1,51 @@
 """Writes the SBOM of the Python package, CycloneDX 1.6: `python -m tools.sbom [-o FILE]`.
 
 A wheel requires ranges of versions; the SBOM lists the versions in this environment, in `.ci/run` the pinned ones.
-The same environment gives the same bytes: no serial number, no time. Kotlin's SBOMs come from cyclonedx-maven-plugin.
+The same environment gives the same bytes. Kotlin's SBOMs come from cyclonedx-maven-plugin.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import subprocess
 import sys
 from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 from typing import Any
 
+from packaging.utils import canonicalize_name
+
 from camssf import __version__
 from camssf.files import write_file
-from tools.closure import EXTRAS, Package, closure
+from camssf.libraries import install_extra
+from tools.closure import Package, closure
 
-SITE = "https://github.com/camssf/camssf"
-
-
-def _url(name: str, version: str) -> str:
-    return f"pkg:pypi/{name}@{version}"
-
-
-def _licences(said: str) -> list[dict[str, Any]]:
-    """The licence as a CycloneDX list: one expression, or one licence with its id."""
-    return [{"expression": said}] if " " in said else [{"license": {"id": said}}]
-
-
-def _component(found: Package) -> dict[str, Any]:
-    return {
-        "type": "library",
-        "bom-ref": _url(found.name, found.version),
-        "name": found.name,
-        "version": found.version,
-        "scope": "optional" if found.direct in EXTRAS else "required",
-        "licenses": _licences(found.licence),
-        "purl": _url(found.name, found.version),
-    }
+PROJECT = Path(__file__).parents[1] / "pyproject.toml"
 
 
 def document(packages: Sequence[Package]) -> dict[str, Any]:
-    """The SBOM of camssf with these packages."""
-    own, at = _url("camssf", __version__), {each.name: _url(each.name, each.version) for each in packages}
-    asked = [at[each.name] for each in packages if each.direct is not None]
-    return {
-        "$schema": "http://cyclonedx.org/schema/bom-1.6.schema.json",
-        "bomFormat": "CycloneDX",
-        "specVersion": "1.6",
-        "version": 1,
-        "metadata": {
-            "component": {
-                "type": "library",
-                "bom-ref": own,
-                "name": "camssf",
-                "version": __version__,
-                "licenses": _licences("Apache-2.0"),
-                "purl": own,
-                "externalReferences": [{"type": "vcs", "url": SITE}],
-            }
-        },
-        "components": [_component(each) for each in packages],
-        "dependencies": [
-            {"ref": own, "dependsOn": asked},
-            *({"ref": at[each.name], "dependsOn": [at[name] for name in each.needs]} for each in packages),
-        ],
-    }
+    """The SBOM of camssf with these packages: cyclonedx-bom's of this environment, without what else is in it."""
+    options = ["--pyproject", str(PROJECT), "--mc-type", "library", "--output-reproducible", "--sv", "1.6"]
+    call = [sys.executable, "-m", "cyclonedx_py", "environment", *options, "--no-validate", sys.executable]
+    made: dict[str, Any] = json.loads(subprocess.run(call, stdout=subprocess.PIPE, check=True).stdout)
+    kept, always = {each.name: each for each in packages}, {each.name for each in closure(extras=())}
+    components, refs = [], {made["metadata"]["component"]["bom-ref"]}
+    for component in made["components"]:
+        package = kept.get(canonicalize_name(component["name"]))
+        if package is not None:
+            said = package.licence  # the metadata's own words are not always an SPDX expression, and may be missing
+            licences = [{"expression": said}] if " " in said else [{"license": {"id": said}}]
+            scope = "required" if package.name in always else "optional"
+            components.append(component | {"licenses": licences, "scope": scope})
+            refs.add(component["bom-ref"])
+    dependencies = [
+        {"ref": each["ref"], "dependsOn": [ref for ref in each.get("dependsOn", ()) if ref in refs]}
+        for each in made["dependencies"]
+        if each["ref"] in refs
+    ]
+    return made | {"components": components, "dependencies": dependencies}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -78,7 +56,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         packages = closure()
     except PackageNotFoundError as error:
-        print(f"{error.name} is not installed here. Install camssf[test] first.", file=sys.stderr)
+        print(f"{error.name} is not installed here. {install_extra('test')}", file=sys.stderr)
         return 1
     options.out.parent.mkdir(parents=True, exist_ok=True)
     write_file(options.out, json.dumps(document(packages), indent=2, ensure_ascii=False) + "\n")

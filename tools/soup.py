@@ -7,7 +7,6 @@ known anomalies are in tools/soup.json; a missing or superfluous entry there mak
 
 from __future__ import annotations
 
-import argparse
 import json
 import re
 import sys
@@ -15,17 +14,15 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from camssf.files import write_file
 from tools.closure import closure
+from tools.pages import between, filled, markdown_table, parser, write_or_check
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "soup.md"
 KNOWN = Path(__file__).parent / "soup.json"
-MARKS = {
-    language: (f"<!-- python -m tools.soup: {language} -->", f"<!-- end of {language} -->")
-    for language in ("python", "kotlin")
-}
-HEAD = ["| package | version | licence | purpose; known faults |", "|---|---|---|---|"]
+COMMAND = "python -m tools.soup"
+LANGUAGES = ("python", "kotlin")
+HEAD = ("package", "version", "licence", "purpose; known faults")
 INDIRECT = "others"
 """The purpose of what only other dependencies need."""
 Found: TypeAlias = Mapping[str, tuple[str, str]]
@@ -63,60 +60,41 @@ def faults(found: Found, known: Mapping[str, Mapping[str, str]]) -> list[str]:
     ]
 
 
-def table(found: Found, known: Mapping[str, Mapping[str, str]]) -> list[str]:
-    """The rows of the table, then what only others need; bundled software is listed with the licence."""
+def table(found: Found, known: Mapping[str, Mapping[str, str]]) -> str:
+    """The table, then what only others need; bundled software is listed with the licence."""
     rows, others = [], []
     for name, (version, licence) in found.items():
-        told = known.get(name, {})
-        if told.get("for") == INDIRECT:
+        versions = known.get(name, {})
+        if versions.get("for") == INDIRECT:
             others.append(f"{name} {version} ({licence})")
             continue
-        whole = licence + (f"; bundles {told['bundles']}" if "bundles" in told else "")
-        fault = told.get("known", "none")
+        whole = licence + (f"; bundles {versions['bundles']}" if "bundles" in versions else "")
+        fault = versions.get("known", "none")
         fault = "" if fault == "none" else f"; **known:** {fault}"
-        rows.append(f"| {name} | {version} | {whole} | {told.get('for', '')}{fault} |")
-    return [*HEAD, *rows, "", f"Needed only by these: {', '.join(others)}."]
+        rows.append((name, version, whole, f"{versions.get('for', '')}{fault}"))
+    return f"{markdown_table(HEAD, rows)}\n\nNeeded only by these: {', '.join(others)}."
 
 
 def listed(page: str, language: str) -> dict[str, tuple[str, str]]:
     """Version and licence by name, as the page has them."""
-    *lines, _, others = stored(page, language)
+    *lines, _, others = between(page, f"{COMMAND}: {language}").splitlines()
     found = {name: (version, licence) for name, version, licence, _ in (row[2:-2].split(" | ") for row in lines[2:])}
     return found | {
         name: (version, licence) for name, version, licence in re.findall(r"(\S+) (\S+) \((.*?)\)", others)
     }
 
 
-def stored(page: str, language: str) -> list[str]:
-    """The rows that the page has now."""
-    begin, end = MARKS[language]
-    return page.partition(begin)[2].partition(end)[0].strip().splitlines()
-
-
-def written(page: str, language: str, rows: Sequence[str]) -> str:
-    """The page with new rows in one of its tables."""
-    begin, end = MARKS[language]
-    if page.count(begin) != 1 or page.count(end) != 1:
-        raise ValueError(f"the page has no place for the table: {begin} and {end}")
-    middle = "\n".join([begin, *rows, end])
-    return re.sub(f"{re.escape(begin)}.*{re.escape(end)}", lambda _: middle, page, flags=re.DOTALL)
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """Write the page, or check it against the installed packages; returns 1 if there are faults."""
-    parser = argparse.ArgumentParser(prog="python -m tools.soup", description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--check", action="store_true", help="write nothing; 1 if the page differs")
-    options = parser.parse_args(argv)
+    check = parser(COMMAND, __doc__).parse_args(argv).check
     known, page = json.loads(KNOWN.read_text("utf-8")), PAGE.read_text("utf-8")
     made, wrong, counts = page, [], []
     for language, found in (("python", python_found()), ("kotlin", kotlin_found())):
         if found:
             wrong += faults(found, known[language])
-            made = written(made, language, table(found, known[language]))
+            made = filled(made, {f"{COMMAND}: {language}": table(found, known[language])})
         counts.append(f"{len(found)} of {language}" if found else f"{language} as the page has it (no build)")
-    if not options.check:
-        write_file(PAGE, made)
-    elif made != page:
+    if write_or_check(COMMAND, PAGE.parent, {PAGE.name: made}, check=check):
         wrong.append("docs/soup.md is not what is installed. Run python -m tools.soup, with constraints.txt.")
     for each in wrong:
         print(each, file=sys.stderr)

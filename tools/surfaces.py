@@ -20,8 +20,8 @@ import numpy as np
 from camssf.grid import Floats
 from camssf.recovery.basis import NODES
 from camssf.spectra import colour_science
-from camssf.spectra.surfaces import FORMAT, SURFACE_NODES
-from tools.tabulate import Json, digest, write_or_check
+from camssf.spectra.bundled import COLOUR_FORMAT, SURFACE_NODES
+from tools.tabulate import Json, digest, made_file
 
 COMMAND = "python -m tools.surfaces"
 PLACE = Path(__file__).parents[1] / "reference" / "camssf" / "data" / "colour.json"
@@ -47,7 +47,7 @@ OBSERVERS = {"1931": "CIE 1931 2 Degree Standard Observer", "1964": "CIE 1964 10
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command; returns 1 if `--check` finds a difference."""
-    return write_or_check(COMMAND, PLACE, tabulate, arguments)
+    return made_file(COMMAND, PLACE, tabulate, arguments)
 
 
 def tabulate() -> Json:
@@ -62,7 +62,7 @@ def tabulate() -> Json:
         rows = {int(nm): row for nm, row in zip(functions.wavelengths, functions.values.tolist(), strict=True)}
         observers[name] = [[rows[int(nm)][i] for nm in at] for i in range(3)]
     return {
-        "format": FORMAT,
+        "format": COLOUR_FORMAT,
         "generator": COMMAND,
         "surfaces": {
             "name": "rawtoaces-data 1.1.0, training_spectral.json",
@@ -116,7 +116,7 @@ def _standards() -> list[Json]:
 
 def _values(samples: Mapping[str, Any]) -> Floats:
     at = np.arange(380.0, 781.0, 5.0)
-    return np.stack([np.interp(at, each.wavelengths, each.values) for each in samples.values()])
+    return np.stack([np.interp(at, sample.wavelengths, sample.values) for sample in samples.values()])
 
 
 def _measured() -> list[Json]:

@@ -6,7 +6,6 @@ give the same. Reading a lamp or a chart does not use this module.
 
 from __future__ import annotations
 
-import argparse
 import hashlib
 import json
 import sys
@@ -26,6 +25,7 @@ from camssf.spectra.families import DIMMEST, FAMILIES, DrawnKind, Temperature, p
 from camssf.spectra.lamps import MEASURED_LAMP, NAMED_LAMP, NOISE_BELOW_ZERO
 from camssf.spectra.layouts import LAYOUTS
 from tools.lamp_kinds import drawn_kind
+from tools.pages import parser, write_or_check
 
 Json: TypeAlias = dict[str, Any]
 COMMAND = "python -m tools.tabulate"
@@ -50,10 +50,9 @@ EXACT = 1e-12
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command; returns 1 if `--check` finds a difference."""
-    parser = argparse.ArgumentParser(prog=COMMAND, description="Write data/spectra.json, or check it.")
-    parser.add_argument("--check", action="store_true", help="write nothing: make it anew and compare")
+    check = parser(COMMAND, "Write data/spectra.json, or check it.").parse_args(arguments).check
     made = tabulate()
-    if not parser.parse_args(arguments).check:
+    if not check:
         write_file(PLACE, as_text(made))
         print(f"{len(made['lamps'])} lamps, {len(made['tables'])} chart tables, {PLACE.stat().st_size / 1e3:.0f} kB")
         return 0
@@ -124,25 +123,10 @@ def origin() -> Json:
     }
 
 
-def write_or_check(command: str, place: Path, make: Callable[[], Json], arguments: Sequence[str] | None) -> int:
-    """Run the command of a file that is exactly reproducible: write it, or with `--check` compare it.
-
-    Returns:
-        The exit status: 1 if the file differs.
-    """
-    parser = argparse.ArgumentParser(prog=command, description=f"Write data/{place.name}, or check it.")
-    parser.add_argument("--check", action="store_true", help="write nothing: make it anew and compare")
-    check = parser.parse_args(arguments).check
-    made = as_text(make())
-    if not check:
-        write_file(place, made)
-        print(f"{len(made) / 1e3:.0f} kB")
-        return 0
-    same = place.read_text("utf-8") == made
-    print(
-        "the same" if same else f"drifted; if that is meant, run `{command}`", file=sys.stdout if same else sys.stderr
-    )
-    return int(not same)
+def made_file(command: str, place: Path, make: Callable[[], Json], arguments: Sequence[str] | None) -> int:
+    """Run the command of a JSON file that is exactly reproducible: write it, or with `--check` compare it."""
+    check = parser(command, f"Write data/{place.name}, or check it.").parse_args(arguments).check
+    return write_or_check(command, place.parent, {place.name: as_text(make())}, check=check)
 
 
 def as_text(value: Json) -> str:

@@ -23,12 +23,14 @@ from xml.etree import ElementTree
 
 from camssf import __version__
 from camssf.files import write_file
+from tools.pages import between, filled, markdown_table, parser
 
 ROOT = Path(__file__).parents[1]
 REQUIREMENTS = Path(__file__).parent / "requirements.json"
 PAGE = ROOT / "docs" / "traceability.md"
 CLAIMS_PAGE = ROOT / "docs" / "claims.md"
-BEGIN, END = "<!-- python -m tools.trace -->", "<!-- end of the trace -->"
+COMMAND = "python -m tools.trace"
+HEAD = ("requirement", "what", "if it did not hold", "tests", "last run")
 CLAIMS = "## What is proven, and what is not"
 NOT_RUN = "not run"
 TAG = re.compile(r'@(?:[\w.]+\.)?Tag\("(R-[A-Z0-9-]+)"\)')
@@ -108,7 +110,7 @@ def read_requirements(path: Path = REQUIREMENTS) -> list[Requirement]:
 def _named(node: ast.expr) -> list[str]:
     """The requirements in `pytest.mark.requirement(...)`, or in a list of such calls."""
     if isinstance(node, ast.List | ast.Tuple):
-        return [name for each in node.elts for name in _named(each)]
+        return [name for elt in node.elts for name in _named(elt)]
     if not (isinstance(node, ast.Call) and ast.unparse(node.func) == "pytest.mark.requirement"):
         return []
     return [str(ast.literal_eval(argument)) for argument in node.args]
@@ -145,8 +147,8 @@ def markers(root: Path = ROOT) -> tuple[Marked, ...]:
     """The markers of all tests in both languages."""
     python = sorted((root / "tests").glob("test_*.py"))
     kotlin = sorted((root / "android-bindings").glob("*/src/test/kotlin/**/*.kt"))
-    found = [each for path in python for each in python_markers(path.read_text("utf-8"), _place(path, root))]
-    found += [each for path in kotlin for each in kotlin_markers(path.read_text("utf-8"), _place(path, root))]
+    found = [marker for path in python for marker in python_markers(path.read_text("utf-8"), _place(path, root))]
+    found += [marker for path in kotlin for marker in kotlin_markers(path.read_text("utf-8"), _place(path, root))]
     return tuple(found)
 
 
@@ -201,17 +203,17 @@ def claims(page: str) -> list[str]:
 
 def faults(requirements: Sequence[Requirement], tests: Sequence[Marked], said: Sequence[str]) -> list[str]:
     """What is missing or wrong in the trace, each with what to do."""
-    known, shown = {each.name for each in requirements}, {each.requirement for each in tests}
+    known, shown = {requirement.name for requirement in requirements}, {test.requirement for test in tests}
     found = [
         f"{name} has no test. Mark one: pytest.mark.requirement({name!r}) or @Tag({json.dumps(name)})."
         for name in sorted(known - shown)
     ]
     found += [
-        f"{each.place} names {each.requirement}, which tools/requirements.json does not know."
-        for each in tests
-        if each.requirement not in known
+        f"{test.place} names {test.requirement}, which tools/requirements.json does not know."
+        for test in tests
+        if test.requirement not in known
     ]
-    claimed = {each.name: each.claim for each in requirements if each.claim is not None}
+    claimed = {requirement.name: requirement.claim for requirement in requirements if requirement.claim is not None}
     for row in said:
         owners = [name for name, claim in claimed.items() if row.startswith(claim)]
         if len(owners) != 1:
@@ -228,48 +230,42 @@ def faults(requirements: Sequence[Requirement], tests: Sequence[Marked], said: S
 def rows(requirements: Sequence[Requirement], tests: Sequence[Marked]) -> list[tuple[str, str, str, str]]:
     """Name, text, risk and files with tests of each requirement."""
     table = []
-    for each in requirements:
-        files = dict.fromkeys(Path(test.place).name for test in tests if test.requirement == each.name)
-        table.append((each.name, each.text, each.risk, ", ".join(f"`{name}`" for name in files)))
+    for requirement in requirements:
+        files = dict.fromkeys(Path(test.place).name for test in tests if test.requirement == requirement.name)
+        table.append((requirement.name, requirement.text, requirement.risk, ", ".join(f"`{name}`" for name in files)))
     return table
 
 
-def stored(page: str) -> tuple[str, dict[str, str]]:
-    """The line about the last run, and its results by requirement, from the page."""
-    inside = page.partition(BEGIN)[2].partition(END)[0]
-    run = next((line for line in inside.splitlines() if line.startswith("Last run:")), f"Last run: {NOT_RUN}.")
-    cells = [line.strip("|").split(" | ") for line in inside.splitlines() if line.startswith("| R-")]
-    return run, {line[0].strip(): line[-1].strip() for line in cells}
+def stored(page: str) -> tuple[str, list[tuple[str, ...]]]:
+    """The line about the last run, and the table's rows, from the page."""
+    lines = between(page, COMMAND).splitlines()
+    run = next((line for line in lines if line.startswith("Last run:")), f"Last run: {NOT_RUN}.")
+    return run, [tuple(line[2:-2].split(" | ")) for line in lines if line.startswith("| R-")]
 
 
 def written(page: str, table: Sequence[tuple[str, str, str, str]], run: str, ended: Mapping[str, str]) -> str:
     """The page with a new table."""
-    head, begin, rest = page.partition(BEGIN)
-    _, end, tail = rest.partition(END)
-    if not begin or not end:
-        raise ValueError(f"the page has no place for the table: {BEGIN} and {END}")
-    lines = [run, "", "| requirement | what | if it did not hold | tests | last run |", "|---|---|---|---|---|"]
-    lines += [f"| {' | '.join(row)} | {ended.get(row[0], NOT_RUN)} |" for row in table]
-    return f"{head}{BEGIN}\n" + "\n".join(lines) + f"\n{END}{tail}"
+    lines = [(*row, ended.get(row[0], NOT_RUN)) for row in table]
+    return filled(page, {COMMAND: f"{run}\n\n{markdown_table(HEAD, lines)}"})
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Write the page, or check it; returns 1 if there are faults."""
-    parser = argparse.ArgumentParser(prog="python -m tools.trace", description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--check", action="store_true", help="write nothing; 1 if the page differs")
-    parser.add_argument("--results", type=Path, nargs="*", default=[], help="JUnit XML, folders with TEST-*.xml")
-    parser.add_argument("--page", type=Path, default=PAGE, help=argparse.SUPPRESS)
-    options = parser.parse_args(argv)
+    command = parser(COMMAND, __doc__)
+    command.add_argument("--results", type=Path, nargs="*", default=[], help="JUnit XML, folders with TEST-*.xml")
+    command.add_argument("--page", type=Path, default=PAGE, help=argparse.SUPPRESS)
+    options = command.parse_args(argv)
     requirements, tests = read_requirements(), markers()
     wrong = faults(requirements, tests, claims(CLAIMS_PAGE.read_text("utf-8")))
     page = options.page.read_text("utf-8")
-    run, ended = stored(page)
+    run, shown = stored(page)
+    ended = {row[0]: row[-1] for row in shown}
     total = Counts()
     if options.results:
         results = read_results(options.results)
         found = {
-            each.name: counts([test for test in tests if test.requirement == each.name], results)
-            for each in requirements
+            requirement.name: counts([test for test in tests if test.requirement == requirement.name], results)
+            for requirement in requirements
         }
         wrong += [f"{name}: {each}." for name, each in found.items() if each.failed or not each.passed]
         total = sum(found.values(), Counts())
@@ -279,7 +275,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     made = written(page, table, run, ended)
     if not options.check:
         write_file(options.page, made)
-    elif written(page, table, "", {}) != written(page, _told(page), "", {}):
+    elif [row[:-1] for row in shown] != table:
         wrong.append("docs/traceability.md is not what the markers say. Run python -m tools.trace.")
     for each in wrong:
         print(each, file=sys.stderr)
@@ -287,13 +283,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     cases = f", {total}" if options.results else ""
     print(f"trace: {len(requirements)} requirements, {marked} markers{cases}, {len(wrong)} faults")
     return 1 if wrong else 0
-
-
-def _told(page: str) -> list[tuple[str, str, str, str]]:
-    """The rows that the page has now."""
-    inside = page.partition(BEGIN)[2].partition(END)[0]
-    lines = [line[2:-2].split(" | ") for line in inside.splitlines() if line.startswith("| R-")]
-    return [(line[0], line[1], line[2], line[3]) for line in lines]
 
 
 if __name__ == "__main__":

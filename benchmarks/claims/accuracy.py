@@ -45,8 +45,6 @@ from benchmarks.shared import (
     versions,
 )
 from camssf.grid import STEP, WAVELENGTHS, Floats
-from camssf.learning.basis import learn
-from camssf.learning.training import maker_of, read_curves
 from camssf.recovery.basis import Basis, interpolate, read_basis
 from camssf.recovery.covariance import (
     ABSOLUTE,
@@ -61,12 +59,16 @@ from camssf.recovery.covariance import (
     smooth_errors,
 )
 from camssf.recovery.hypotheses import recover
-from camssf.recovery.linear_model import LinearModel, anchor, linear_model
 from camssf.recovery.observation import Observation
 from camssf.recovery.penalties import GAMMA, L2
-from camssf.recovery.sensitivity import SolverSettings, Ssf, moves_of_peak_one, own_blocks
-from camssf.recovery.solve import solve as solve_code
+from camssf.recovery.posterior import own_blocks, peak_normalised_jacobian
+from camssf.recovery.rows import anchor
+from camssf.recovery.sensitivity import SolverSettings, Ssf
 from camssf.spectra import read_chart, read_lamp
+from camssf_lab.learning.basis import learn
+from camssf_lab.learning.training import maker_of, read_curves
+from golden.linear_model import LinearModel, linear_model
+from golden.linear_model import solve as solve_code
 
 SEEN = (WAVELENGTHS >= 400) & (WAVELENGTHS <= 700)
 BINS = tuple(range(400, 700, 20))
@@ -100,12 +102,15 @@ class Setting:
 
     def tolerances(self) -> dict[str, Any]:
         """What the solver is told of errors that are not noise."""
-        told: dict[str, Any] = {"chart_tolerance": 0.0, "white_tolerance": 0.0}
+        arguments: dict[str, Any] = {"chart_tolerance": 0.0, "white_tolerance": 0.0}
         if self.ohta:
-            told = {"chart_tolerance": CHART, "white_tolerance": WHITE}
+            arguments = {"chart_tolerance": CHART, "white_tolerance": WHITE}
         if self.off:
-            told |= {"lamp_tolerance": LAMP_SMOOTH, "lamp_modes": np.stack([mode(name)[None] for name in self.lamps])}
-        return told
+            arguments |= {
+                "lamp_tolerance": LAMP_SMOOTH,
+                "lamp_modes": np.stack([mode(name)[None] for name in self.lamps]),
+            }
+        return arguments
 
 
 def pair(name: str, lamp_: str) -> tuple[Setting, Setting]:
@@ -202,7 +207,7 @@ def answer_of(linear: LinearModel, observation: Observation, basis: Basis) -> Fo
     x = code.values.reshape(3, -1)
     book = anchor(basis, observation.white_reflectance * observation.lamp[0])
     curves = book.mean + np.einsum("cmr,cr->cm", book.dictionary, x)
-    moves = moves_of_peak_one(book, curves)
+    moves = peak_normalised_jacobian(book.dictionary, curves)
     spread = own_blocks(np.linalg.inv(code.precision[0] + np.eye(x.size)))
     peak = curves.max(axis=1)[:, None]
     std = np.sqrt(np.maximum(np.einsum("cmr,crs,cms->cm", moves, spread, moves), 0.0))
@@ -218,11 +223,11 @@ def declared(setting: Setting, y: Floats, error: Floats) -> Observation:
 def solve(method: str, setting: Setting, y: Floats, error: Floats, basis: Basis) -> Found:
     given = chart()[slice(*setting.patches)]
     lamps = np.stack([lamp(name) for name in setting.lamps])
-    told = setting.tolerances()
+    arguments = setting.tolerances()
     if method == PAPER:
-        told = {key: told[key] for key in ("chart_tolerance", "white_tolerance")}
+        arguments = {key: arguments[key] for key in ("chart_tolerance", "white_tolerance")}
         return recover(
-            Observation(y[:1], given, lamps[:1], standard_error=error[:1], **told), basis="gaussian"
+            Observation(y[:1], given, lamps[:1], standard_error=error[:1], **arguments), basis="gaussian"
         ).peak()
     evidence = declared(setting, y, error)
     if method == APART:
@@ -288,7 +293,7 @@ def monte_carlo(setting: Setting, count: int, rng: np.random.Generator) -> Float
     basis = read_basis("cameras")
     given = chart()[slice(*setting.patches)]
     lamps = np.stack([lamp(name) for name in setting.lamps])
-    told = setting.tolerances()
+    arguments = setting.tolerances()
     long, short = (interpolate(smooth_errors(length)) for length in (CHART_CORRELATION, TABLE_CORRELATION))
     edge = EDGE * np.gradient(given, STEP, axis=1)
     errors, bands = [], []
@@ -297,15 +302,15 @@ def monte_carlo(setting: Setting, count: int, rng: np.random.Generator) -> Float
         code = rng.normal(size=(3, basis.dictionary.shape[2]))
         camera = (basis.mean + np.einsum("cmr,cr->cm", basis.dictionary, code)).T
         u = [_by_channel(n, curves.shape[1], rng) @ curves.T for curves in (long, short, short)]
-        seen = given + told["chart_tolerance"] * (RELATIVE * given * u[0] + ABSOLUTE * u[1] + edge * u[2])
-        white = 1.0 + told["white_tolerance"] * (long @ rng.normal(size=long.shape[1]))
+        seen = given + arguments["chart_tolerance"] * (RELATIVE * given * u[0] + ABSOLUTE * u[1] + edge * u[2])
+        white = 1.0 + arguments["white_tolerance"] * (long @ rng.normal(size=long.shape[1]))
         light = np.stack([true_lamp(name, setting.off, rng) for name in setting.lamps])
         y = np.einsum("km,cnm,mc->knc", light, seen, camera) / ((light * white) @ camera)[:, None, :]
         error = np.hypot(setting.noise[0] * y, setting.noise[1])
         y = y * (1.0 + DRIFT * rng.normal(size=(len(lamps), 1, 1)))
-        own = INDEPENDENT_SHARE * told["chart_tolerance"] * y
+        own = INDEPENDENT_SHARE * arguments["chart_tolerance"] * y
         y = y + np.hypot(error, own) * rng.normal(size=y.shape)
-        answer = recover(Observation(y, given, lamps, standard_error=error, **told), basis="cameras")
+        answer = recover(Observation(y, given, lamps, standard_error=error, **arguments), basis="cameras")
         got, std = answer.peak()
         assert std is not None
         errors.append((got - camera / camera.max(axis=0))[SEEN])

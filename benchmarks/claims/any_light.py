@@ -50,7 +50,6 @@ from camssf.errors import CalibrationError
 from camssf.fit.capture_fit import prepare_fit
 from camssf.fit.solutions import recover_fit
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.learning.training import maker_of
 from camssf.options import Options
 from camssf.photo.capture import Capture, MeasuredShot, Photo
 from camssf.photo.find.pose import Pose
@@ -60,10 +59,11 @@ from camssf.recovery.basis import Basis, read_basis
 from camssf.recovery.sensitivity import Ssf
 from camssf.recovery.unnamed_light import temperature
 from camssf.spectra import Lamp, Light, Unnamed, read_chart, read_lamp
+from camssf.spectra.bundled import observer
 from camssf.spectra.families import FAMILIES, LampKind, principal_modes
 from camssf.spectra.layouts import LAYOUTS
 from camssf.spectra.sampled import colour_science
-from camssf.spectra.surfaces import observer
+from camssf_lab.learning.training import maker_of
 
 LAMPS = {
     "daylight": ("D:4800", "D:5500", "D:6500", "D:7500", "D:10000"),
@@ -215,10 +215,10 @@ def judged(given: Capture, device: Device, lamps: tuple[str, ...]) -> Taken:
     options = Options(engine="reference")
     try:
         done = solve(given, options=options)
-        status, codes, ssf = done.verdict.status, tuple(each.code for each in done.verdict.reasons), done.ssf
+        status, codes, ssf = done.verdict.status, tuple(reason.code for reason in done.verdict.reasons), done.ssf
     except CalibrationError as error:
         fit = prepare_fit(given, options)
-        status, codes = "refused", tuple(each.code for each in error.reasons) or (error.code,)
+        status, codes = "refused", tuple(reason.code for reason in error.reasons) or (error.code,)
         ssf = recover_fit(fit, fit.signals.used, None)
     curves, std = ssf.peak()
     assert std is not None  # both bases have bands
@@ -242,7 +242,7 @@ def no_photo(device: Device) -> float:
 
 def light(ssf: Ssf, lamp: str) -> tuple[dict[str, float], float | None, tuple[float, float, float] | None]:
     """The first shot's light beside the true one."""
-    found = ssf.light.lights[0] if ssf.light.lights else None
+    found = ssf.lights[0] if ssf.lights else None
     if found is None:
         return {}, None, None
     true = power(lamp)

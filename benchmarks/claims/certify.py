@@ -31,12 +31,12 @@ the product's. Exit status 1 then.
 
 from __future__ import annotations
 
+import hashlib
 import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from importlib import resources
 from typing import Any
 from unittest.mock import patch
 
@@ -48,7 +48,6 @@ from benchmarks.claims.oracle import CURVE_BAR, oracle
 from benchmarks.problems import (
     Long,
     Problem,
-    convex,
     curves,
     distance,
     forced,
@@ -63,14 +62,16 @@ from benchmarks.problems import (
 )
 from benchmarks.shared import cameras, command_parser, console, lamp, one_thread, progress, save, table, versions
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.recovery import model as formulas
 from camssf.recovery.basis import interpolate, read_basis
 from camssf.recovery.covariance import CHART_CORRELATION, smooth_errors
+from camssf.recovery.elastic_net import ElasticNet
 from camssf.recovery.onnx_model import SHIPPED, Model, load_model
 from camssf.recovery.penalties import GAMMA, L2
 from camssf.recovery.sensitivity import LARGEST_GAP
-from camssf.recovery.solve import solve
 from camssf.spectra import read_chart
 from camssf.spectra.families import FAMILIES
+from golden.linear_model import solve
 
 GAP_BAR, ROWS_BAR = 1e-9, 1e-11
 ALONE_GAP, ALONE_BAR, ALONE_SHARE = 1e-10, 1e-7, 0.99
@@ -89,7 +90,7 @@ class Lights:
     """Shots' lamps by name or by kind: what is told of them, and what really fell. First axis: shots."""
 
     names: tuple[str, ...]
-    told: Floats
+    stated: Floats
     true: Floats
     modes: Floats
     tolerance: tuple[float, ...]
@@ -97,23 +98,23 @@ class Lights:
 
 def lights_of(names: Sequence[str], smooth: float, rng: np.random.Generator) -> Lights:
     """Of a kind a real lamp is drawn; one by name is told as it is, `smooth` its tolerance."""
-    told, true, modes, tolerance = [], [], [], []
+    stated, true, modes, tolerance = [], [], [], []
     for name in names:
         if name in FAMILIES:
             power, (mean, ripple), directions = draw_kind(name, rng)
-            told.append(mean)
+            stated.append(mean)
             true.append(power * ripple)
             modes.append(directions)
             tolerance.append(tolerance_of_kind(name, "kind"))
         else:
-            told.append(lamp(name))
+            stated.append(lamp(name))
             true.append(lamp(name))
             modes.append(np.zeros((0, WAVELENGTHS.size)))
             tolerance.append(smooth)
-    padded = np.zeros((len(names), max(1, *(len(each) for each in modes)), WAVELENGTHS.size))
-    for j, each in enumerate(modes):
-        padded[j, : len(each)] = each
-    return Lights(tuple(names), np.stack(told), np.stack(true), padded, tuple(tolerance))
+    padded = np.zeros((len(names), max(1, *(len(mode) for mode in modes)), WAVELENGTHS.size))
+    for j, mode in enumerate(modes):
+        padded[j, : len(mode)] = mode
+    return Lights(tuple(names), np.stack(stated), np.stack(true), padded, tuple(tolerance))
 
 
 def chart_errors(n: int, size: float, rng: np.random.Generator) -> Floats:
@@ -149,7 +150,7 @@ def draw(seed: int, index: int) -> tuple[Problem, str]:
     problem = make_problem(
         basis,
         known[name],
-        lights.told,
+        lights.stated,
         seen,
         reflectance,
         noise=noise,
@@ -187,7 +188,7 @@ def draw_default(seed: int, index: int) -> Problem:
     return make_problem(
         str(rng.choice(LEARNED)),
         known[name],
-        lights.told,
+        lights.stated,
         seen,
         reflectance,
         noise=noise,
@@ -211,33 +212,35 @@ def row_reader(basis: str) -> Model | None:
     None without onnx. It is built anew by the same sources, which must first give the shipped bytes.
     """
     try:
-        import onnx
-
-        from camssf_onnx import model as source
+        from camssf_onnx import models
     except ImportError:
         return None
-    name = "paper_rows" if basis == "gaussian" else "learned_rows"
-    build_rows, built = getattr(source, name), []
+    model = load_model(basis)
+    name, paper = ("paper_model", True) if basis == "gaussian" else ("learned_model", False)
+    function, posed = getattr(models, name), []
 
-    def spy(*arguments: Any) -> Any:
-        built.append(build_rows(*arguments))
-        return built[-1]
+    def build() -> Any:
+        return models.build_paper(read_basis(basis)) if paper else models.build_learned()
 
-    with patch.object(source, name, spy):
-        model = source.build(read_basis(basis))
-    shipped = (resources.files("camssf") / "data" / f"camssf-{basis}.onnx").read_bytes()
-    if model.SerializeToString(deterministic=True) != shipped:
-        raise RuntimeError(f"camssf-{basis}.onnx is not what its sources make: run python -m camssf_onnx build")
-    ((whitened, _),) = built
-    for output, value in (("rows", whitened.A), ("target", whitened.b)):
-        model.graph.node.append(onnx.helper.make_node("Identity", [value.name], [output]))
-        model.graph.output.append(onnx.helper.make_tensor_value_info(output, onnx.TensorProto.DOUBLE, None))
-    return Model(open_model(model.SerializeToString()), "", {})
+    if hashlib.sha256(build().SerializeToString(deterministic=True)).hexdigest() != model.sha256:
+        raise RuntimeError(f"the model of {basis} is not what its sources make: run python -m camssf_onnx build")
+
+    def pose(A: Any, b: Any, *penalties: Any) -> Any:
+        posed.append((A, b))
+        return ElasticNet(A, b, *penalties)
+
+    def with_rows(*arguments: Any) -> Any:
+        found = function(*arguments)
+        return found | {"rows": posed[0][0][None, ...], "target": posed[0][1][None, ..., 0]}
+
+    with patch.object(formulas, "ElasticNet", pose), patch.object(models, name, with_rows):
+        content = build().SerializeToString()
+    return Model(open_model(content), "", {}, model.arrays)
 
 
 def model_rows(reader: Model, inputs: dict[str, Floats]) -> tuple[Floats, Floats]:
     """The whitened rows that the model solves, (p, N, r) and (p, N)."""
-    found = reader.run(inputs, ("rows", "target"))
+    found = reader.run(inputs)
     return found["rows"], found["target"]
 
 
@@ -416,7 +419,7 @@ def judge_default(problem: Problem, engines: Sequence[str] = ENGINES) -> dict[st
     sensing = problem.sensing(basis)
     code = solve(sensing, problem.l2, problem.penalties(sensing))
     layers = solve(sensing, problem.l2, problem.penalties(sensing), finish=0)
-    exact = np.stack([forced(each) for each in convex(sensing, problem)])
+    exact = forced(sensing, problem)
     truth = curves(basis, exact)
     measured = {
         "exact_gap": float(gaps(*whiten_finely(sensing), exact, problem).max()),

@@ -35,15 +35,14 @@ from benchmarks.shared import (
     versions,
 )
 from camssf.fit.capture_fit import prepare_fit
-from camssf.fit.chart_table import likeliest_table
-from camssf.fit.solutions import recover_fit
+from camssf.fit.solutions import likeliest_table, recover_fit
 from camssf.grid import Floats
-from camssf.learning.training import maker_of, read_curves
 from camssf.options import Options
 from camssf.photo.capture import Capture
 from camssf.recovery.basis import Basis
 from camssf.recovery.sensitivity import Ssf
 from camssf.spectra import read_chart, read_lamp
+from camssf_lab.learning.training import maker_of, read_curves
 
 OHTA = read_chart("classic24:ohta")
 OPTIONS = Options(engine="reference")
@@ -81,7 +80,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     take_tables(parser, "phones")
     options = parser.parse_args(arguments)
     devices: list[tuple[Device, tuple[Basis, ...], bool]] = [
-        (each, (replace(each.bases[CAMERAS], name="cameras"),), False) for each in measured_cameras()[::8]
+        (camera, (replace(camera.bases[CAMERAS], name="cameras"),), False) for camera in measured_cameras()[::8]
     ]
     nodes = read_curves(options.phones) if options.phones else {}
     for each in phones_left_out(nodes) if nodes else ():

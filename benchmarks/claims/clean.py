@@ -40,13 +40,12 @@ from benchmarks.shared import (
 )
 from camssf.calibration import solve
 from camssf.errors import CalibrationError
-from camssf.learning.training import maker_of, read_curves
 from camssf.options import Options
 from camssf.photo.capture import Capture, MeasuredShot
-from camssf.simulation.shot_plan import ShotPlan
 from camssf.spectra import Light, read_chart, read_lamp
-from camssf.verdict.checks import Check
-from camssf.verdict.reasons import Verdict
+from camssf.verdict.reasons import Check, Verdict
+from camssf_lab.learning.training import maker_of, read_curves
+from camssf_lab.simulation.shot_plan import ShotPlan
 
 BULBS = ("2000K", "2150K", "2300K", "2500K", "2700K", "3000K", "3500K", "4000K")
 DAYLIGHT = ("D:4500", "D:5000", "D:5500", "D:6000", "D:6500", "D:7000", "D:7500", "D:8500", "D:10000")
@@ -85,9 +84,9 @@ def judged(shot: MeasuredShot, light: Light, maker: str, model: str, half: str) 
     capture = Capture((shot,), read_chart(TABLE), None)
     try:
         verdict = solve(capture, options=Options(engine="reference")).verdict
-        return Judged(half, verdict.status, tuple(each.name for each in verdict.checks if beyond(each)))
+        return Judged(half, verdict.status, tuple(check.name for check in verdict.checks if beyond(check)))
     except CalibrationError as error:
-        return Judged(half, "refused", tuple(each.name for each in error.checks if beyond(each)) or (error.code,))
+        return Judged(half, "refused", tuple(check.name for check in error.checks if beyond(check)) or (error.code,))
 
 
 def beyond(check: Check) -> bool:
@@ -116,11 +115,11 @@ def offset(plan: ShotPlan, what: str, size: float, white: bool) -> ShotPlan:
         scene = replace(scene, vignetting=0.4 * scene.vignetting)
     if what == "stray light":
         scene = replace(scene, glare=size)
-    told = {"black": sensor.black}
+    levels = {"black": sensor.black}
     if what == "black level":
         sensor = replace(sensor, black=sensor.black + size * (sensor.white_level - sensor.black))
     return replace(
-        plan, scene=scene, sensor=sensor, tags=dict.fromkeys(("chart", "white", "dark"), told),
+        plan, scene=scene, sensor=sensor, tags=dict.fromkeys(("chart", "white", "dark"), levels),
         handed_in={"chart": "chart", "white": "white" if white else None, "dark": None},
     )  # fmt: skip
 

@@ -15,7 +15,7 @@ own fit (`surfaces`). Mean ΔE00 of
 Between cameras: the median ΔE00 of two cameras' colours of the same surface, over pairs. The colours of `camssf
 colour` and their regions are judged by benchmarks.claims.spectrum.
 
-Converted: each camera's signals of the samples as the next one's (`camssf.colour.convert`), both recovered from two
+Converted: each camera's signals of the samples as the next one's (`camssf_colour.convert`), both recovered from two
 shots of one chart, lamps drawn off by their 2 %, noise .5 %, the reference off by 1 %: root mean square error before
 and after, white is 1, and the share within the 95 % region, lamp named.
 
@@ -48,21 +48,19 @@ from benchmarks.shared import (
     table,
     versions,
 )
-from camssf.colour import Camera, Reference, View, camera_of_ssf, choose, convert, lab
-from camssf.colour.camera import OwnWhite
-from camssf.colour.spaces import white_of, xyz_of
-from camssf.colour.standard import of_surfaces
-from camssf.colour.transforms import FOLDS, fit, signals_of, terms
+from camssf.colorimetry import FOLDS, delta_e00, fit, signals_of, terms, white_of, xyz_of
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.learning.training import HANDFUL, maker_of, read_curves
 from camssf.recovery.basis import Basis, interpolate
 from camssf.recovery.covariance import CHART_CORRELATION, LAMP_CORRELATION, smooth_errors
 from camssf.recovery.hypotheses import recover
 from camssf.recovery.observation import Observation
 from camssf.recovery.sensitivity import SolverSettings
 from camssf.spectra import colour_science, read_chart, read_lamp
-from camssf.spectra.appearance import delta_e00
-from camssf.spectra.surfaces import observer, surfaces
+from camssf.spectra.bundled import observer, surfaces
+from camssf_colour import Camera, Reference, View, camera_of_ssf, choose, convert, lab
+from camssf_colour.camera import OwnWhite
+from camssf_colour.standard import of_surfaces
+from camssf_lab.learning.training import HANDFUL, maker_of, read_curves
 
 LAMPS = ("D55", "D65", "A", "LED-B3", "FL2")
 KINDS = {"D55": "daylight", "D65": "daylight", "A": "bulb", "LED-B3": "white-led", "FL2": "fluorescent"}

@@ -1,6 +1,6 @@
 """What does the verdict catch, and what does it miss? `python -m benchmarks.claims.faults [--quick] [--phones CSV]`
 
-Every fault of `camssf.simulation.faults` in every severity, on captures of measured cameras under several lamps,
+Every fault of `benchmarks.faults` in every severity, on captures of measured cameras under several lamps,
 solved as the product does it, `auto`, with a basis `cameras` learned without the camera's maker (as
 `benchmarks.claims.accuracy`), or, with the phones' table that may not be passed on, on phones with a basis `phones`
 learned without the phone's maker. The files name no maker. Each capture has a real chart and
@@ -32,6 +32,7 @@ import numpy as np
 
 from benchmarks.claims.accuracy import SEEN, left_out
 from benchmarks.claims.phones import PHONES, taught
+from benchmarks.faults import FAULTS, SEVERITIES, apply_fault
 from benchmarks.problems import makers_matrices
 from benchmarks.shared import TABLE, command_parser, console, one_thread, progress, save, standing_in, table, versions
 from camssf.calibration import calibrate as from_files
@@ -40,7 +41,6 @@ from camssf.errors import CalibrationError
 from camssf.fit.capture_fit import prepare_fit
 from camssf.fit.solutions import recover_fit
 from camssf.grid import STEP, Floats
-from camssf.learning.training import HANDFUL, maker_of, read_curves
 from camssf.options import Options
 from camssf.photo.capture import Capture, MeasuredShot, photo_of
 from camssf.photo.find.pose import Pose, find_chart
@@ -57,14 +57,14 @@ from camssf.recovery.covariance import (
     TABLE_CORRELATION,
     smooth_errors,
 )
-from camssf.simulation.camera import Sensor
-from camssf.simulation.faults import FAULTS, SEVERITIES, apply_fault
-from camssf.simulation.frames import simulate
-from camssf.simulation.scene import Scene, true_pose
-from camssf.simulation.shot import take
-from camssf.simulation.shot_plan import ShotPlan
 from camssf.spectra import CameraCurves, ChartTable, read_chart, read_lamp
 from camssf.verdict.reasons import Verdict
+from camssf_lab.learning.training import HANDFUL, maker_of, read_curves
+from camssf_lab.simulation.camera import Sensor
+from camssf_lab.simulation.frames import simulate
+from camssf_lab.simulation.scene import Scene, true_pose
+from camssf_lab.simulation.shot import take
+from camssf_lab.simulation.shot_plan import ShotPlan
 
 SIZE = (720, 540)
 LAMPS = ("D55", "A", "LED-B3", "D65", "FL2", "3200K", "LED-B5", "D:5000")
@@ -191,7 +191,7 @@ def real_chart(number: int, rng: np.random.Generator) -> ChartTable:
     u, v, w = (rng.normal(size=(24, curves.shape[1])) @ curves.T for curves in (long, short, short))
     edge = EDGE * np.gradient(table.values, STEP, axis=1)
     off = table.tolerance[:, None] * (RELATIVE * table.values * u + ABSOLUTE * v + edge * w)
-    return replace(table, values=np.clip(table.values + off, 0.004, 1.1))
+    return table.with_values(np.clip(table.values + off, 0.004, 1.1))
 
 
 def mosaic(plan: ShotPlan, frames: dict[str, Any], role: str, frame: str, number: int) -> Mosaic:
@@ -214,10 +214,10 @@ def shoot(staged: Staged, plan: ShotPlan, *, search: bool) -> MeasuredShot:
         role: None if frame is None else mosaic(plan, frames, role, frame, staged.number)
         for role, frame in plan.handed_in.items()
     }
-    chart, told = photos["chart"], read_chart(plan.stated_chart)
+    chart, stated = photos["chart"], read_chart(plan.stated_chart)
     assert chart is not None
     if search:
-        pose = find_chart(chart, told)
+        pose = find_chart(chart, stated)
     else:
         true = true_pose(plan.scene)
         pitch = np.ptp(true.corners[:, 0]) / 6
@@ -225,9 +225,9 @@ def shoot(staged: Staged, plan: ShotPlan, *, search: bool) -> MeasuredShot:
         pose = Pose(true.layout, true.corners + off, true.patches + off, 0, "detected", 1.0, ())
     means = measure_patches(chart, pose, white=photos["white"], dark=photos["dark"])
     if not search:
-        score = agreement(np.maximum(means.chart.mean - means.black, 0.0), plain_signals(told))
+        score = agreement(np.maximum(means.chart.mean - means.black, 0.0), plain_signals(stated))
         pose = replace(pose, score=max(score, 0.0))
-    facts = {role: None if each is None else photo_of(each) for role, each in photos.items()}
+    facts = {role: None if photo is None else photo_of(photo) for role, photo in photos.items()}
     assert facts["chart"] is not None
     lamp = read_lamp(plan.stated_lamp)
     return MeasuredShot(lamp, facts["chart"], facts["white"], facts["dark"], pose, means, None)
@@ -472,8 +472,8 @@ def bars(found: dict[str, Any]) -> list[dict[str, Any]]:
                      "met": bool(value >= limit if least else value <= limit)})  # fmt: skip
 
     for severity, limit in ((2, 0.90), (3, 0.99)):
-        harmful = sum(each[severity - 1]["harmful"] for each in rows.values())
-        caught = sum(each[severity - 1]["harmful_caught"] for each in rows.values())
+        harmful = sum(row[severity - 1]["harmful"] for row in rows.values())
+        caught = sum(row[severity - 1]["harmful_caught"] for row in rows.values())
         add(f"severity {severity}: harmful caught", caught / max(harmful, 1), limit, least=True)
     clean = found["clean"]
     add("clean captures refused", clean["refused"] / clean["captures"], 0.01, least=False)

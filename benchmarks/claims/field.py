@@ -51,13 +51,13 @@ from benchmarks.shared import (
     versions,
 )
 from camssf.grid import Floats
-from camssf.learning.training import maker_of
 from camssf.photo.capture import Capture, MeasuredShot, Photo
 from camssf.photo.find.pose import Pose
 from camssf.photo.patches import PatchMeans
-from camssf.simulation.scene import Scene, true_pose
 from camssf.spectra import Light, read_chart, read_lamp
-from camssf.spectra.surfaces import surfaces
+from camssf.spectra.bundled import surfaces
+from camssf_lab.learning.training import maker_of
+from camssf_lab.simulation.scene import Scene, true_pose
 
 FRAMED, EVEN, FIELD, BARE = "framed", "even", "field", "field, no gain modes"
 KNOWN, AUTO = "known", "auto"
@@ -86,9 +86,9 @@ class Place:
 
 def place(rng: np.random.Generator, row: str) -> Place:
     """One of a row's."""
-    told, other = read_chart("classic24").values, read_chart("classic24:ohta").values
+    stated, other = read_chart("classic24").values, read_chart("classic24:ohta").values
     t = rng.uniform(0.6, 1.2)
-    chart = np.clip(told + t * (other - told), 0.0, 1.0)
+    chart = np.clip(stated + t * (other - stated), 0.0, 1.0)
     if row != FIELD:
         return Place(true_pose(Scene(size=SIZE)), np.ones(24), np.zeros_like(chart), chart)
     scene = Scene(
@@ -113,7 +113,7 @@ def place(rng: np.random.Generator, row: str) -> Place:
     )  # fmt: skip
 
 
-def photographed(device: Device, lamp: str, told: Light, at: Place, row: str, maker: str, seed: int) -> Capture:
+def photographed(device: Device, lamp: str, stated: Light, at: Place, row: str, maker: str, seed: int) -> Capture:
     """The capture of one row."""
     power = read_lamp(lamp).values
     seen = ((power * at.table * (1.0 + at.wall)) @ device.curves) / (power @ device.curves)
@@ -128,7 +128,7 @@ def photographed(device: Device, lamp: str, told: Light, at: Place, row: str, ma
         frame(y + noise, error), white if framed else None, dark if framed else None, np.full(3, BLACK), 16383.0
     )
     other = photo if framed else None
-    return Capture((MeasuredShot(told, photo, other, other, at.pose, means, None),), read_chart(TABLE), None)
+    return Capture((MeasuredShot(stated, photo, other, other, at.pose, means, None),), read_chart(TABLE), None)
 
 
 @contextmanager
@@ -160,13 +160,13 @@ def misnamed(device: Device, key: str, number: int) -> Iterator[tuple[str, float
     """Row, harm and status of every wrong name."""
     maker = maker_of(device.name)
     with standing_in(stands_in(device, key)):
-        for at, (told, true) in enumerate(WRONG):
+        for at, (stated, true) in enumerate(WRONG):
             seed = 1000 * number + 500 + at
             for row in (FRAMED, FIELD):
                 where = place(np.random.default_rng([seed, row == FIELD]), row)
                 right, wrong = (
                     judged(photographed(device, true, read_lamp(each), where, row, maker, seed), device, (true,))
-                    for each in (true, told)
+                    for each in (true, stated)
                 )
                 yield row, wrong.rmse - right.rmse, wrong.status
 

@@ -25,17 +25,18 @@ import numpy as np
 from benchmarks.claims.finder_drawings import DRAWINGS, EMPTY, Drawing, as_mosaic, as_preview, truth
 from benchmarks.shared import command_parser, console, progress, save, table, versions
 from camssf.grid import Floats
+from camssf.photo.find.candidates import FoundCharts, find_candidates
 from camssf.photo.find.geometry import block_corners, homography, map_points
 from camssf.photo.find.picture import codes_of_bytes, codes_of_mosaic
 from camssf.photo.find.search import ACCEPT, OPENCV, OWN, Detector, Match, matches_in, plain_signals, refine_closely
-from camssf.photo.find.sightings import FoundCharts, find_sightings
 from camssf.photo.read.dng import Mosaic, read_dng
 from camssf.spectra import read_chart
 from camssf.spectra.layouts import LAYOUTS
+from tools.pages import filled, write_or_check
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "finder.md"
-BEGIN, END = "<!-- python -m benchmarks.claims.finder --docs -->", "<!-- end -->"
+COMMAND = "python -m benchmarks.claims.finder --docs"
 NEAR, SAME, QUICK, EQUAL = 0.25, 0.1, 25.0, 1e-9
 Row = tuple[str, str, str, str, str, str]
 
@@ -95,11 +96,11 @@ def judge(name: str, layout: str, photo: Mosaic, real: Floats | None, mirrored: 
             return None, False
         return centres(refine_closely(photo, best, chart), layout), best.mirrored
 
-    sighting = next(iter(find_sightings(codes_of_mosaic(photo)).sightings), None)
+    candidate = next(iter(find_candidates(codes_of_mosaic(photo)).candidates), None)
     own, opencv, both = searched(OWN), searched(OPENCV), searched(OWN, OPENCV)
     if name == "real photo":
         real = opencv[0]  # OpenCV is the judge: nobody measured it better
-    ours, away = verdict(*((sighting.patches, sighting.mirrored) if sighting else (None, False)), real, mirrored)
+    ours, away = verdict(*((candidate.patches, candidate.mirrored) if candidate else (None, False)), real, mirrored)
     theirs, theirs_away = verdict(*opencv, real, mirrored)
     final, final_away = verdict(*both, real, mirrored)
     apart = np.nan if own[0] is None or opencv[0] is None or theirs != "found" else off(own[0], opencv[0])
@@ -123,7 +124,7 @@ def kotlin(rounds: int = 10) -> tuple[float, float, float]:
             shown = as_preview(small)
             path = Path(folder) / f"{number:03d}.640x480.rgb"
             path.write_bytes(shown.tobytes())
-            ours[path.name] = find_sightings(codes_of_bytes(shown))
+            ours[path.name] = find_candidates(codes_of_bytes(shown))
         command = ["java", "-Xmx256m", "-XX:+UseSerialGC", "-cp", class_path(), "org.camssf.golden.Finding"]
         files = [str(Path(folder) / name) for name in ours]
         done = subprocess.run([*command, str(rounds), *files], stdout=subprocess.PIPE, text=True, check=False)
@@ -133,7 +134,7 @@ def kotlin(rounds: int = 10) -> tuple[float, float, float]:
     worst, times = 0.0, []
     for line in lines:
         cells = line.split("\t")
-        seen = ours[cells[0]].sightings
+        seen = ours[cells[0]].candidates
         times.append(float(cells[14]))
         if bool(seen) != (cells[2] != "none"):
             return np.inf, np.nan, np.nan
@@ -169,9 +170,9 @@ def in_groups(rows: list[Row]) -> str:
         return words if farthest is None else f"{words}; {farthest:.3f}"
 
     lines = ["| pictures | finder | cv2.mcc, refined | search |", "| --- | --- | --- | --- |"]
-    for name, each in groups.items():
-        ours = cells([row[1] for row in each], [row[2] for row in each])
-        others = [cells([row[at] for row in each], [row[at].partition(" ")[2] for row in each]) for at in (3, 5)]
+    for name, group in groups.items():
+        ours = cells([row[1] for row in group], [row[2] for row in group])
+        others = [cells([row[at] for row in group], [row[at].partition(" ")[2] for row in group]) for at in (3, 5)]
         lines.append(f"| {name} | {ours} | {others[0]} | {others[1]} |")
     return "\n".join(lines)
 
@@ -214,11 +215,8 @@ def main() -> int:
         good = good and worst <= EQUAL and slowest <= QUICK
         result["kotlin"] = {"worst": worst, "median": median, "slowest": slowest}
     if options.docs:
-        page = PAGE.read_text("utf-8")
-        before, rest = page.split(BEGIN)
-        after = rest.split(END, 1)[1]
-        body = in_groups(rows)
-        PAGE.write_text(f"{before}{BEGIN}\n{summary}\n\n{body}\n{END}{after}", "utf-8")
+        page = filled(PAGE.read_text("utf-8"), {COMMAND: f"{summary}\n\n{in_groups(rows)}"})
+        write_or_check(COMMAND, PAGE.parent, {PAGE.name: page}, check=False)
     print(save("finder", result))
     return int(not good)
 

@@ -1,4 +1,4 @@
-"""Pictures with a chart before books, tiles, keys and windows, for the finder; not of `camssf.simulation`."""
+"""Pictures with a chart before books, tiles, keys and windows, for the finder; not of `camssf_lab.simulation`."""
 
 from __future__ import annotations
 

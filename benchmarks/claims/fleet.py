@@ -38,13 +38,13 @@ import numpy as np
 
 from benchmarks.shared import command_parser, console, save, table, versions
 from camssf.files import write_file
-from camssf.fleet.archive import task_of
-from camssf.fleet.batch import calibrate_into, run_batch
-from camssf.fleet.manifest import Job, Manifest
-from camssf.fleet.outcome import Outcome
-from camssf.fleet.registry import Registry
-from camssf.fleet.rows import Origin, Task, row
-from camssf.fleet.verify import verify
+from camssf_fleet.archive import task_of
+from camssf_fleet.batch import calibrate_into, run_batch
+from camssf_fleet.manifest import Job, Manifest
+from camssf_fleet.outcome import Outcome
+from camssf_fleet.registry import Registry
+from camssf_fleet.rows import Origin, Task, row
+from camssf_fleet.verification import verify
 
 START, MEMORY, RESUME, TWO, DASK = 2.0, 300e6, 5.0, 1.8, 1.15
 WAIT = 0.5
@@ -64,8 +64,8 @@ class Run:
 
 def shoot(home: Path, count: int) -> Path:
     """So many captures that differ: one DNG, each copy with some bytes of its own behind its end."""
-    from camssf.simulation.frames import simulate
-    from camssf.simulation.scene import Scene
+    from camssf_lab.simulation.frames import simulate
+    from camssf_lab.simulation.scene import Scene
 
     shot = simulate("Nikon 5100 (NPL)", ["D55"], home / "one", scene=Scene(size=(900, 675)), seed=1).shots[0]
     data = Path(shot.chart).read_bytes()
@@ -80,13 +80,13 @@ def batch(manifest: Path, to: Path, *words: str) -> Run:
     """`camssf batch` in a process of its own."""
     before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     command = [sys.executable, "-m", "camssf", "batch", str(manifest), "-o", str(to / "archive"), "--registry"]
-    told = subprocess.run(
+    done = subprocess.run(
         [*command, str(to / "registry"), *words], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
         check=False,
     )  # fmt: skip
     wall, after = time.perf_counter() - begun, resource.getrusage(resource.RUSAGE_CHILDREN)
     used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    found = json.loads(told.stdout)
+    found = json.loads(done.stdout)
     return Run(
         wall, used, found["total"] - found["by_status"].get("failed", 0) - found["by_status"].get("refused", 0)
     )
@@ -100,8 +100,8 @@ def million(home: Path, rows: int) -> dict[str, float]:
         file.writelines(f"phone {i},photos/{i}.dng,D55\n" for i in range(rows))
     code = (
         "import json, resource, sys, time\nfrom pathlib import Path\nbegun = float(sys.argv[2])\n"
-        "from camssf.fleet.manifest import Manifest\nfrom camssf.fleet.registry import Registry\n"
-        "from camssf.fleet.archive import Archive, unfinished\nfrom camssf.fleet.outcome import Summary\n"
+        "from camssf_fleet.manifest import Manifest\nfrom camssf_fleet.registry import Registry\n"
+        "from camssf_fleet.archive import Archive, unfinished\nfrom camssf_fleet.outcome import Summary\n"
         "rows, registry = Manifest(sys.argv[1]), Registry(sys.argv[1] + '.registry', new=True)\n"
         "jobs = unfinished(rows, registry, Summary(), Archive(Path('archive'), registry.folder, False))\n"
         "next(jobs); first, work = time.time() - begun, time.process_time()\ncount = 1 + sum(1 for _ in jobs)\n"
@@ -179,8 +179,8 @@ def handed_out(home: Path, count: int, workers: int) -> float:
 
 def cost(home: Path) -> dict[str, float]:
     """Of a 12-megapixel capture: processor seconds once all is loaded, bytes of its result and of its row."""
-    from camssf.simulation.frames import simulate
-    from camssf.simulation.scene import Scene
+    from camssf_lab.simulation.frames import simulate
+    from camssf_lab.simulation.scene import Scene
 
     shot = simulate("Nikon 5100 (NPL)", ["D55"], home / "large", scene=Scene(size=(4000, 3000)), seed=1).shots[0]
     manifest, found = home / "large.csv", []
@@ -202,7 +202,9 @@ def stub(job: Job, folder: Path) -> Outcome:
     """In place of the calibration: a result of its own for each photo."""
     photo = Path(job.photos[0])
     document = json.loads((photo.parent / "template.json").read_bytes())
-    document["camera"]["model"], document["evidence"] = f"Model {int(photo.stem) % 50}", float(photo.stem)
+    document["capture"]["shots"][0]["photo"]["model"] = f"Model {int(photo.stem) % 50}"
+    document["answer"]["evidence"] = float(photo.stem)
+    document.pop("sha256", None)
     folder.mkdir(parents=True, exist_ok=True)
     write_file(folder / "result.json", json.dumps(document))
     return Outcome(job.name, "accepted")
@@ -224,7 +226,7 @@ def stubs(home: Path, count: int, kills: int) -> dict[str, float]:
     """Captures missing and doubled after a run of stubs that was killed so often, and the seconds of all runs."""
     from benchmarks.claims import fleet
     from camssf.calibration import calibrate
-    from camssf.documents.result_json import document_bytes
+    from camssf.documents.document import document_bytes
     from camssf.options import Options
     from camssf.photo.shot import Shot
 
@@ -232,7 +234,7 @@ def stubs(home: Path, count: int, kills: int) -> dict[str, float]:
     (folder / "photos").mkdir(parents=True)
     shoot(folder, 1)
     found = calibrate(Shot(str(folder / "0.dng"), "D55"), options=Options(basis="cameras"))
-    template = document_bytes(found.document())
+    template = document_bytes(found)
     (folder / "photos" / "template.json").write_bytes(template)
     for number in range(count):
         (folder / "photos" / f"{number}.dng").write_text(str(number))
@@ -250,11 +252,11 @@ def stubs(home: Path, count: int, kills: int) -> dict[str, float]:
             killed += run.poll() is None
             run.kill()
     done = subprocess.run(command, env=search, check=True, capture_output=True, text=True)
-    seconds, told = time.perf_counter() - begun, json.loads(done.stdout)
+    seconds, report = time.perf_counter() - begun, json.loads(done.stdout)
     registry = Registry(folder / "registry")
     names = [each["name"] for each in registry.query("SELECT name FROM rows")]
     return {
-        "seconds": seconds, "killed": killed, "resumed": told["resumed"], "missing": count - len(set(names)),
+        "seconds": seconds, "killed": killed, "resumed": report["resumed"], "missing": count - len(set(names)),
         "doubled": len(names) - len(set(names)), "faults": len(verify(registry).faults),
     }  # fmt: skip
 
@@ -277,7 +279,7 @@ def killed(manifest: Path, to: Path, cluster: Any, captures: int) -> dict[str, i
     to.mkdir()
     killer = threading.Thread(target=kill, daemon=True)
     killer.start()
-    batch(manifest, to, "--dask", cluster.scheduler_address)
+    batch(manifest, to, "--workers", cluster.scheduler_address)
     killer.join(timeout=10)
     names = [each["name"] for each in Registry(to / "registry").query("SELECT name FROM rows")]
     return {
@@ -302,7 +304,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--pairs", type=int, default=3)
     parser.add_argument("--stubs", type=int, default=10_000, help="jobs that only write a result")
     parser.add_argument("--only", choices=("manifest", "resume", "cost", "waits", "stubs", "workers", "dask"))
-    told = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     out, document, missed = console(), {}, []
 
     def bar(name: str, value: float, limit: float, *, least: bool = False) -> None:
@@ -316,47 +318,47 @@ def main(arguments: list[str] | None = None) -> int:
 
     with tempfile.TemporaryDirectory() as place:
         home = Path(place)
-        if told.only in (None, "manifest"):
-            document["manifest"] = found = million(home, told.rows)
-            bar(f"{told.rows} rows: seconds to the first job", found["first"], START)
-            bar(f"{told.rows} rows: MB after the last", found["bytes"] / 1e6, MEMORY / 1e6)
+        if options.only in (None, "manifest"):
+            document["manifest"] = found = million(home, options.rows)
+            bar(f"{options.rows} rows: seconds to the first job", found["first"], START)
+            bar(f"{options.rows} rows: MB after the last", found["bytes"] / 1e6, MEMORY / 1e6)
             words = "; ".join(
                 f"{word}: {found[word]:.1f} s, {found[word + '_processor']:.1f} of a processor"
                 for word in ("first", "last")
             )
             out.print(words)
-        if told.only in (None, "resume"):
-            document["resume"] = found = resumed(home, told.done)
-            bar(f"{told.done} done captures: seconds of a resumed run", found["seconds"], RESUME)
+        if options.only in (None, "resume"):
+            document["resume"] = found = resumed(home, options.done)
+            bar(f"{options.done} done captures: seconds of a resumed run", found["seconds"], RESUME)
             out.print(f"of them {found['processor']:.1f} s of a processor")
-        if told.only in (None, "cost"):
+        if options.only in (None, "cost"):
             document["cost"] = found = cost(home)
             days = found["processor"] * 1e6 / 86400
             out.print(
                 f"12 megapixels: {found['processor']:.2f} s of a processor, so a million are {days:.1f} days of one; "
                 f"result.json {found['result'] / 1e3:.0f} kB"
             )
-        if told.only in (None, "waits"):
-            one, two = (handed_out(home, told.done // 8, workers) for workers in (1, 2))
+        if options.only in (None, "waits"):
+            one, two = (handed_out(home, options.done // 8, workers) for workers in (1, 2))
             document["waits"] = {"one": one, "two": two, "ratio": two / one}
             out.print(f"waits of {WAIT} s: {one:.2f} a second with one worker, {two:.2f} with two")
             bar("waits: two workers over one", two / one, TWO, least=True)
-        if told.only in (None, "stubs"):
-            document["stubs"] = found = stubs(home, told.stubs, 5)
+        if options.only in (None, "stubs"):
+            document["stubs"] = found = stubs(home, options.stubs, 5)
             out.print(
-                f"{told.stubs} stubs: {found['seconds']:.0f} s, {found['resumed']:.0f} done before the last run"
+                f"{options.stubs} stubs: {found['seconds']:.0f} s, {found['resumed']:.0f} done before the last run"
             )
             for name in ("missing", "doubled", "faults"):
                 bar(f"stubs, a run killed five times: {name}", found[name], 0)
-        if told.only in (None, "workers", "dask"):
-            manifest = shoot(home / "shots", told.captures)
-        if told.only in (None, "workers"):
-            runs = pairs(home, told.pairs, [("one", local(manifest, 1)), ("two", local(manifest, 2))])
+        if options.only in (None, "workers", "dask"):
+            manifest = shoot(home / "shots", options.captures)
+        if options.only in (None, "workers"):
+            runs = pairs(home, options.pairs, [("one", local(manifest, 1)), ("two", local(manifest, 2))])
             document["workers"] = {name: [vars(run) for run in each] for name, each in runs.items()}
-            lines = [[name, *_words(each, told.captures, n)] for n, (name, each) in enumerate(runs.items(), 1)]
-            title = f"{told.captures} captures, {told.pairs} pairs"
+            lines = [[name, *_words(each, options.captures, n)] for n, (name, each) in enumerate(runs.items(), 1)]
+            title = f"{options.captures} captures, {options.pairs} pairs"
             out.print(table(title, ("workers", "s", "processor s a capture", "of its processors"), lines))
-            assert all(run.done == told.captures for each in runs.values() for run in each)
+            assert all(run.done == options.captures for each in runs.values() for run in each)
             ratios = [one.wall / two.wall for one, two in zip(runs["one"], runs["two"], strict=True)]
             work = [2 * a.processor / b.processor for a, b in zip(runs["one"], runs["two"], strict=True)]
             document["workers"] |= {"ratios": ratios, "by_processor_time": work}
@@ -364,29 +366,29 @@ def main(arguments: list[str] | None = None) -> int:
                 f"two over one: {', '.join(f'{r:.2f}' for r in ratios)}; by processor time {np.median(work):.2f}"
             )
             bar("two workers over one, median of pairs", float(np.median(ratios)), TWO, least=True)
-            each = min(run.wall for run in runs["two"]) / told.captures
+            each = min(run.wall for run in runs["two"]) / options.captures
             out.print(f"{1 / each:.2f} captures/s with two: a million in {each * 1e6 / 86400:.1f} days")
-        if told.only in (None, "dask"):
+        if options.only in (None, "dask"):
             import distributed
 
             with distributed.LocalCluster(
                 n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
             ) as cluster:
-                address = cluster.scheduler_address
-                ways = [("workers", local(manifest, 2)), ("dask", lambda to: batch(manifest, to, "--dask", address))]
-                runs = pairs(home, told.pairs, ways)
+                words = ("--workers", cluster.scheduler_address)
+                ways = [("workers", local(manifest, 2)), ("dask", lambda to: batch(manifest, to, *words))]
+                runs = pairs(home, options.pairs, ways)
                 ratios = [b.wall / a.wall for a, b in zip(runs["workers"], runs["dask"], strict=True)]
                 out.print(f"Dask over --workers 2: {', '.join(f'{r:.2f}' for r in ratios)}")
-                assert all(run.done == told.captures for each in runs.values() for run in each)
+                assert all(run.done == options.captures for each in runs.values() for run in each)
                 bar("Dask over --workers, median of pairs", float(np.median(ratios)), DASK)
-                lost = killed(manifest, home / "killed", cluster, told.captures)
+                lost = killed(manifest, home / "killed", cluster, options.captures)
                 document["dask"] = {"ratios": ratios, **lost}
                 bar("a worker killed: captures missing", lost["missing"], 0)
                 bar("a worker killed: rows doubled", lost["doubled"], 0)
                 bar("a worker was killed", lost["killed"], 1, least=True)
     print(
         save(
-            "fleet" if told.only is None else f"fleet-{told.only}",
+            "fleet" if options.only is None else f"fleet-{options.only}",
             document | {"versions": versions("duckdb", "distributed")},
         )
     )

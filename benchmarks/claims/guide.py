@@ -1,6 +1,6 @@
 """What Kotlin's CaptureGuide says of faults that are known: `python -m benchmarks.claims.guide [--search]`
 
-Sequences of 640 × 480 preview frames by the simulated camera (`camssf.simulation`): a measured camera's curves, a
+Sequences of 640 × 480 preview frames by the simulated camera (`camssf_lab.simulation`): a measured camera's curves, a
 colour matrix of three numbers a channel, a tone curve that is not sRGB's, noise, 4:2:0 colours, a hand that trembles.
 Each has one fault, or none. The guide was built on other drawings (`Drawn.kt`), and none of its limits was set here.
 Without `--search` it is told where the chart lies; with it, ChartFinder looks for it, and the time counts both.
@@ -29,8 +29,8 @@ from numpy.typing import NDArray
 from benchmarks.kernels.kotlin_decode import BINDINGS, Unavailable
 from benchmarks.shared import command_parser, console, one_thread, progress, save, table, versions
 from camssf.grid import Floats
-from camssf.simulation.scene import FOCAL, Scene, project, render_mosaic, true_pose
 from camssf.spectra import ChartTable, read_camera, read_chart, read_lamp
+from camssf_lab.simulation.scene import FOCAL, Scene, project, render_mosaic, true_pose
 
 FRAMES = 20
 """A sequence: 0.7 s at 30 frames a second."""

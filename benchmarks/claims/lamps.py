@@ -163,11 +163,11 @@ def main(arguments: list[str] | None = None) -> int:
                     directions = np.zeros((len(lamps), q, 681))
                     for j, (_, _, modes) in enumerate(lamps):
                         directions[j, : len(modes)] = modes
-                    told = {
+                    observations = {
                         "known": (np.stack([power for power, _, _ in lamps]), np.zeros_like(directions)),
                         "kind": (np.stack([about[0] for _, about, _ in lamps]), directions),
                     }
-                    for how, (light, modes_) in told.items():
+                    for how, (light, modes_) in observations.items():
                         answer = recover(
                             Observation(
                                 y,

@@ -43,17 +43,17 @@ from benchmarks.claims.accuracy import (
     power,
 )
 from benchmarks.claims.accuracy import judge as against
+from benchmarks.problems import chosen_basis
 from benchmarks.shared import chart, command_parser, console, one_thread, progress, save, table, take_tables, versions
 from camssf.errors import CalibrationError
 from camssf.grid import Floats
-from camssf.learning.basis import learn
-from camssf.learning.training import HANDFUL, Enlargement, maker_of, read_curves
 from camssf.recovery.basis import Basis, interpolate, read_basis
-from camssf.recovery.hypotheses import choose as chosen
-from camssf.recovery.linear_model import linear_model
 from camssf.recovery.observation import Observation
-from camssf.recovery.sensitivity import SolverSettings, Ssf, answer
+from camssf.recovery.sensitivity import SolverSettings, Ssf, solve_on_basis
 from camssf.spectra import read_chart
+from camssf_lab.learning.basis import learn
+from camssf_lab.learning.training import HANDFUL, Enlargement, maker_of, read_curves
+from golden.linear_model import linear_model
 
 _ACCURACY = {setting.name: setting for setting in SETTINGS}
 JUDGED = (
@@ -166,19 +166,19 @@ def auto(basis: str) -> str:
 
 def renamed(ssf: Ssf, basis: str) -> Ssf:
     """The answer with another name of its basis."""
-    return replace(ssf, settings=replace(ssf.settings, basis=basis))
+    return replace(ssf, basis=basis)
 
 
 def nats(ssf: Ssf) -> float:
     """The answer's evidence."""
-    assert ssf.posterior is not None
-    return ssf.posterior.log_evidence
+    assert ssf.log_evidence is not None
+    return ssf.log_evidence
 
 
 def answers(device: Device, observation: Observation) -> dict[str, tuple[Found, float]]:
     """Curves and bands, and the nats of evidence, on each basis of the device, by choice, and channel by channel."""
     solved = {
-        name: renamed(answer(observation, basis, settings=SolverSettings(engine="reference")), name)
+        name: renamed(solve_on_basis(observation, basis, settings=SolverSettings(engine="reference")), name)
         for name, basis in device.bases.items()
     }
     found = {name: (each.peak(), nats(each)) for name, each in solved.items()}
@@ -187,7 +187,7 @@ def answers(device: Device, observation: Observation) -> dict[str, tuple[Found, 
     for name in device.bases:
         if name != CAMERAS:
             pair = [solved[name], solved[CAMERAS]]
-            found[auto(name)] = chosen(observation, pair, np.zeros(2)).peak(), float("nan")
+            found[auto(name)] = chosen_basis(observation, pair, np.zeros(2)).peak(), float("nan")
     book = device.bases[CAMERAS]
     found[APART] = answer_of(apart(linear_model(observation, book)), observation, book), float("nan")
     return found
@@ -212,17 +212,17 @@ def doubted_lamp(devices: Sequence[Device], draws: int, bar: Progress) -> dict[s
         for device in devices:
             y, error = photograph(setting, device.curves, seen, rng)
             exact = declared(setting, y, error)
-            told = {"doubted": replace(exact, lamp_modes=step[None, None]), "exact": exact}
+            observations = {"doubted": replace(exact, lamp_modes=step[None, None]), "exact": exact}
             for name, basis in device.bases.items():
                 found = {
-                    word: answer(each, basis, settings=SolverSettings(engine="reference"))
-                    for word, each in told.items()
+                    word: solve_on_basis(each, basis, settings=SolverSettings(engine="reference"))
+                    for word, each in observations.items()
                 }
                 for word, each in found.items():
                     rmse, covered = against(each.peak(), device.curves)
                     assert covered is not None  # a learned basis has bands
                     scores[name][word].append((float(rmse.mean()), float(covered[:, SEEN].mean())))
-                change = np.log(found["doubted"].light.lamp[0] / exact.lamp[0])
+                change = np.log(found["doubted"].lamp[0] / exact.lamp[0])
                 kelvin = DOUBT * float((change - change.mean()) @ bend / (bend @ bend))
                 off[name].setdefault(device.name, []).append(kelvin)
             bar.advance(task)

@@ -42,12 +42,12 @@ from benchmarks.shared import (
 from camssf.calibration import solve
 from camssf.errors import CalibrationError
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.learning.training import maker_of, read_curves
 from camssf.options import Options
 from camssf.photo.capture import Capture
-from camssf.result import Calibration
+from camssf.result import Result
 from camssf.spectra import Light, read_lamp, read_light
 from camssf.spectra.lamps import TORCH
+from camssf_lab.learning.training import maker_of, read_curves
 
 BEFORE = ("D:5200", "2856K", "LED-B3")
 """Lamps of the previous result, one after the other."""
@@ -121,7 +121,7 @@ class Later:
     light: tuple[float, float, float] | None
 
 
-def solved(given: Capture, previous: Calibration | None = None) -> Calibration | None:
+def solved(given: Capture, previous: Result | None = None) -> Result | None:
     """The answer; None if refused."""
     try:
         return solve(given, options=Options(engine="reference"), previous=previous)
@@ -131,7 +131,7 @@ def solved(given: Capture, previous: Calibration | None = None) -> Calibration |
         return None
 
 
-def score(found: Calibration, curves: Floats) -> tuple[float, float]:
+def score(found: Result, curves: Floats) -> tuple[float, float]:
     """RMSE and coverage."""
     given, std = found.ssf.peak()
     assert std is not None
@@ -166,7 +166,7 @@ def of_device(device: Device, key: str, number: int, changes: Sequence[str], tel
     return rows
 
 
-def later(device: Device, first: Calibration, new: Capture, change: str, lamp: str, given: str) -> Later:
+def later(device: Device, first: Result, new: Capture, change: str, lamp: str, given: str) -> Later:
     """One later photo."""
     alone, found = solved(new) if change == SAME else None, solved(new, first)
     rmse, covered = (None, None) if found is None else score(found, device.curves)
@@ -181,9 +181,9 @@ def later(device: Device, first: Calibration, new: Capture, change: str, lamp: s
     )  # fmt: skip
 
 
-def light_score(found: Calibration, lamp: str) -> tuple[float, float]:
+def light_score(found: Result, lamp: str) -> tuple[float, float]:
     """Error and coverage of the first shot's estimated spectrum, both of mean power 1 from 400 to 700 nm."""
-    light = found.ssf.light.lights[0]
+    light = found.ssf.lights[0]
     assert light is not None
     level, true = light.power[SEEN].mean(), power(lamp)[SEEN]
     off = light.power[SEEN] / level - true / true.mean()
@@ -212,7 +212,7 @@ def noticed(rows: Sequence[Later]) -> dict[str, float]:
     blue = [one for change in BLUE for one in by_change[change]]
     kinds = {kind: [one for one in blue if KIND_OF[one.lamp] == kind] for kind in dict.fromkeys(KIND_OF.values())}
     shares = by_change | {f"blue ±5 nm, {kind}": each for kind, each in kinds.items()}
-    return {name: float(np.mean([not one.used for one in each])) for name, each in shares.items() if each}
+    return {name: float(np.mean([not one.used for one in share])) for name, share in shares.items() if share}
 
 
 def summary(rows: Sequence[Later]) -> dict[str, Any]:

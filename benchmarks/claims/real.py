@@ -30,21 +30,22 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.problems import chosen_basis
 from benchmarks.shared import CURVES, command_parser, console, one_thread, save, table, versions
 from camssf.calibration import calibrate
 from camssf.errors import CalibrationError
-from camssf.fit.gain_modes import patch_modes
+from camssf.fit.capture_fit import patch_modes
 from camssf.grid import STEP, WAVELENGTHS, Floats
-from camssf.learning.basis import learn
-from camssf.learning.training import maker_of, read_curves
 from camssf.photo.signals import Signals
 from camssf.recovery.basis import Basis, interpolate
-from camssf.recovery.hypotheses import FAMILIES, choose, prior_belief, recover
+from camssf.recovery.hypotheses import FAMILIES, prior_belief, recover
 from camssf.recovery.observation import Observation
-from camssf.recovery.sensitivity import SolverSettings, Ssf, answer
+from camssf.recovery.sensitivity import SolverSettings, Ssf, solve_on_basis
 from camssf.spectra import ChartTable, Lamp, read_chart
 from camssf.spectra.lamps import MEASURED_LAMP
 from camssf.verdict.goodness_of_fit import VerdictInputs
+from camssf_lab.learning.basis import learn
+from camssf_lab.learning.training import maker_of, read_curves
 
 ROOT = Path(__file__).parents[2]
 REAL = ROOT / "data" / "real"
@@ -142,7 +143,9 @@ def chart(name: str) -> ChartTable:
     share = capture.radiance / capture.radiance[capture.white]
     # Below 400 nm the tungsten lamp gives the radiometer nothing but noise.
     share = np.where(WAVELENGTHS[capture.at[0]] > WAVELENGTHS, share[:, capture.at[:1]], share)
-    return replace(published, table="radiance over that of white", values=share * published.values[capture.white])
+    return replace(published, table="radiance over that of white").with_values(
+        share * published.values[capture.white]
+    )
 
 
 @cache
@@ -156,16 +159,16 @@ def evidence(
     name: str, tolerance: float, noise: float = NOISE, gains: Floats | None = None, light_per_patch: float = 0.0
 ) -> Observation:
     """The capture as the product is told it; `gains` (24,) divide the patches' signals."""
-    capture, told = d70(), chart(name)
+    capture, table = d70(), chart(name)
     modes = patch_modes(24, light_per_patch, capture.white) if light_per_patch else np.zeros((0, 24))
     y = (capture.signals if gains is None else capture.signals / gains[:, None])[capture.used]
     return Observation(
         y,
-        told.values[capture.used],
+        table.values[capture.used],
         light(),
         standard_error=noise * y,
         chart_tolerance=np.array(tolerance),
-        white_reflectance=told.values[capture.white],
+        white_reflectance=table.values[capture.white],
         lamp_tolerance=np.array(MEASURED_LAMP),
         gain_modes=modes[:, capture.used],
     )
@@ -182,10 +185,10 @@ def without(maker: str) -> Basis:
 def automatic(given: Observation, left_out: Basis) -> Ssf:
     """`recover(basis="auto")` with another basis in the place of `cameras`."""
     answers = [
-        answer(given, left_out if name == SHIPPED else name, settings=SolverSettings(engine="reference"))
+        solve_on_basis(given, left_out if name == SHIPPED else name, settings=SolverSettings(engine="reference"))
         for name in FAMILIES
     ]
-    return choose(given, answers, np.array([prior_belief(name, {}) for name in FAMILIES]))
+    return chosen_basis(given, answers, np.array([prior_belief(name, {}) for name in FAMILIES]))
 
 
 def solve(
@@ -193,14 +196,14 @@ def solve(
 ) -> tuple[Observation, Ssf]:
     """One of BASES: what it was told, and its answer."""
     if basis == PAPER:
-        told = evidence(name, 0.0, float(np.hypot(NOISE, tolerance)), gains)
-        return told, recover(told, basis="gaussian")
-    told = evidence(name, tolerance, gains=gains, light_per_patch=light_per_patch)
+        observation = evidence(name, 0.0, float(np.hypot(NOISE, tolerance)), gains)
+        return observation, recover(observation, basis="gaussian")
+    observation = evidence(name, tolerance, gains=gains, light_per_patch=light_per_patch)
     if basis == CLAIM:
-        return told, automatic(told, without("nikon"))
+        return observation, automatic(observation, without("nikon"))
     if basis == LEFT_OUT:
-        return told, recover(told, basis=without("nikon"), settings=SolverSettings(engine="reference"))
-    return told, recover(told, basis=basis)
+        return observation, recover(observation, basis=without("nikon"), settings=SolverSettings(engine="reference"))
+    return observation, recover(observation, basis=basis)
 
 
 def score(curves: Floats, std: Floats | None, truth: Floats) -> tuple[Floats, float | None]:
@@ -221,34 +224,41 @@ def judged(curves: Floats, std: Floats | None = None) -> dict[str, dict[str, Any
     return found
 
 
-def z_of(told: Observation, found: Ssf, name: str) -> float:
+def z_of(posed: Observation, found: Ssf, name: str) -> float:
     """The verdict's own measure of how ill an answer fits what was told."""
     capture, used = d70(), d70().used
-    assert told.standard_error is not None
-    n = len(told.signals[0])
-    nothing = np.zeros_like(told.signals)
+    assert posed.standard_error is not None
+    n = len(posed.signals[0])
+    nothing = np.zeros_like(posed.signals)
     signals = Signals(
-        told.signals, told.standard_error, nothing, nothing, nothing, np.ones((1, n), bool), np.ones(1, bool), ()
+        posed.signals,
+        posed.standard_error,
+        nothing,
+        nothing,
+        nothing,
+        np.ones((1, n), bool),
+        np.ones(1, bool),
+        (),
     )
     whole = chart(name)
     patches = tuple(np.array(whole.patches)[used].tolist())
-    part = replace(whole, patches=patches, values=whole.values[used], tolerance=told.chart_tolerance, white=0)
+    part = replace(whole, patches=patches, tolerance=posed.chart_tolerance, white=0).with_values(whole.values[used])
     lamp = Lamp("tungsten", light(), MEASURED_LAMP, np.zeros((0, WAVELENGTHS.size)), "measured")
     rho = whole.values[capture.white]
-    modes = told.gain_modes, told.gain_own
-    return VerdictInputs(signals, part, [], [], [lamp], rho, told.white_tolerance, modes).goodness_of_fit(found).z
+    modes = posed.gain_modes, posed.gain_own
+    return VerdictInputs(signals, part, [], [], [lamp], rho, posed.white_tolerance, modes).goodness_of_fit(found).z
 
 
 def attempt(
     basis: str, name: str, tolerance: float, gains: Floats | None = None, light_per_patch: float = 0.0
 ) -> dict[str, Any]:
     """One row."""
-    told, found = solve(basis, name, tolerance, gains, light_per_patch)
+    observation, found = solve(basis, name, tolerance, gains, light_per_patch)
     curves, std = found.peak()
     row: dict[str, Any] = {"chart": name, "tolerance": tolerance, "light": light_per_patch, "basis": basis}
     row["passes"] = judged(curves, std)
-    row["log_evidence"] = None if found.posterior is None else found.posterior.log_evidence
-    row["z"] = None if std is None else z_of(told, found, name)
+    row["log_evidence"] = found.log_evidence
+    row["z"] = None if std is None else z_of(observation, found, name)
     row["cameras"] = sum(each.probability for each in found.choice if each.basis == SHIPPED) if found.choice else None
     at = d70().at
     row["band"] = None if std is None else float((1.96 * std[at]).mean())
@@ -258,8 +268,8 @@ def attempt(
 def gains_of(name: str, truth: Floats) -> Floats:
     """(24, 3) by how much the camera saw more of a patch than the truth says, relative to the white patch."""
     capture = d70()
-    told = (chart(name).values * light()) @ truth
-    return np.asarray(capture.signals / (told / told[capture.white]))
+    expected = (chart(name).values * light()) @ truth
+    return np.asarray(capture.signals / (expected / expected[capture.white]))
 
 
 def common(gains: Floats) -> Floats:
@@ -302,8 +312,8 @@ def redraw(count: int = DRAWS, seed: int = 8) -> dict[str, list[float]]:
         gains = np.exp(SCATTERED * rng.normal(size=(len(exact), 1)) + UNCOMMON * rng.normal(size=exact.shape))
         y = exact * gains
         y = (y / y[capture.white])[capture.used]
-        told = replace(evidence(MEASURED, TOLERANCES[1]), signals=y[None], standard_error=NOISE * y[None])
-        answered = recover(told, basis=without("nikon"), settings=SolverSettings(engine="reference"))
+        observation = replace(evidence(MEASURED, TOLERANCES[1]), signals=y[None], standard_error=NOISE * y[None])
+        answered = recover(observation, basis=without("nikon"), settings=SolverSettings(engine="reference"))
         rmse, held = score(*answered.peak(), truth)
         assert held is not None
         found.append([rmse.mean(), held])
@@ -327,7 +337,7 @@ def measure() -> dict[str, Any]:
     # What the scatter of the light costs: the gains that pass 2011 says, taken out before anything is solved. The
     # paper's basis is told the noise alone here, which serves it best.
     gains = common(gains_of(MEASURED, d70().truth["2011"]))
-    mended = [attempt(basis, MEASURED, told, gains) for basis, told in ((CLAIM, 0.03), (PAPER, 0.0))]
+    mended = [attempt(basis, MEASURED, assumed, gains) for basis, assumed in ((CLAIM, 0.03), (PAPER, 0.0))]
     return {
         "rows": rows,
         "mended": mended,

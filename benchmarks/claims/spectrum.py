@@ -1,7 +1,7 @@
 """What does a posterior of reflectance tell? `python -m benchmarks.claims.spectrum [--phones [phones.csv]]`
 
 Cameras are recovered as in `colour`: a basis that does not know them, a chart of Ohta's table solved with
-BabelColor's, one shot (D55), two (D55, A), or one whose light is not named. Then `camssf.colour.spectrum` with the
+BabelColor's, one shot (D55), two (D55, A), or one whose light is not named. Then `camssf_colour.spectrum` with the
 prior "general" sees surfaces that its prior does not hold: each set of the library is left out in turn (`GROUPS`), of
 the skins those of the other laboratory stay, counted eight times. Lights: D55, D65, A, LED-B3, FL2 and an LED of our
 own (`MADE`).
@@ -44,7 +44,16 @@ from benchmarks.shared import (
     save,
     table,
 )
-from camssf.colour import (
+from camssf.colorimetry import delta_e00, signals_of, white_of
+from camssf.grid import WAVELENGTHS, Floats
+from camssf.recovery.covariance import CHART_CORRELATION, smooth_errors
+from camssf.recovery.hypotheses import LampGuess, recover
+from camssf.recovery.observation import Observation
+from camssf.recovery.sensitivity import SolverSettings
+from camssf.spectra import Lamp, read_chart, read_lamp
+from camssf.spectra.bundled import SURFACE_NODES, absorbers, surface_sets
+from camssf.spectra.families import FAMILIES
+from camssf_colour import (
     Camera,
     LitSurfaces,
     Reference,
@@ -57,20 +66,9 @@ from camssf.colour import (
     prior_of,
     spectrum,
 )
-from camssf.colour.absorbance import absorbance, indices, shipped_index
-from camssf.colour.spaces import white_of
-from camssf.colour.standard import of_surfaces
-from camssf.colour.surface_prior import SKINS_COUNT, skin_changes
-from camssf.colour.transforms import signals_of
-from camssf.grid import WAVELENGTHS, Floats
-from camssf.recovery.covariance import CHART_CORRELATION, smooth_errors
-from camssf.recovery.observation import Observation
-from camssf.recovery.sensitivity import SolverSettings
-from camssf.recovery.unnamed_light import LampGuess, recover_in_any_light
-from camssf.spectra import Lamp, read_chart, read_lamp
-from camssf.spectra.appearance import delta_e00
-from camssf.spectra.families import FAMILIES
-from camssf.spectra.surfaces import SURFACE_NODES, absorbers, surface_sets
+from camssf_colour.absorbance import absorbance, indices, shipped_index
+from camssf_colour.standard import of_surfaces
+from camssf_colour.surface_prior import SKINS_COUNT, skin_changes
 
 GROUPS = {
     "rawtoaces": ("rawtoaces",),
@@ -139,7 +137,7 @@ def unnamed(case: Case, rng: np.random.Generator) -> Camera:
                 0.0,
             )
         )  # fmt: skip
-    answer = recover_in_any_light(guesses, basis=case.basis, settings=SolverSettings(engine="reference"))
+    answer = recover(guesses, basis=case.basis, settings=SolverSettings(engine="reference"))
     best = max(answer.choice, key=lambda each: each.probability)
     white = next(guess.observation.lamp[0] for guess in guesses if guess.kinds == best.kinds)
     return camera_of_ssf(answer, case.basis, white)
@@ -184,8 +182,8 @@ def regions(case: Case, rng: np.random.Generator, every: int) -> Iterator[tuple[
             error = NOISE * y
             y = y + error * rng.normal(size=y.shape)
             truth = of_surfaces(fine, power, View())[1]
-            for way, told in (("named", word), ("kind", kind), ("auto", "auto")):
-                lit = LitSurfaces(told, y, error, Reference(WHITE, raw))
+            for way, lamp_name in (("named", word), ("kind", kind), ("auto", "auto")):
+                lit = LitSurfaces(lamp_name, y, error, Reference(WHITE, raw))
                 answer = spectrum(camera, lit, prior=prior_without(name))
                 off = truth - answer.lab
                 solved = np.linalg.solve(answer.lab_covariance, off[..., None])[..., 0]
@@ -228,7 +226,7 @@ def changes(case: Case, known: dict[str, Camera], every: int) -> Iterator[tuple[
     index, size = shipped_index("erythema"), STEP * people()["erythema"]
     skins = {name: group(name)[0] for name in GROUPS if group(name)[2]}
     for name, rows in skins.items():
-        others = np.concatenate([each for key, each in skins.items() if key != name])
+        others = np.concatenate([skin for key, skin in skins.items() if key != name])
         priors = {"population": prior_of(others), "widened": prior_of(others, changes=skin_changes())}
         for absorber in ("oxyhaemoglobin", "deoxyhaemoglobin"):
             curve = absorbers()[absorber]
@@ -336,7 +334,7 @@ def show(
         (kind, *(f"{inside[kind, way]:.3f}" for way in ("named", "kind", "auto"))) for kind in ("general", "skin")
     ]
     console().print(table("within the 95 % region of Lab", ("", "named", "by kind", "auto"), lines))
-    bands = {key: tuple(np.mean(each, axis=0).tolist()) for key, each in errors.items()}
+    bands = {key: tuple(np.mean(error, axis=0).tolist()) for key, error in errors.items()}
     lines = [(kind, *(f"{v:.4f}" for n in PAIRS for v in bands[kind, n])) for kind in ("general", "skin")]
     heads = ("", "one light: RMSE", "in the band", "two lights: RMSE", "in the band")
     console().print(table("spectra", heads, lines))

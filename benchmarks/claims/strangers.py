@@ -46,10 +46,10 @@ from benchmarks.shared import (
     versions,
 )
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.learning.training import HANDFUL, maker_of, read_curves, with_yellow, yellow_for_green
 from camssf.recovery.basis import Basis
 from camssf.spectra import read_chart, read_lamp
 from camssf.spectra.charts import faded
+from camssf_lab.learning.training import HANDFUL, maker_of, read_curves, with_yellow, yellow_for_green
 
 OTHER, UNKNOWN = "as measured, basis of another maker's", "as measured, no maker in the file"
 FADED = {"chart faded by 10 %": 0.1, "chart faded by 20 %": 0.2}

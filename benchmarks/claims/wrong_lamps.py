@@ -32,10 +32,10 @@ from benchmarks.claims.phones import CAMERAS, OTHER_MAKER, OTHERS, PHONES, Devic
 from benchmarks.claims.phones import phones_left_out as phones_of
 from benchmarks.shared import command_parser, console, one_thread, progress, save, table, take_tables, versions
 from camssf.errors import CalibrationError
-from camssf.learning.training import maker_of, read_curves
 from camssf.photo.capture import MeasuredShot
 from camssf.recovery.basis import Basis
 from camssf.spectra import read_chart, read_lamp
+from camssf_lab.learning.training import maker_of, read_curves
 
 WRONG = (
     ("A", "LED-BH1"), ("A", "LED-B1"), ("LED-B3", "LED-B4"), ("D55", "D:15000"), ("D65", "A"), ("A", "D55"),
@@ -85,8 +85,8 @@ def taken(device: Device, light: str, chart: str, number: int) -> MeasuredShot:
 def judged(shot: MeasuredShot, lamp: str, maker: str, basis: Basis, device: Device) -> Outcome:
     """The verdict of the shot under that name of its lamp; a maker's file names the model, too, as phones do."""
     model = device.name[len(maker) :].strip() if maker else ""
-    told = replace(shot, lamp=read_lamp(lamp), photo=replace(shot.photo, make=maker, model=model))
-    return solved([told], basis, device.curves)
+    changed = replace(shot, lamp=read_lamp(lamp), photo=replace(shot.photo, make=maker, model=model))
+    return solved([changed], basis, device.curves)
 
 
 def of_device(device: Device, basis: Basis, maker: str, number: int) -> Iterator[Told]:
@@ -110,8 +110,8 @@ def black_levels(device: Device, basis: Basis, number: int) -> Iterator[tuple[fl
         for off in BLACK:
             means = shot.means
             black = means.black + off * (means.saturation - means.black)
-            told = replace(shot, dark=None, means=replace(means, dark=None, black=black))
-            yield off, judged(told, light, "", basis, device)
+            changed = replace(shot, dark=None, means=replace(means, dark=None, black=black))
+            yield off, judged(changed, light, "", basis, device)
 
 
 def row(rows: Sequence[Told]) -> dict[str, Any]:

@@ -1,9 +1,9 @@
-"""What does an unnamed light cost in runs of the models? `python -m benchmarks.kernels.any_light_cost`
+"""What does an unnamed light cost in processor time? `python -m benchmarks.kernels.any_light_cost`
 
 One shot of a phone and 24 patches under D55. A call with one lamp by its name; the call that weighs four kinds at
 once; a call by each kind, and one with its smooth error as modes, which gives the light; then the models' calls
 of an answer whose basis the signals choose, with the lamp named and not, as Kotlin makes them. Contenders in turn,
-medians of processor time, one thread. Bar: four kinds weighed at most 3 times one name; exit status 1 where missed.
+medians, one thread. Bar: four kinds weighed at most 3 times one name; exit status 1 where missed.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ import numpy as np
 from benchmarks.shared import command_parser, console, one_thread, save, table, versions
 from camssf.grid import Floats
 from camssf.recovery.basis import read_basis
-from camssf.recovery.hypotheses import FAMILIES, recover
+from camssf.recovery.evidence import log_evidences
+from camssf.recovery.hypotheses import FAMILIES, NARROW, LampGuess, recover
 from camssf.recovery.observation import Observation
-from camssf.recovery.onnx_model import Model, load_model
-from camssf.recovery.sensitivity import answer
-from camssf.recovery.solve import log_evidences
-from camssf.recovery.unnamed_light import NARROW, LampGuess, by_modes, recover_in_any_light
+from camssf.recovery.onnx_model import load_model
+from camssf.recovery.sensitivity import solve_on_basis
+from camssf.recovery.unnamed_light import by_modes
 from camssf.spectra import Unnamed, read_chart, read_lamp
 
 BAR = 3.0
@@ -45,19 +45,27 @@ def named() -> Observation:
 def weigh(guesses: Sequence[LampGuess], basis: str) -> Floats:
     """The model's evidence of each guess, in one call."""
     observations = [guess.observation for guess in guesses]
-    most = max(each.lamp_modes.shape[1] for each in observations)
-    modes = [np.pad(each.lamp_modes, ((0, 0), (0, most - each.lamp_modes.shape[1]), (0, 0))) for each in observations]
+    most = max(observation.lamp_modes.shape[1] for observation in observations)
+    modes = [
+        np.pad(observation.lamp_modes, ((0, 0), (0, most - observation.lamp_modes.shape[1]), (0, 0)))
+        for observation in observations
+    ]
     first = observations[0]
     one = np.ones_like(first.signals)
     names = ("standard_error", "chart_tolerance", "white_tolerance", "gain_own")
-    given = {name: getattr(first, name) for name in names}
-    given |= {"chart": first.signals, "white": one, "dark": 0 * one, "gain_modes": 0 * one[:, None, :, 0]}
+    given = {name: getattr(first, name) for name in names[1:]}
+    given |= {name: getattr(first, name)[None] for name in names[:1]}
+    given |= {"chart": first.signals[None], "white": one, "dark": 0 * one, "gain_modes": 0 * one[:, None, :, 0]}
     given |= {name: getattr(first, name)[None] for name in ("reflectance", "white_reflectance")}
-    given |= {name: np.stack([getattr(each, name) for each in observations]) for name in ("lamp", "lamp_tolerance")}
+    given |= {
+        name: np.stack([getattr(observation, name) for observation in observations])
+        for name in ("lamp", "lamp_tolerance")
+    }
     given |= {"lamp_modes": np.stack(modes), "prior_scale": 1.0, "solve": 0.0, "explain": 0.0}
     given |= {"l2": 1.0, "gamma": 0.05, "nonnegative": 0.0}
     inputs = {name: np.asarray(value, float) for name, value in given.items()}
-    return np.asarray(load_model(basis).session.run(["evidence"], inputs)[0])
+    model = load_model(basis)
+    return np.asarray(model.session.run(["evidence"], inputs | model.arrays)[0])
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -73,54 +81,37 @@ def main(arguments: list[str] | None = None) -> int:
     ]  # fmt: skip
     exact = log_evidences([guess.observation for guess in guesses], read_basis("phones"))
     assert np.abs(weigh(guesses, "phones") - exact).max() <= 1e-9 * np.abs(exact).max()
-    spent: list[float] = []
-    run = Model.run
-
-    def timed(self: Model, inputs: dict[str, Floats]) -> dict[str, Floats]:
-        start = time.process_time()
-        try:
-            return run(self, inputs)
-        finally:
-            spent.append(time.process_time() - start)
-
-    def weighed(basis: str) -> None:
-        start = time.process_time()
-        weigh(guesses, basis)
-        spent.append(time.process_time() - start)
-
     calls: dict[str, Callable[[], object]] = {
-        "one lamp, by name": lambda: answer(given, "phones"),
-        "four kinds, weighed": lambda: weighed("phones"),
+        "one lamp, by name": lambda: solve_on_basis(given, "phones"),
+        "four kinds, weighed": lambda: weigh(guesses, "phones"),
     }
     for guess in guesses:
-        calls[f"{guess.kinds[0]}, by kind"] = lambda guess=guess: answer(guess.observation, "phones")  # type: ignore[misc]
-        calls[f"{guess.kinds[0]}, its light"] = lambda guess=guess: answer(by_modes(guess.observation), "phones")  # type: ignore[misc]
+        calls[f"{guess.kinds[0]}, by kind"] = lambda guess=guess: solve_on_basis(guess.observation, "phones")  # type: ignore[misc]
+        calls[f"{guess.kinds[0]}, its light"] = lambda guess=guess: solve_on_basis(
+            by_modes(guess.observation), "phones"
+        )  # type: ignore[misc]
     calls["an answer, lamp named"] = lambda: recover(given)
-    calls["an answer, four kinds weighed"] = lambda: [weighed(name) for name in FAMILIES]
-    found = recover_in_any_light(guesses)
+    calls["an answer, four kinds weighed"] = lambda: [weigh(guesses, name) for name in FAMILIES]
+    found = recover(guesses)
     by_name = {guess.kinds[0]: guess for guess in guesses}
     solved = [weight for weight in found.choice if weight.probability >= 0.001]
     calls["an answer's curves"] = lambda: [
-        answer(by_name[each.kinds[0]].observation, each.basis, prior_scale=scale)
+        solve_on_basis(by_name[each.kinds[0]].observation, each.basis, prior_scale=scale)
         for each in solved
         for scale in ((NARROW, 1.0) if each.basis != "cameras" else (1.0,))
     ]
     calls["an answer's lights"] = lambda: [
-        answer(by_modes(by_name[each.kinds[0]].observation), each.basis) for each in solved
+        solve_on_basis(by_modes(by_name[each.kinds[0]].observation), each.basis) for each in solved
     ]
     times: dict[str, list[float]] = {name: [] for name in calls}
-    Model.run = timed  # type: ignore[method-assign]
-    try:
-        for _ in range(rounds):
-            for name, call in calls.items():
-                spent.clear()
-                call()
-                times[name].append(sum(spent))
-    finally:
-        Model.run = run  # type: ignore[method-assign]
+    for _ in range(rounds):
+        for name, call in calls.items():
+            start = time.process_time()
+            call()
+            times[name].append(time.process_time() - start)
     one = statistics.median(times["one lamp, by name"])
     rows = [[name, 1e3 * statistics.median(each), statistics.median(each) / one] for name, each in times.items()]
-    console().print(table("Runs of the models, one shot, 24 patches", ["what", "ms", "of one lamp"], rows))
+    console().print(table("Processor time, one shot, 24 patches", ["what", "ms", "of one lamp"], rows))
     kinds = statistics.median(times["four kinds, weighed"]) / one
     whole = sum(
         statistics.median(times[name]) for name in times if name.startswith("an answer") and "named" not in name

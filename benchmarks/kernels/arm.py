@@ -27,7 +27,7 @@ import numpy as np
 from benchmarks.claims.certify import draw
 from benchmarks.shared import command_parser, console, one_thread, progress, save, table, versions
 from camssf.grid import Floats
-from camssf.recovery.onnx_model import OUTPUTS, SHIPPED, load_model
+from camssf.recovery.onnx_model import SHIPPED, load_model
 
 BAR, GAP_BAR = 1e-10, 1e-9
 UNCOMPARED = ("gap", "layers_gap", "finish_steps")
@@ -252,7 +252,7 @@ def main(arguments: list[str] | None = None) -> int:
     from_stored = {(row["basis"], row["output"]): row["worst"] for row in compare(stored, there)[0]}
     for row in rows:
         row["worst_from_stored"] = from_stored.get((row["basis"], row["output"]))
-    rows.sort(key=lambda row: (row["basis"], OUTPUTS.index(row["output"])))
+    rows.sort(key=lambda row: (row["basis"], row["output"]))
     versions_ = versions()
     title = (
         f"{versions_['machine']} against {machine}: {len(cases)} seeded problems, {len(from_golden)} golden cases; "

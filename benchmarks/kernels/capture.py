@@ -47,9 +47,9 @@ def decode(path: Path) -> int:
 def measure(runs: int, basis: str) -> Result:
     """Both in turns, and the memory of a process of its own."""
     from camssf import Options, calibrate
-    from camssf.simulation.camera import Sensor
-    from camssf.simulation.frames import simulate
-    from camssf.simulation.scene import Scene
+    from camssf_lab.simulation.camera import Sensor
+    from camssf_lab.simulation.frames import simulate
+    from camssf_lab.simulation.scene import Scene
 
     with tempfile.TemporaryDirectory() as folder:
         print("simulating a 12-megapixel lossless-JPEG DNG ...", file=sys.stderr)

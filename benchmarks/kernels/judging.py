@@ -19,9 +19,9 @@ from camssf import Options
 from camssf.fit.capture_fit import prepare_fit
 from camssf.fit.solutions import recover_fit
 from camssf.photo.capture import measure
-from camssf.simulation.frames import simulate
-from camssf.simulation.scene import Scene
 from camssf.verdict.rival_lamps import weigh
+from camssf_lab.simulation.frames import simulate
+from camssf_lab.simulation.scene import Scene
 
 BARS = {"cameras": (6.5, 3.6), "auto": (11.0, 6.0)}
 """Judging on a basis, in fits on the basis cameras: bar and goal."""

@@ -25,11 +25,12 @@ import numpy as np
 from benchmarks.shared import bar as bar_of
 from benchmarks.shared import bars_table, command_parser, console, one_thread, progress, save, table, versions
 from camssf.calibration import calibrate
+from camssf.documents.document import document_bytes
 from camssf.photo.capture import Shot
-from camssf.simulation.camera import Sensor
-from camssf.simulation.frames import simulate
-from camssf.simulation.scene import Scene
 from camssf.spectra.cameras import DEMO_PHONE
+from camssf_lab.simulation.camera import Sensor
+from camssf_lab.simulation.frames import simulate
+from camssf_lab.simulation.scene import Scene
 
 BAR, JSON_BAR, SESSION_BAR = 0.6, 0.030, 0.100
 CLOSE = 1e-9
@@ -78,7 +79,7 @@ class Jvm:
         status, *seconds = self.process.stdout.readline().split() or [""]
         if status != "0":
             raise Unavailable("Kotlin gave no curves; its error is above.")
-        return [float(each) for each in seconds]
+        return [float(second) for second in seconds]
 
     def calibrate(self, words: list[str]) -> tuple[float, float]:
         """Seconds of the whole, and of these in `toJson`."""
@@ -105,14 +106,16 @@ def words(shot: Shot, out: Path) -> list[str]:
 def python(shot: Shot) -> tuple[float, dict[str, Any]]:
     """Seconds, and the document."""
     start = time.perf_counter()
-    text = json.dumps(calibrate([shot]).document())
-    return time.perf_counter() - start, json.loads(text)
+    data = document_bytes(calibrate([shot]))
+    return time.perf_counter() - start, json.loads(data)
 
 
 def distance(ours: dict[str, Any], theirs: dict[str, Any]) -> float:
     """Largest difference of the curves of peak 1."""
     colours = ("red", "green", "blue")
-    return max(float(np.abs(np.subtract(ours["ssf"][c], theirs["ssf"][c])).max()) for c in colours)
+    return max(
+        float(np.abs(np.subtract(ours["answer"]["curves"][c], theirs["answer"]["curves"][c])).max()) for c in colours
+    )
 
 
 def measure(jvm: Jvm, shot: Shot, runs: int, folder: Path) -> dict[str, Any]:

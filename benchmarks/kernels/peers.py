@@ -87,8 +87,8 @@ def cvxpy_compiled_at_once(A: Floats, b: Floats, l2: float, gamma: float, nonneg
     problem = cp.Problem(cp.Minimize(sum(parts)))
 
     def run() -> Floats:
-        for each, own_rows, target, own_target in zip(rows, A, targets, b, strict=True):
-            each.value, target.value = own_rows, own_target
+        for row, own_rows, target, own_target in zip(rows, A, targets, b, strict=True):
+            row.value, target.value = own_rows, own_target
         weight.value = gamma
         problem.solve(solver=cp.CLARABEL)
         return np.array([x.value for x in xs])

@@ -12,19 +12,19 @@ import numpy as np
 
 from benchmarks.paper.spectrograph import Spectrograph, shoot
 from camssf.calibration import calibrate
-from camssf.direct.spectrograph import divide
 from camssf.errors import CalibrationError
-from camssf.fit.scores import rmse, rmsre, validate
+from camssf.fit.scores import patch_colours, rmse, rmsre, validate
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.options import Options
 from camssf.photo.capture import measure
 from camssf.photo.signals import normalise
 from camssf.recovery.basis import Basis
-from camssf.simulation.camera import Sensor
-from camssf.simulation.frames import simulate
-from camssf.simulation.scene import Scene
 from camssf.spectra import CameraCurves, ChartTable, read_chart, read_lamp
 from camssf.spectra.layouts import LAYOUTS
+from camssf_lab.direct.spectrograph import divide
+from camssf_lab.simulation.camera import Sensor
+from camssf_lab.simulation.frames import simulate
+from camssf_lab.simulation.scene import Scene
 
 PHONES = {
     "Arashi Vision Insta360 X5": "1/1.28 inch, an action camera's: a phone's main sensor",
@@ -52,7 +52,7 @@ def large_chart(colours: bytes) -> ChartTable:
     values[list(INNER)] = np.frombuffer(colours).reshape(96, -1)
     names = tuple(f"{chr(65 + i % 14)}{i // 14 + 1}" for i in range(140))
     source = "CIE 224:2017's colours in an SG's layout"
-    return ChartTable("sg140", "SG-like", LAYOUTS["sg140"], names, values, np.full(140, 0.03), 0, source)
+    return ChartTable("sg140", "SG-like", LAYOUTS["sg140"], names, WAVELENGTHS, values, np.full(140, 0.03), 0, source)
 
 
 def phone(name: str, curves: Floats, basis: Basis, colours: Floats, seed: int) -> dict[str, Any]:
@@ -95,7 +95,7 @@ def phone(name: str, curves: Floats, basis: Basis, colours: Floats, seed: int) -
             (shot,), (other,) = small.shots, wide.shots
             capture = measure(replace(other.shot, lamp="D55", corners=wide.pose.corners), chart=large)
             signals = normalise([each.means for each in capture.shots], large)
-            told = capture.shots[0].lamp
+            stated = capture.shots[0].lamp
             unseen = np.zeros((1, 140), dtype=bool)
             unseen[0, list(INNER)] = True
             world_found: dict[str, Any] = {}
@@ -112,9 +112,12 @@ def phone(name: str, curves: Floats, basis: Basis, colours: Floats, seed: int) -
                     world_found[method] = {"refused": error.code}
                     continue
                 s = answer.ssf.values
-                seen_by = answer.ssf.light.lamp[0]
+                seen_by = answer.ssf.lamp[0]
                 predicted = ((large.values * seen_by) @ s) / (seen_by @ s)
-                scores = validate(signals, predicted[None], large, [told], s, camera, unseen)
+                scores = validate(signals, predicted[None], large, [stated], s, camera, unseen)
+                measured, synthetic = patch_colours(
+                    signals.values, predicted[None], signals.used, large, stated.values[None]
+                )
                 floor = ((large.values * light.values) @ curves) / (light.values @ curves)
                 noise = rmsre(signals.values, floor[None], unseen)
                 world_found[method] = {
@@ -125,8 +128,8 @@ def phone(name: str, curves: Floats, basis: Basis, colours: Floats, seed: int) -
                     "verdict": answer.verdict.status,
                     "curves": answer.ssf.peak()[0].tolist(),
                     "std": None if answer.ssf.std is None else np.asarray(answer.ssf.peak()[1]).tolist(),
-                    "measured_srgb": scores.measured_srgb[0, list(INNER)].tolist(),
-                    "synthetic_srgb": scores.synthetic_srgb[0, list(INNER)].tolist(),
+                    "measured_srgb": measured.srgb[0, list(INNER)].tolist(),
+                    "synthetic_srgb": synthetic.srgb[0, list(INNER)].tolist(),
                 }
             found["worlds"][world] = world_found
     return found

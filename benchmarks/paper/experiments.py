@@ -22,15 +22,15 @@ from benchmarks.shared import (
 from camssf.errors import NotConverged
 from camssf.fit.scores import rmsre
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.learning.training import maker_of, read_curves
 from camssf.recovery.basis import Basis, gaussian_basis, read_basis
 from camssf.recovery.hypotheses import recover
-from camssf.recovery.linear_model import LinearModel, anchor, linear_model
 from camssf.recovery.observation import Observation
 from camssf.recovery.penalties import GAMMA, L2
+from camssf.recovery.rows import anchor
 from camssf.recovery.sensitivity import SolverSettings
-from camssf.recovery.solve import solve
 from camssf.spectra import colour_science, read_camera, read_chart
+from camssf_lab.learning.training import maker_of, read_curves
+from golden.linear_model import LinearModel, linear_model, solve
 
 SEED = 7
 CHROMATIC, TWELVE, ALL = slice(0, 18), slice(6, 18), slice(0, 24)
@@ -76,7 +76,7 @@ def cameras() -> tuple[Camera, ...]:
     found = []
     for name, curve in (measured | known).items():
         maker = maker_of(name)
-        training = np.stack([each for other, each in nodes.items() if makers[other] != maker])
+        training = np.stack([node for other, node in nodes.items() if makers[other] != maker])
         found.append(Camera(name, maker, curve, training, bases.get(maker, read_basis("cameras"))))
     return tuple(found)
 
@@ -175,18 +175,18 @@ def lamps(camera: Camera, index: int) -> Scores:
         light = lamp(name)
         y, error = photograph(camera, chart()[TWELVE], light, 0.0, np.random.default_rng(0))
         truth = (others * light) @ camera.curve / (light @ camera.curve)
-        for told in ("known", "ignored"):
-            believed = light if told == "known" else np.ones_like(light)
+        for case in ("known", "ignored"):
+            believed = light if case == "known" else np.ones_like(light)
             shown = Given(y, error, chart()[TWELVE], believed, camera.training, camera.basis)
             for rival in ("paper", "product"):
-                found[f"{rival}|{told}|{name}"] = [float("nan")] * 2
+                found[f"{rival}|{case}|{name}"] = [float("nan")] * 2
                 try:
                     curves = method(rival).estimate(shown, 0.0)
                 except NotConverged:
                     continue
                 predicted = (others * believed) @ curves / (believed @ curves)
                 wrong = rmsre(truth[None], predicted[None], np.ones((1, len(others)), dtype=bool))
-                found[f"{rival}|{told}|{name}"] = [score(curves, camera), float(wrong.mean())]
+                found[f"{rival}|{case}|{name}"] = [score(curves, camera), float(wrong.mean())]
     return found
 
 
@@ -225,21 +225,21 @@ def charts(camera: Camera, index: int) -> Scores:
             pairs = [photograph(camera, seen, light, 0.001, rng) for light in lights]
             y, error = np.stack([p[0] for p in pairs]), np.stack([p[1] for p in pairs])
             key = f"{table_name}|{' + '.join(names)}"
-            told = PLAIN if table_name == "same" else TOLD
+            arguments = PLAIN if table_name == "same" else TOLD
             answer = recover(
-                Observation(y, chart(), lights, standard_error=error, **told),
+                Observation(y, chart(), lights, standard_error=error, **arguments),
                 basis=camera.basis,
                 settings=SolverSettings(engine="reference"),
             )
             found[f"product|{key}"] = [score(answer.values, camera)]
-            found[f"diagonal|{key}"] = [score(_diagonal(y, error, lights, camera.basis, told), camera)]
+            found[f"diagonal|{key}"] = [score(_diagonal(y, error, lights, camera.basis, arguments), camera)]
             if len(names) == 1:
                 shown = Given(y[0], error[0], chart(), lights[0], camera.training, camera.basis)
                 found[f"paper|{key}"] = [attempt("paper", shown, camera)]
     return found
 
 
-def _diagonal(y: Floats, error: Floats, lights: Floats, basis: Basis, told: dict[str, Any]) -> Floats:
+def _diagonal(y: Floats, error: Floats, lights: Floats, basis: Basis, arguments: dict[str, Any]) -> Floats:
     """The product's problem with all correlations of the chart's and the white's errors struck out: curves (681, 3).
 
     Light that drifts between a shot's frames, which any capture has, stays one error a shot.
@@ -251,9 +251,9 @@ def _diagonal(y: Floats, error: Floats, lights: Floats, basis: Basis, told: dict
             chart(),
             lights,
             standard_error=error,
-            chart_tolerance=np.full(n, told["chart_tolerance"]),
+            chart_tolerance=np.full(n, arguments["chart_tolerance"]),
             white_reflectance=np.ones_like(WAVELENGTHS),
-            white_tolerance=told["white_tolerance"],
+            white_tolerance=arguments["white_tolerance"],
             lamp_tolerance=np.zeros(k),
             lamp_modes=np.zeros((k, 0, WAVELENGTHS.size)),
         ),
@@ -278,7 +278,7 @@ def samples() -> Floats:
     colour = colour_science()
     values = np.asarray(load_TCS_CIE2017(colour.SpectralShape(380, 780, 5)).values).T
     grid = np.arange(380, 785, 5)
-    on_grid = np.stack([np.interp(WAVELENGTHS, grid, each) for each in values])
+    on_grid = np.stack([np.interp(WAVELENGTHS, grid, value) for value in values])
     return on_grid[np.sort(np.argsort(on_grid.mean(axis=1))[3:])]
 
 

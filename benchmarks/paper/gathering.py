@@ -112,12 +112,12 @@ def gather_lamps(results: dict[int, Scores]) -> dict[str, Any]:
     """Method → known or ignored → lamp → RMSE and RMSRE in %."""
     found: dict[str, Any] = {}
     for key, runs in by_key(results).items():
-        name, told, light = key.split("|")
+        name, case, light = key.split("|")
         values = np.array(list(runs.values()))
         answered = np.isfinite(values[:, 0])
         rmse, relative = values[answered].mean(axis=0).tolist()
         cell = {"rmse": rmse, "rmsre_percent": relative, "refused": int((~answered).sum())}
-        found.setdefault(method(name).NAME, {}).setdefault(told, {})[light] = cell
+        found.setdefault(method(name).NAME, {}).setdefault(case, {})[light] = cell
     return found
 
 

@@ -21,8 +21,8 @@ from scipy.ndimage import gaussian_filter1d
 
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery.basis import FWHM_TO_SIGMA
-from camssf.simulation.camera import Sensor
 from camssf.spectra import CameraCurves, read_lamp
+from camssf_lab.simulation.camera import Sensor
 
 FINE: Floats = np.arange(330.0, 830.0, 0.05)
 """Wavelengths of the simulated light, nm."""

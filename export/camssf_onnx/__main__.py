@@ -1,4 +1,4 @@
-"""`python -m camssf_onnx build` writes the shipped models, `check` rebuilds them and compares the bytes."""
+"""`python -m camssf_onnx build` writes the shipped models and bases, `check` rebuilds and compares the bytes."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ from typing import Any
 import camssf
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.files import write_file
-from camssf.recovery.basis import read_basis
-from camssf.recovery.onnx_model import SHIPPED
+from camssf.libraries import install_extra
 
 DATA = Path(camssf.__file__).parent / "data"
 LARGEST = 400_000
@@ -24,7 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; exit status 0, 1 if a check failed, or that of the error's family."""
     parser = argparse.ArgumentParser(prog="python -m camssf_onnx", description=__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True)
-    verbs.add_parser("build", help="write both models into the package's data folder")
+    verbs.add_parser("build", help="write the files into the package's data folder")
     verbs.add_parser("check", help="build in memory, compare with the shipped bytes")
     verb = parser.parse_args(arguments).verb
     try:
@@ -34,29 +33,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return error.exit_status
 
 
-def built() -> Iterator[tuple[str, bytes]]:
-    """Name and bytes of each model, built now.
+def built() -> dict[str, bytes]:
+    """Content of each file by name, built now.
 
     Raises:
         InvalidArgument: onnx is not installed.
     """
     try:
-        import onnx  # noqa: F401
-
-        from camssf_onnx.model import build
+        from camssf_onnx.models import files
     except ImportError as error:
-        raise InvalidArgument(
-            f"the models cannot be built without {error.name}.", "Install the extra: pip install 'camssf[export]'."
-        ) from error
-    for name in SHIPPED:
-        yield name, build(read_basis(name)).SerializeToString(deterministic=True)
+        raise InvalidArgument(f"the models cannot be built without {error.name}.", install_extra("export")) from error
+    return files()
 
 
 def faults(content: bytes) -> list[str]:
     """Faults of a model file: too large, another opset or IR, non-standard operators, external data, invalid."""
     import onnx
 
-    from camssf_onnx.model import IR, OPSET
+    from camssf_onnx.models import IR, OPSET
 
     model = onnx.load_model_from_string(content)
     found = []
@@ -88,8 +82,8 @@ def _nodes(graph: Any) -> Iterator[Any]:
 
 
 def _build() -> int:
-    for name, content in list(built()):
-        write_file(DATA / f"camssf-{name}.onnx", content)
+    for name, content in built().items():
+        write_file(DATA / name, content)
         print(_line(name, content))
     return 0
 
@@ -97,14 +91,16 @@ def _build() -> int:
 def _line(name: str, content: bytes) -> str:
     import onnx
 
-    nodes = sum(1 for _ in _nodes(onnx.load_model_from_string(content).graph))
-    return f"camssf-{name}.onnx  {len(content)} bytes  {nodes} nodes  SHA-256 {sha256(content).hexdigest()}"
+    nodes = ""
+    if name.endswith(".onnx"):
+        nodes = f"  {sum(1 for _ in _nodes(onnx.load_model_from_string(content).graph))} nodes"
+    return f"{name}  {len(content)} bytes{nodes}  SHA-256 {sha256(content).hexdigest()}"
 
 
 def _check() -> int:
     passed, failed = 0, 0
-    for name, content in built():
-        path = DATA / f"camssf-{name}.onnx"
+    for name, content in built().items():
+        path = DATA / name
         try:
             shipped = path.read_bytes()
         except OSError as error:
@@ -112,7 +108,7 @@ def _check() -> int:
                 f"{path.name} cannot be read ({error.strerror}).", "Run `python -m camssf_onnx build`."
             ) from error
         print(_line(name, shipped))
-        wrong = faults(shipped)
+        wrong = faults(shipped) if name.endswith(".onnx") else []
         if content == shipped:
             print("  built anew: the same bytes")
         else:

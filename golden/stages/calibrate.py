@@ -95,11 +95,11 @@ def cases() -> Iterator[Json]:
                     lamp={"constant": 0.0, "shape": [1, 681]}, expect="lamp_unfit")  # fmt: skip
     yield calibrate("error-two-shots-paper", "The paper's rows take one shot.", frames(NIKON, ["D55", "A"]),
                     ["D55", "A"], basis="gaussian", gamma=1.0, expect="invalid_argument")  # fmt: skip
-    true, told = ["D55", "A", "LED-B3", "LED-B3", "D55"], ["D55", "A", "LED-B3", "D55", "D55"]
-    yield calibrate("error-rival-of-four", "Of four shots one lamp is named wrongly: a rival condemns it.",
-                    frames(NIKON, true[:4]), told[:4], expect="lamp_unfit")  # fmt: skip
+    true, named = ["D55", "A", "LED-B3", "LED-B3", "D55"], ["D55", "A", "LED-B3", "D55", "D55"]
+    yield calibrate("error-rival-of-four", "Of four shots one lamp is named wrongly: another lamp refuses it.",
+                    frames(NIKON, true[:4]), named[:4], expect="lamp_unfit")  # fmt: skip
     yield calibrate("five-shots", "The same of five: rivals are not tried, the shots contradict each other.",
-                    frames(NIKON, true), told)  # fmt: skip
+                    frames(NIKON, true), named)  # fmt: skip
     yield calibrate("error-nothing-left", "γ = 1e9 on the paper's basis: no curve.", [shot], basis="gaussian",
                     gamma=1e9, expect="not_converged")  # fmt: skip
 
@@ -109,6 +109,7 @@ def run(call: Call) -> dict[str, Any]:
     given, engine = call.given, call.engine
     capture, options = build_capture(given, engine)
     done = calibrate_capture(capture, options=options)
+    assert done.ssf is not None
     curves, std = done.ssf.peak()
     return {
         "signals": done.signals.values,
@@ -117,7 +118,7 @@ def run(call: Call) -> dict[str, Any]:
         "ssf_std": None if std is None else std[::10],
         "predicted": done.ssf.predicted,
         "gap": done.ssf.proof.gap,
-        "channel_gain": done.ssf.light.channel_gain,
+        "channel_gain": done.ssf.channel_gain,
         "rmsre_percent": done.scores.rmsre_percent,
         "codes": [reason.code for reason in done.verdict.reasons],
     }

@@ -12,12 +12,18 @@ from typing import Any
 
 import numpy as np
 
-from camssf.colour import PARTS, Reference, View, camera_of_result, standard_colour
-from camssf.colour.camera import modes_of_code
-from camssf.colour.reach import REACH
-from camssf.grid import Floats
+from camssf.documents.document import Answer, Curves, Document
+from camssf.documents.stored_lamp import estimated_lamp
+from camssf.fit.scores import Scores
+from camssf.grid import Floats, columns
 from camssf.recovery.basis import read_basis, widened
-from camssf.spectra import read_lamp
+from camssf.recovery.sensitivity import Proof
+from camssf.spectra import Lamp, read_lamp
+from camssf.spectra.lamps import is_lamp_name
+from camssf.verdict.reasons import Reason, Verdict
+from camssf_colour import PARTS, Camera, Reference, View, camera_of_result, standard_colour
+from camssf_colour.camera import camera_of_answer, modes_of_code
+from camssf_colour.reach import REACH
 from golden import contract
 from golden.contract import Call, Keys, Stage, against_stored, always, each, words
 from golden.forms import Json, chart, resolve, sibling
@@ -44,6 +50,16 @@ def cases() -> Iterator[Json]:
     )  # fmt: skip
     yield case("auto", "The four kinds, weighed by the reference's ratios.", base, "auto", true="LED-B3", asked=True)
     yield case("auto-bulb", "The same under a bulb.", base, "auto", true="A", asked=True)
+    yield case(
+        "auto-estimated", "The result's own light was not named: its estimate with its standard deviation.",
+        base | {"but": {"shots": [{"lamp": {"name": "auto"}, "light": estimate()}]}}, "auto",
+        true="LED-B3", asked=True,
+    )  # fmt: skip
+    lamp = {"name": "lost.csv", "tolerance": 0.03, "source": "file lost.csv", "power": estimate()["power"]}
+    yield case(
+        "auto-stored", "The result's own lamp was a file, whose spectrum the document holds.",
+        base | {"but": {"shots": [{"lamp": lamp}]}}, "auto", true="A", asked=True,
+    )  # fmt: skip
     yield case(
         "modes", "A kind of lamp with modes, and no reference asked.", base, "white-led", true="LED-B3", white="D65"
     )
@@ -152,6 +168,12 @@ def result(basis: str = "phones", scale: float = 1.0) -> Json:
     }
 
 
+def estimate() -> Json:
+    """An estimated light near the first lamp, and its standard deviation, which grows to both ends."""
+    power = read_lamp(FIRST).values
+    return {"power": plain(power), "std": plain(power * (0.03 + 0.1 * np.linspace(-1.0, 1.0, power.size) ** 2))}
+
+
 def code_covariance() -> Floats:
     """(72, 72): d_i d_j 2^-|i - j|, d falling from 0.4 along each channel's atoms; rounded."""
     order = np.arange(3 * ATOMS)
@@ -170,12 +192,12 @@ def plain(values: Any) -> Any:
 
 
 def run(call: Call) -> dict[str, Any]:
-    """The stage `colour`: `camssf.colour.standard_colour` of a result; `reach` has only distances above REACH."""
+    """The stage `colour`: `camssf_colour.standard_colour` of a result; `reach` has only distances above REACH."""
     given = call.given
-    camera = camera_of_result(result_of(given["result"]))
-    told = given["reference"]
-    raw = None if told["raw"] is None else np.array(told["raw"])
-    reference = Reference(tolerance=told["tolerance"], raw=raw, error=told["error"])
+    camera = camera_in(given["result"])
+    as_given = given["reference"]
+    raw = None if as_given["raw"] is None else np.array(as_given["raw"])
+    reference = Reference(tolerance=as_given["tolerance"], raw=raw, error=as_given["error"])
     found = standard_colour(
         camera,
         given["lamp"],
@@ -194,6 +216,39 @@ def run(call: Call) -> dict[str, Any]:
         "far": far.tolist(),
         "reach": found.reach[far] if far.any() else None,
     }
+
+
+def camera_in(given: Json) -> Camera:
+    """The camera of the part of a result that a case holds."""
+    fields = result_of(given)
+    if "ssf" not in fields:
+        verdict = Verdict("refused", (Reason("chart_not_found", "", fields["verdict"]["reasons"][0]["advice"]),))
+        return camera_of_result(Document(format="camssf/2", version="", verdict=verdict))
+    ssf, std, triangle = fields["ssf"], fields["ssf_std"], fields["code_covariance"]
+    none = np.zeros((1, 0, 3))
+    answer = Answer(
+        basis=fields["basis"],
+        engine="onnx",
+        curves=Curves.of(columns(ssf)),
+        std=None if std is None else Curves.of(columns(std)),
+        channel_gain=np.array(fields["channel_gain"]),
+        code_covariance=None if triangle is None else np.array(triangle),
+        prior_scale=fields["prior_scale"],
+        gamma=np.zeros(3), l2=0.0, proof=Proof(np.zeros(3), np.zeros(1), np.zeros(1, dtype=np.int64)),
+        used=((),), level=none[..., 0], predicted=none, unseen=none, scores=Scores(np.zeros(3), "", None, 0.0),
+    )  # fmt: skip
+    return camera_of_answer(answer, _first_lamp(fields["shots"][0]), "golden phone")
+
+
+def _first_lamp(shot: Json) -> Lamp | None:
+    """The lamp of a shot: estimated, with its power, by its name, or unknown."""
+    name = shot["lamp"]["name"]
+    if "light" in shot:
+        return estimated_lamp(name, np.array(shot["light"]["power"]), np.array(shot["light"]["std"]))
+    if "power" in shot["lamp"]:
+        entry = shot["lamp"]
+        return Lamp(name, np.array(entry["power"]), entry["tolerance"], np.zeros((0, 681)), entry["source"])
+    return read_lamp(name) if is_lamp_name(name) else None
 
 
 def result_of(given: Json) -> Json:

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from camssf.photo.find.candidates import find_candidates
 from camssf.photo.find.chart_colours import ChartColours, chart_colours
 from camssf.photo.find.picture import SearchImage, codes_of_bytes, codes_of_light, codes_of_mosaic, rgb_of_yuv
 from camssf.photo.find.search import own_kind, plain_signals
-from camssf.photo.find.sightings import find_sightings
 from camssf.photo.read.dng import Mosaic
 from golden.contract import Call, Keys, Stage, against_stored, always, each, words
 from golden.drawing import BLACK, GAP, TABLE, TILTED, Samples, View, draw, file, photo_case, turned
@@ -164,8 +164,8 @@ def run(call: Call) -> dict[str, Any]:
     given = call.given
     photo = read_photo(given["dng"])
     kinds = (card_kind(given),) if "layout" in given else None
-    found = find_sightings(_searched(photo, given["form"]), kinds)
-    seen = found.sightings
+    found = find_candidates(_searched(photo, given["form"]), kinds)
+    seen = found.candidates
     return {
         "findings": list(found.findings),
         "kinds": [each.kind for each in seen],

@@ -9,12 +9,12 @@ import numpy as np
 
 from camssf.grid import STEP
 from camssf.recovery.layers import DEPTH
-from camssf.recovery.linear_model import anchor
 from camssf.recovery.onnx_model import Model, load_model
-from camssf.recovery.solve import solve
+from camssf.recovery.rows import anchor
 from golden.compare import peak
 from golden.contract import Call, Keys, Stage, limit, stored, words
 from golden.forms import GoldenError, Json, resolve
+from golden.linear_model import solve
 from golden.products import CALL, basis_of, model_inputs, objective_of, problem_of_call
 from golden.scenes import ALL, NIKON, TWELVE, Case, scene
 
@@ -26,18 +26,18 @@ def cases() -> Iterator[Json]:
     """Cases of the layers without finish, with the product's defaults and with others."""
 
     def unfinished(
-        name: str, comment: str, told: Sequence[str], patches: list[int], camera: str, iteration: str, depth: int
+        name: str, comment: str, names: Sequence[str], patches: list[int], camera: str, iteration: str, depth: int
     ) -> Case:
-        kinds = [lamp if lamp in KINDS else None for lamp in told]
+        kinds = [lamp if lamp in KINDS else None for lamp in names]
         change: Json = {
-            "lamp": {"lamps": list(told)},
-            "lamp_tolerance": [KINDS[lamp][1] if lamp in KINDS else 0.02 for lamp in told],
+            "lamp": {"lamps": list(names)},
+            "lamp_tolerance": [KINDS[lamp][1] if lamp in KINDS else 0.02 for lamp in names],
             "iteration": iteration,
             "depth": depth,
         }
         if any(kinds):
             change["lamp_modes"] = {"modes": kinds}
-        true = [KINDS[lamp][0] if lamp in KINDS else lamp for lamp in told]
+        true = [KINDS[lamp][0] if lamp in KINDS else lamp for lamp in names]
         return scene(
             name, comment, camera={"camera": camera}, lamps=true, patches=patches, noise="usual", change=change,
             stage="layers",
@@ -52,22 +52,22 @@ def cases() -> Iterator[Json]:
         ("D55", "A"), ("D55", "white-led"), ("A", "fluorescent"), ("daylight", "white-led"),
         ("D55", "A", "FL2"), ("D55", "A", "white-led"), ("daylight", "white-led", "fluorescent"),
     ]  # fmt: skip
-    for i, told in enumerate(captures):
+    for i, names in enumerate(captures):
         for patches in (TWELVE, ALL):
             yield unfinished(
-                f"{len(patches)}-{'-'.join(told).lower()}",
-                f"The product's layers alone, {' + '.join(told)}, {len(patches)} patches, λ₂ = 1, γ = 0.05: they "
+                f"{len(patches)}-{'-'.join(names).lower()}",
+                f"The product's layers alone, {' + '.join(names)}, {len(patches)} patches, λ₂ = 1, γ = 0.05: they "
                 "stand at cvxpy's optimum, and the finish has nothing to do.",
-                told, patches, cameras[i % len(cameras)], "splitting", DEPTH,
+                names, patches, cameras[i % len(cameras)], "splitting", DEPTH,
             )  # fmt: skip
-    for name, told, patches in (("one", ("D55",), ALL), ("two", ("D55", "white-led"), TWELVE)):
+    for name, names, patches in (("one", ("D55",), ALL), ("two", ("D55", "white-led"), TWELVE)):
         for iteration, depths in (("splitting", (4, 8, 16)), ("ista", (16, 100, 1000, 10_000))):
             for depth in depths:
                 yield unfinished(
                     f"{iteration}-{depth}-{name}",
-                    f"{depth} layers of {iteration}, {' + '.join(told)}, {len(patches)} patches: where "
+                    f"{depth} layers of {iteration}, {' + '.join(names)}, {len(patches)} patches: where "
                     "they stand beside cvxpy's optimum.",
-                    told, patches, NIKON["camera"], iteration, depth,
+                    names, patches, NIKON["camera"], iteration, depth,
                 )  # fmt: skip
 
 
@@ -83,14 +83,14 @@ def layers(given: dict[str, Any], case: Json, model: Model | None = None) -> dic
     rows, basis = problem_of_call(given), basis_of(given["basis"])
     iteration, depth = given["iteration"], int(given["depth"])
     if model is None:
-        told = (rows, given["l2"], np.full(len(rows.matrix), float(given["gamma"])))
+        arguments = (rows, given["l2"], np.full(len(rows.matrix), float(given["gamma"])))
         kind: dict[str, Any] = {"nonnegative": given["nonnegative"], "depth": depth, "layers": iteration}
-        alone = solve(*told, finish=0, **kind)
+        alone = solve(*arguments, finish=0, **kind)
         white = given["white_reflectance"] * given["lamp"][0]
         own, code, gap = anchor(basis, white), alone.values.reshape(3, -1).T, alone.gap
         curves = (own.mean + np.einsum("cmr,rc->cm", own.dictionary, code)).T
         curves = curves / (white @ curves * STEP)
-        steps = solve(*told, **kind).finish_steps
+        steps = solve(*arguments, **kind).finish_steps
     else:
         has = model.metadata.get("iteration"), int(model.metadata["depth"])
         if has != (iteration, depth):

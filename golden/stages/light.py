@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from camssf.fit.capture_fit import prepare_fit
-from camssf.fit.cross_validation import cross_validate, score
-from camssf.fit.solutions import prediction_bands, recover_each_shot, recover_fit
+from camssf.fit.solutions import cross_validate, prediction_bands, recover_each_shot, recover_fit, score
 from camssf.verdict.assumptions import assume
 from camssf.verdict.rival_lamps import weigh
 from golden.contract import LARGEST_GAP, Call, Keys, Stage, always, case, each, limit, stored, words
@@ -31,11 +30,11 @@ def cases() -> Iterator[Json]:
         fading: float = 0.0, **more: Any,
     ) -> Case:  # fmt: skip
         made = next(each for each in calibrate.cases() if each["case"] == "calibrate/auto-phone")["inputs"]
-        told = ["equal-energy" if j in unnamed else lamp for j, lamp in enumerate(lamps, 1)]
+        lamp_names = ["equal-energy" if j in unnamed else lamp for j, lamp in enumerate(lamps, 1)]
         k = len(lamps)
         inputs = made | {
             "shots": frames(camera, lamps, noise="usual", fading=fading),
-            "lamp": {"lamps": told},
+            "lamp": {"lamps": lamp_names},
             "lamp_tolerance": {"constant": 0.02, "shape": [k]},
             "lamp_modes": {"polynomials": [[] for _ in lamps]},
             "unnamed": unnamed,
@@ -86,20 +85,20 @@ def run(call: Call) -> dict[str, Any]:
     ssf = recover_fit(free_fit, free_fit.signals.used, options.gamma)
     fit = free_fit.conditioned_on(ssf)
     verdict = weigh(free_fit, ssf, recover_each_shot(fit))
-    scores = score(fit, ssf, cross_validate(fit, ssf, prediction_bands(fit, free_fit.signals.used, ssf)), None)
+    scores = score(fit, ssf, cross_validate(fit, ssf, prediction_bands(fit, free_fit.signals.used, ssf)))
     curves, std = ssf.peak()
     assert std is not None
-    lights = [light for light in ssf.light.lights if light is not None]
+    lights = [light for light in ssf.lights if light is not None]
     test = ssf.family_test
     return {
         "length": None if test is None else np.array([test.length, test.longest]),
         "weighed": [[weight.basis, *weight.kinds] for weight in ssf.choice],
         "log_evidence": np.array([weight.log_evidence for weight in ssf.choice]),
         "probability": np.array([weight.probability for weight in ssf.choice]),
-        "basis": ssf.settings.basis,
-        "prior_scale": ssf.settings.prior_scale,
-        "chart_fading": ssf.settings.chart_fading,
-        "likeliest": list(ssf.light.kinds),
+        "basis": ssf.basis,
+        "prior_scale": ssf.prior_scale,
+        "chart_fading": ssf.chart_fading,
+        "likeliest": list(ssf.kinds),
         "ssf": curves[::10],
         "ssf_std": std[::10],
         "predicted": ssf.predicted,

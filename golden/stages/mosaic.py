@@ -129,6 +129,32 @@ def _plain() -> Iterator[Json]:
     )  # fmt: skip
 
 
+def _layout() -> Iterator[Json]:
+    """Cases of wrong byte counts and padded rows: every sample lies in the file."""
+    for name, comment, dng in (
+        ("counts-short", "Byte counts too small.", Dng(chaos(16), rows_per_strip=10, tags={279: (LONG, [100] * 4)})),
+        (
+            "counts-zero", "Byte counts of 0, lossless JPEG.",
+            Dng(slope(10), bits=10, compression=JPEG, tile=(16, 24), tags={325: (LONG, [0] * 9)}),
+        ),
+        (
+            "counts-large", "Byte counts beyond the file's end, deflate.",
+            Dng(slope(16), compression=DEFLATE, rows_per_strip=20, tags={279: (LONG, [10**6] * 2)}),
+        ),
+    ):  # fmt: skip
+        yield case(name, comment, dng)
+    wide = slope(12, width=WIDTH + 8)
+    padded = Dng(wide, bits=12, rows_per_strip=16, tags={256: (LONG, [WIDTH])})
+    yield case(
+        "rows-padded", "Rows padded to a stride, which the byte counts tell.", padded, area=(0, 0, HEIGHT, WIDTH)
+    )
+    required = opcode(1, bytes(8), required=True)
+    yield case(
+        "opcodes-skipped", "A warp that is required moves no sample; a polynomial that is optional may be skipped.",
+        Dng(chaos(16), tags={51009: opcode_list(opcode(8, bytes(8))), 51022: opcode_list(required)}),
+    )  # fmt: skip
+
+
 def _jpeg() -> Iterator[Json]:
     def jpeg(name: str, comment: str, samples: Samples, bits: int, more: Json | None = None, **how: Any) -> Json:
         dng = Dng(samples, bits=bits, compression=JPEG, jpeg=how, **(more or {}))
@@ -328,7 +354,12 @@ def _errors() -> Iterator[Json]:
     yield error("truncated", unreadable, "The second half of the file is missing.", whole[: len(whole) // 2])
     cut = Dng(chaos(16), tags={273: (LONG, [10**6])})
     yield error("beyond-the-end", unreadable, "Samples beyond the file's end.", cut)
-    yield error("short-data", unreadable, "A strip with too few bytes.", tagged(279, LONG, [100]))
+    more = Dng(chaos(16), tags={257: (LONG, [HEIGHT + 2]), 278: (LONG, [HEIGHT + 2])})
+    yield error("short-data", unreadable, "A strip that would reach into the directory.", more)
+    for number, name in ((8, "polynomial"), (12, "scale"), (99, "unknown")):
+        required = opcode_list(opcode(number, bytes(8), required=True))
+        yield error(f"opcode-{name}", unsupported, f"Opcode {number}, which may not be skipped.",
+                    Dng(chaos(16), tags={51009: required}))  # fmt: skip
     yield error("strip-missing", unreadable, "One strip where four are wanted.", tagged(278, LONG, [10]))
     yield error("circle", unreadable, "A directory that follows itself.", b"II*\0\x08\0\0\0\0\0\x08\0\0\0" + bytes(9))
     yield error("no-tiff", unreadable, "Words.", b"not a photo at all, just words")
@@ -374,6 +405,7 @@ def _errors() -> Iterator[Json]:
 def cases() -> Iterator[Json]:
     """All cases."""
     yield from _plain()
+    yield from _layout()
     yield from _jpeg()
     yield from _deflate()
     yield from _levels()

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from camssf.colour.regions import measure_regions
+from camssf_colour.regions import measure_regions
 from golden import contract
 from golden.contract import Call, Keys, Stage, against_stored, always, each, words
 from golden.forms import Json

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from camssf.colour import PARTS, LitSurfaces, Reference, View, camera_of_result, spectrum
-from camssf.colour.absorbance import INDICES, indices, shipped_index
+from camssf_colour import PARTS, LitSurfaces, Reference, View, spectrum
+from camssf_colour.absorbance import INDICES, indices, shipped_index
 from golden import contract
 from golden.contract import Call, Keys, Stage, against_stored, always, each, words
 from golden.forms import Json
-from golden.stages.colour import photo, result_of
+from golden.stages.colour import camera_in, photo
 
 SKIN, ORANGE, BLUE = 0, 6, 12
 """Patches of BabelColor's chart."""
@@ -63,15 +63,15 @@ def case(
 
 
 def run(call: Call) -> dict[str, Any]:
-    """The stage `spectrum`: `camssf.colour.spectrum` of a result."""
+    """The stage `spectrum`: `camssf_colour.spectrum` of a result."""
     given = call.given
     photos = []
-    for told in given["photos"]:
-        reference = told["reference"]
+    for entry in given["photos"]:
+        reference = entry["reference"]
         raw = None if reference["raw"] is None else np.array(reference["raw"])
         known = Reference(tolerance=reference["tolerance"], raw=raw, error=reference["error"])
-        photos.append(LitSurfaces(told["lamp"], told["signals"], told["standard_error"], known))
-    camera = camera_of_result(result_of(given["result"]))
+        photos.append(LitSurfaces(entry["lamp"], entry["signals"], entry["standard_error"], known))
+    camera = camera_in(given["result"])
     found = spectrum(camera, *photos, prior=given["prior"], view=View(**given["view"]))
     names = "reflectance xyz lab xyz_covariance lab_covariance white distance from_photo chi_squared"
     return {

@@ -362,23 +362,21 @@ def run(call: Call) -> dict[str, Any]:
             prior_scale=prior_scale(given),
         )
         budget = std = None
-        if ssf.posterior is not None:
+        if ssf.std is not None:
             std = predict(ssf, observation).std
-            shares = explain(observation, basis=ssf.settings.basis, prior_scale=ssf.settings.prior_scale)
+            shares = explain(observation, basis=ssf.basis, prior_scale=ssf.prior_scale)
             budget = np.array(list(shares.values()))
-        names = ("code_covariance", "log_evidence")
-        posterior = dict.fromkeys(names) if ssf.posterior is None else vars(ssf.posterior)
         found = {
             "predicted_std": std,
             "budget": budget,
             "ssf": ssf.values,
             "ssf_std": ssf.std,
             "signals": np.stack(signals),
-            "evidence": posterior["log_evidence"],
+            "evidence": ssf.log_evidence,
             "code": ssf.code,
-            "code_covariance": posterior["code_covariance"],
+            "code_covariance": ssf.code_covariance,
             "predicted": ssf.predicted,
-            "channel_gain": ssf.light.channel_gain,
+            "channel_gain": ssf.channel_gain,
         } | vars(ssf.proof)
     return found | {"objective": objective_of(given, build_rows(given, np.stack(signals)), found["code"])}
 

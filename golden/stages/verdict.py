@@ -18,10 +18,7 @@ from camssf.photo.signals import Signals
 from camssf.recovery.basis import LEARNED, read_basis
 from camssf.recovery.sensitivity import (
     FamilyTest,
-    FitSettings,
     Hypothesis,
-    Illumination,
-    Posterior,
     Proof,
     Ssf,
     half_width_of,
@@ -110,7 +107,7 @@ def cases() -> Iterator[Json]:
     yield case("tone", "A tone curve, y^0.9: not_sensor_raw.", y**0.9)
     yield case("patch", "One wrong patch is named.", y * spike(13, 1.4))
     yield case("no-single-cause", "All patches off, by no pattern: chart_unfit.", y * ripple(0.1))
-    yield case("hopeless", "More than eight times the expected χ²: refused.", y * ripple(0.12))
+    yield case("misfit-refuses", "More than eight times the expected χ²: refused.", y * ripple(0.12))
     spoilt = np.stack([predicted(k=2)[0], predicted(k=2)[1] * np.array([1.2, 1.0, 0.85])])
     yield case(
         "second-of-two", "Of two shots the second one's white frame is of another light: it is named.", spoilt, k=2
@@ -138,14 +135,18 @@ def cases() -> Iterator[Json]:
     yield case("two-patches", "Two patches are not: nothing is suspected.", y, used=2)
     yield case("noiseless", "No row is believed better than 1e-4.", y * spike(3, 1.02), error=0.1)
     # rule 2
-    yield case("strange", "Curves unlike a camera's.", y, code=22.0, known=10)
-    yield case("strange-no-more", "The same code where the signals tell twice as much of it.", y, code=22.0, known=20)
-    yield case("alien", "Curves that no camera has: doubtful, never refused for this.", y, code=80.0, known=10)
+    yield case("outside-family", "Curves unlike a camera's.", y, code=22.0, known=10)
+    yield case(
+        "outside-family-no-more", "The same code where the signals tell twice as much of it.", y, code=22.0, known=20
+    )
+    yield case(
+        "outside-prior", "Curves that no camera has: doubtful, never refused for this.", y, code=80.0, known=10
+    )
     # rules 4 and 5
     yield case("rival", "Another lamp fits better.", y, rivals=[[0, "FL2", -12.0], [0, "A", 5.0]])
-    yield case("rival-innocent", "Another lamp fits a little better.", y, rivals=[[0, "A", 3.0], [0, "FL2", -2.0]])
+    yield case("other-lamp-weak", "Another lamp fits a little better.", y, rivals=[[0, "A", 3.0], [0, "FL2", -2.0]])
     yield case(
-        "rival-condemned", "Another lamp fits so much better that the named one is out.", y,
+        "other-lamp-refuses", "Another lamp fits so much better that the named one is out.", y,
         rivals=[[0, "FL2", -900.0], [0, "A", 20.0]],
     )  # fmt: skip
     yield case(
@@ -163,7 +164,7 @@ def cases() -> Iterator[Json]:
         k=2,
         rivals=[[0, "A", 1.0], [1, "D55", 9.0], [1, "FL2", 8.0]],
     )
-    yield case("tint", "The raw white is not what the colour matrix foretells.", y, tint=1.3)
+    yield case("tint", "The raw white is not what the colour matrix predicts.", y, tint=1.3)
     yield case("tint-unnamed", "A quarter off: only a light that was named is doubted for it.",
                y, tint=1.3, unnamed=True, choice=[["phones", 1.0]], family="phones")  # fmt: skip
     yield case("tint-unnamed-far", "More than half off: an unnamed light is doubted, too.", y, tint=1.7, unnamed=True,
@@ -192,7 +193,7 @@ def cases() -> Iterator[Json]:
     # rule 8
     for name, phone, maker, outcome in (
         ("doubtful", 0.76, None, "doubtful"),
-        ("hopeless", 0.19, None, "refused"),
+        ("refused", 0.19, None, "refused"),
         ("phones-maker", 0.92, "phones", "doubtful: without the name's odds it is 74 %"),
         ("cameras-maker", 0.5, "cameras", "accepted: without the name's odds it is 80 %"),
     ):  # fmt: skip
@@ -218,12 +219,12 @@ def cases() -> Iterator[Json]:
     yield case("dirt", "A patch of outliers.", y, dead=(4, 0.2))
     yield case("dim", "A white at 5 % of the range.", y, level=0.05)
     yield case("haze", "An eighth of white in the darkest patch: doubtful.", 0.9 * y + 0.1)
-    yield case("fog", "A quarter of white in the darkest patch: refused.", 0.7 * y + 0.3)
+    yield case("veil-refuses", "A quarter of white in the darkest patch: refused.", 0.7 * y + 0.3)
     yield case("few", "Nine patches, the others clipped.", y, used=9, clipped=0.5)
     yield case("few-dark", "Nine patches, the others lost in noise.", y, used=9)
     yield case("pose", "The answer explains the signals, but they are hardly the chart's colours: chart_unfit.",
                0.7 * y + 0.3 * y[::-1], forgiven=True)  # fmt: skip
-    yield case("vague", "A band of ±0.15 of the peak.", y, std=0.0765)
+    yield case("band-too-wide", "A band of ±0.15 of the peak.", y, std=0.0765)
 
 
 def predicted(k: int = 1, white: int | None = None) -> Floats:
@@ -298,8 +299,8 @@ def case(
     `new`: number of shots before those of a previous result; 0 if there is none.
     """
     y = np.round(signals if k > 1 else signals[None], 7)
-    told = predicted(k, white)
-    told = told if k > 1 else y if forgiven else told[None]
+    fitted = predicted(k, white)
+    fitted = fitted if k > 1 else y if forgiven else fitted[None]
     span = level * SPAN
     frame = {
         "chart": statistics(y, span, noise, texture),
@@ -326,7 +327,7 @@ def case(
     curves = {"camera": CAMERA}
     peaks = camera(CAMERA).max(axis=0)
     band = None if std is None else {"bells": [[[float(std * peak), 550.0, 1e9]] for peak in peaks]}
-    alone = [{"ssf": curves, "code": codes, "predicted": (y if forgiven else told).tolist()} for _ in range(k)]
+    alone = [{"ssf": curves, "code": codes, "predicted": (y if forgiven else fitted).tolist()} for _ in range(k)]
     neutral = [[{"lamps": ["D55"]}, white_under("D55", tint)]] if tint else []
     if second:
         neutral.append([{"lamps": ["A"]}, white_under("A", 1.0)])
@@ -351,7 +352,7 @@ def case(
         "ssf": curves,
         "ssf_std": band,
         "code": codes,
-        "predicted": told.tolist(),
+        "predicted": fitted.tolist(),
         "alone": alone if k > 1 else [],
         "rivals": rivals or [],
         "neutrals": [neutral] * k,
@@ -437,28 +438,23 @@ def run(call: Call) -> dict[str, Any]:
 
     def answer(curves: Floats, code: Floats, predicted: Floats, std: Floats | None) -> Ssf:
         return Ssf(
+            basis=basis,
+            engine="golden",
+            l2=1.0,
+            gamma=np.zeros(3),
             values=curves,
             code=code,
-            posterior=None
-            if std is None
-            else Posterior(
-                std=std,
-                code_covariance=np.eye(code.size) if spread is None else spread,
-                log_evidence=0.0,
-                family_test=FamilyTest(*given["family_test"]) if "family_test" in given else None,
-                half_width_without_photo=half_width_of(prior_std(read_basis(basis))) if basis in LEARNED else None,
-            ),
             predicted=predicted,
-            light=Illumination(lamp=given["lamp"], gain_code=np.zeros((1, 0)), channel_gain=np.ones(3)),
             proof=Proof(gap=np.zeros(3), layers_gap=np.zeros(1), finish_steps=np.zeros(1, np.int64)),
-            settings=FitSettings(
-                basis=basis,
-                prior_scale=1.0,
-                l2=1.0,
-                gamma=np.zeros(3),
-                engine="golden",
-                chart_fading=given.get("chart_fading", 0.0),
-            ),
+            lamp=given["lamp"],
+            gain_code=np.zeros((1, 0)),
+            channel_gain=np.ones(3),
+            std=std,
+            code_covariance=None if std is None else np.eye(code.size) if spread is None else spread,
+            log_evidence=None if std is None else 0.0,
+            half_width_without_photo=half_width_of(prior_std(read_basis(basis))) if basis in LEARNED else None,
+            chart_fading=given.get("chart_fading", 0.0),
+            family_test=FamilyTest(*given["family_test"]) if "family_test" in given else None,
             choice=choice,
         )
 
@@ -466,8 +462,8 @@ def run(call: Call) -> dict[str, Any]:
     alone = [answer(resolve(a["ssf"]), resolve(a["code"]), resolve(a["predicted"]), ssf.std) for a in given["alone"]]
     rivals = [Rival(shot=shot, lamp=name, gain=gain) for shot, name, gain in given["rivals"]]
     neutrals = [
-        [Neutral(light=resolve(light)[0], white=np.array(white)) for light, white in told]
-        for told in given["neutrals"]
+        [Neutral(light=resolve(light)[0], white=np.array(white)) for light, white in of_shot]
+        for of_shot in given["neutrals"]
     ]
     shots = [build_means(shot) for shot in given["shots"]]
     gains = None

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from camssf.recovery.solve import solve
 from golden.contract import Call, Keys, Stage, against_stored, always, case, each, words
 from golden.forms import Json
+from golden.linear_model import solve
 from golden.matrices import PROBLEM, identity, posed, problem_of_rows, rows_of, waves
 from golden.scenes import Case
 

@@ -1,4 +1,7 @@
-"""Runs all stages in order, from photos and lamps to a calibration or a refusal."""
+"""Runs all stages in order, from photos and lamps to a calibration or a refusal.
+
+Each stage is imported when it runs, so that `from camssf import calibrate` is fast.
+"""
 
 from __future__ import annotations
 
@@ -7,31 +10,24 @@ from collections.abc import Callable
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
-from typing import TypeAlias, TypeVar
+from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
-from camssf.documents.previous import PreviousResult
-from camssf.documents.result_json import document_bytes, read_document
 from camssf.errors import CalibrationError, InvalidArgument
-from camssf.files import local
-from camssf.fit.capture_fit import prepare_fit
-from camssf.fit.chart_table import likeliest_table
-from camssf.fit.cross_validation import cross_validate, score
-from camssf.fit.solutions import prediction_bands, recover_each_shot, recover_fit
-from camssf.fit.uncertainty import uncertainty_budget
 from camssf.options import DEFAULTS, Options
-from camssf.photo.capture import Capture, Progress, Record, measure
-from camssf.photo.shot import Shots
-from camssf.photo.signals import Assumption
-from camssf.result import Calibration, Refusal, Result
-from camssf.spectra import CameraCurves, CameraLike, ChartLike, LightLike, read_camera
-from camssf.verdict.assumptions import assume
-from camssf.verdict.reasons import Reason, Verdict, refusal
-from camssf.verdict.rival_lamps import weigh
-from camssf.verdict.unit_drift import DRIFT, contradiction
+from camssf.progress import Progress, part_of
 
-Product = TypeVar("Product")
-PreviousLike: TypeAlias = str | PathLike[str] | Result
+if TYPE_CHECKING:
+    from camssf.documents.previous import PreviousResult
+    from camssf.photo.capture import Capture
+    from camssf.photo.shot import Shots
+    from camssf.result import Result
+    from camssf.spectra import CameraLike, ChartLike, LightLike
+
+MEASURING, SOLVING = 0.35, 0.4
+"""Parts of the time for progress: of a calibration for measuring, of the rest for solving before validation."""
+PreviousLike: TypeAlias = "str | PathLike[str] | Result"
 """A previous result: its file, or the result itself."""
+Product = TypeVar("Product")
 
 
 def calibrate(
@@ -43,7 +39,7 @@ def calibrate(
     truth: CameraLike | None = None,
     previous: PreviousLike | None = None,
     progress: Progress | None = None,
-) -> Calibration:
+) -> Result:
     """Recover a camera's spectral sensitivities from RAW photos; like `attempt`, but a refusal is raised.
 
     Args:
@@ -56,12 +52,12 @@ def calibrate(
         progress: called with the stage's name and the part done, 0 to 1.
 
     Raises:
-        CalibrationError: refused; `attempt` returns the refusal with its document instead.
+        CalibrationError: refused; `attempt` returns the refused result instead.
     """
-    found = attempt(shots, lamp, chart=chart, options=options, truth=truth, previous=previous, progress=progress)
-    if isinstance(found, Refusal):
-        raise found.error
-    return found
+    result = attempt(shots, lamp, chart=chart, options=options, truth=truth, previous=previous, progress=progress)
+    if result.error is not None:
+        raise result.error
+    return result
 
 
 def attempt(
@@ -73,33 +69,36 @@ def attempt(
     truth: CameraLike | None = None,
     previous: PreviousLike | None = None,
     progress: Progress | None = None,
-) -> Calibration | Refusal:
-    """Run `solve(measure(...))` and return a Refusal if one of them refuses; arguments as in `calibrate`.
+) -> Result:
+    """Run `solve(measure(...))` and return the refused result if one of them refuses; arguments as in `calibrate`.
 
     Raises:
         InvalidArgument: the call itself is wrong.
     """
+    from camssf.photo.capture import measure
 
-    def stages(record: Record) -> Calibration:
-        capture = measure(shots, lamp, chart=chart, options=options, progress=progress, record=record)
-        return solve(capture, options=options, truth=truth, previous=previous, progress=progress, record=record)
+    def stages() -> Result:
+        begin, rest = part_of(progress, 0.0, MEASURING), part_of(progress, MEASURING, 1.0)
+        capture = measure(shots, lamp, chart=chart, options=options, progress=begin)
+        return solve(capture, options=options, truth=truth, previous=previous, progress=rest)
 
-    return recorded(stages)
+    return attempted(stages)
 
 
-def recorded(stages: Callable[[Record], Product]) -> Product | Refusal:
-    """Run the stages; if one of them refuses, return a Refusal with the error and the record so far.
+def attempted(stages: Callable[[], Product]) -> Product | Result:
+    """Run the stages; if one of them refuses, return the refused result.
 
     Raises:
         InvalidArgument: the call itself is wrong.
     """
-    record = Record()
     try:
-        return stages(record)
+        return stages()
     except InvalidArgument:
         raise
     except CalibrationError as error:
-        return Refusal(error, record)
+        from camssf.result import refused
+
+        return refused(error)
 
 
 def solve(
@@ -109,94 +108,147 @@ def solve(
     truth: CameraLike | None = None,
     previous: PreviousLike | None = None,
     progress: Progress | None = None,
-    record: Record | None = None,
-) -> Calibration:
+) -> Result:
     """Compute curves, scores and verdict from measured patches.
 
     Args:
-        capture: from `measure` or a patches document.
+        capture: from `measure` or a document.
         options: those of solving.
         truth, previous, progress: as in `calibrate`.
-        record: receives the capture, so that the caller still has it if this raises.
 
     Raises:
-        CalibrationError: a stage or the verdict refuses.
+        CalibrationError: a stage or the verdict refuses; its `capture` is this one.
+        InvalidArgument: the capture was refused while it was measured.
     """
-    tell = progress or (lambda stage, part: None)
-    if record is not None:
-        record.note(capture)
+    from camssf.photo.capture import check_alike
+    from camssf.spectra import read_camera
+
+    tell = part_of(progress, 0.0, 1.0)
+    tell("solving", 0.0)
+    if capture.unfinished is not None or not capture.shots:
+        raise InvalidArgument("The capture was refused before all its photos were measured.", "Measure it anew.")
+    check_alike(capture.shots)
     known = None if truth is None else read_camera(truth)
-    if previous is not None:
-        return _solve_with(read_previous(previous), capture, options, known, tell)
-    return _solve(capture, options, known, tell, record=record)
+    try:
+        if previous is not None:
+            result = _solve_with(read_previous(previous), capture, options, tell)
+        else:
+            result = _solve(capture, options, tell)
+    except CalibrationError as error:
+        error.capture = error.capture or capture
+        raise
+    tell("solved", 1.0)
+    return result if known is None else result.with_truth(known)
 
 
-def _solve(
-    capture: Capture,
-    options: Options,
-    truth: CameraCurves | None,
-    tell: Progress,
-    new: int | None = None,
-    record: Record | None = None,
-) -> Calibration:
+def _solve(capture: Capture, options: Options, tell: Progress, new: int | None = None) -> Result:
     """Compute curves, scores and verdict; `new` is the number of new shots before those of a previous result."""
-    if record is not None:
-        record.note(capture)
-    tell("solving", 0.9)
+    from camssf.documents.document import FORMAT, Answer, Curves, lower_triangle
+    from camssf.fit.capture_fit import prepare_fit
+    from camssf.fit.solutions import (
+        cross_validate,
+        likeliest_table,
+        prediction_bands,
+        recover_each_shot,
+        recover_fit,
+        score,
+        uncertainty_budget,
+    )
+    from camssf.recovery.basis import basis_of
+    from camssf.recovery.onnx_model import load_model
+    from camssf.result import Result
+    from camssf.verdict.assumptions import assume
+    from camssf.verdict.reasons import refusal
+    from camssf.verdict.rival_lamps import weigh
+    from camssf.version import __version__
+
+    tell("solving", 0.0)
     fit = prepare_fit(capture, options)
     signals = fit.signals
     ssf = recover_fit(fit, signals.used, options.gamma)
     table = likeliest_table(fit, ssf)
     if table is not capture.chart:
-        return _solve(replace(capture, chart=table), options, truth, tell, new, record)
+        return _solve(replace(capture, chart=table), options, tell, new)
     free_fit, fit = fit, fit.conditioned_on(ssf)
-    tell("validating", 0.95)
+    tell("validating", SOLVING)
     predicted_std = prediction_bands(fit, signals.used, ssf)
     unseen = cross_validate(fit, ssf, predicted_std)
-    scores = score(fit, ssf, unseen, truth)
+    scores = score(fit, ssf, unseen)
     alone = recover_each_shot(fit)
     uncertainty = uncertainty_budget(fit, ssf, alone)
     verdict = weigh(free_fit, ssf, alone, new)
     if verdict.status == "refused":
-        raise refusal(verdict)
+        error = refusal(verdict)
+        error.capture = capture
+        raise error
     level = fit.level(ssf)
-    return Calibration(
-        capture=capture,
-        signals=signals,
-        ssf=ssf,
+    curves, std = ssf.peak()
+    answer = Answer(
+        basis=ssf.basis,
+        engine=ssf.engine,
+        model=load_model(ssf.basis).sha256 if ssf.engine == "onnx" else None,
+        basis_sha256=basis_of(fit.basis).sha256(),
+        curves=Curves.of(curves),
+        std=None if std is None else Curves.of(std),
+        channel_gain=ssf.channel_gain,
+        code_covariance=None if ssf.code_covariance is None else lower_triangle(ssf.code_covariance),
+        evidence=ssf.log_evidence,
+        prior_scale=ssf.prior_scale,
+        chart_fading=ssf.chart_fading,
+        choice=ssf.choice,
+        gamma=ssf.gamma,
+        l2=ssf.l2,
+        proof=ssf.proof,
+        used=tuple(tuple(row) for row in signals.used.tolist()),
         level=level,
+        predicted=ssf.predicted,
         predicted_std=predicted_std,
         unseen=unseen.values,
         unseen_std=unseen.std,
+        lights=ssf.lights,
         scores=scores,
-        verdict=verdict,
-        truth=truth,
-        assumptions=signals.assumptions + assume(capture, ssf, level),
         uncertainty=uncertainty,
+    )
+    return Result(
+        format=FORMAT,
+        version=__version__,
+        capture=capture,
+        answer=answer,
+        verdict=verdict,
+        assumptions=signals.assumptions + assume(capture, ssf, level),
+        ssf=ssf,
     )
 
 
-def read_previous(given: PreviousLike) -> PreviousResult:
+def read_previous(previous: PreviousLike) -> PreviousResult:
     """The previous result, from its file or as a result.
 
     Raises:
         InvalidArgument: the file cannot be read or is no result.
     """
-    if isinstance(given, Result):
-        document = given.document()
-        return PreviousResult("(given)", hashlib.sha256(document_bytes(document)).hexdigest(), document)
-    document = read_document(Path(given))
-    return PreviousResult(Path(given).name, hashlib.sha256(local(given).read_bytes()).hexdigest(), document)
+    from camssf.documents.document import ADVICE, document_bytes, read_file
+    from camssf.documents.forms import read
+    from camssf.documents.previous import PreviousResult
+    from camssf.result import Result
+
+    if isinstance(previous, Result):
+        return PreviousResult("(given)", hashlib.sha256(document_bytes(previous)).hexdigest(), previous)
+    data = read_file(previous)
+    result = read(data, Result, str(previous), ADVICE)
+    return PreviousResult(Path(previous).name, hashlib.sha256(data).hexdigest(), result)
 
 
-def _solve_with(
-    previous: PreviousResult, capture: Capture, options: Options, truth: CameraCurves | None, tell: Progress
-) -> Calibration:
+def _solve_with(previous: PreviousResult, capture: Capture, options: Options, tell: Progress) -> Result:
     """Solve together with the shots of a previous result; if they contradict the new ones, the new ones alone.
 
     Raises:
         InvalidArgument: options for which there is no previous result; else as `PreviousResult.joined`.
     """
+    from camssf.fit.capture_fit import prepare_fit
+    from camssf.photo.signals import Assumption
+    from camssf.verdict.reasons import Verdict, reason_of
+    from camssf.verdict.unit_drift import DRIFT, contradiction
+
     if options.light_per_patch is not None or prepare_fit(capture, options).exact:
         raise InvalidArgument(
             "A previous result cannot be used on a basis without a prior, or with `light_per_patch`.",
@@ -204,24 +256,24 @@ def _solve_with(
         )
     capture = replace(capture, files=capture.files | {f"previous result: {previous.name}": previous.sha256})
     new, joint = len(capture.shots), previous.joined(capture)
-    refused = None
+    misfit = None
     try:
-        found = _solve(joint, options, truth, tell, new)
+        together = _solve(joint, options, part_of(tell, 0.0, 0.5), new)
     except InvalidArgument:
         raise
     except CalibrationError as error:
         checks = error.checks
-        refused = Reason(error.code, error.message, error.advice, error.value, error.threshold)
+        misfit = reason_of(error)
     else:
-        checks = found.verdict.checks
+        checks = together.verdict.checks
         if contradiction(checks, ()) is None:
             used = Assumption(
                 "previous_result",
                 f"the shots after number {new} are those of {previous.name}: same unit, same chart.",
             )
-            return replace(found, assumptions=(*found.assumptions, used))
-    alone = _solve(capture, options, truth, tell)
-    why = contradiction(checks, alone.verdict.checks) or refused
+            return replace(together, assumptions=(*together.assumptions, used))
+    alone = _solve(capture, options, part_of(tell, 0.5, 1.0))
+    why = contradiction(checks, alone.verdict.checks) or misfit
     if why is None:  # the new photos alone do not fit either, and their verdict says so
         return alone
     verdict = alone.verdict

@@ -59,7 +59,7 @@ def explain_code(code: str) -> Explained:
         'Expose less: the white at about 80 % of full scale.'
     """
     word = code.strip().casefold().replace("-", "_")
-    kind = next((each for each in _leaves() if word in (each.code, each.__name__.casefold())), None)
+    kind = next((leaf for leaf in _leaves() if word in (leaf.code, leaf.__name__.casefold())), None)
     if kind is None:
         from difflib import get_close_matches
 
@@ -69,25 +69,28 @@ def explain_code(code: str) -> Explained:
             (f"Did you mean {' or '.join(near)}? " if near else "") + f"The codes: {', '.join(codes())}.",
         )
     entry = _table()[kind.code]
-    reasons = tuple(each for each in rules().reasons.values() if each.code == kind.code)
+    reasons = tuple(reason for reason in rules().reasons.values() if reason.code == kind.code)
     return Explained(
         kind.code, kind.__name__, kind.exit_status, entry["means"], tuple(entry["causes"]), tuple(entry["do"]),
         tuple(entry["see"]), reasons,
     )  # fmt: skip
 
 
-def as_text(found: Explained) -> str:
+def as_text(explanation: Explained) -> str:
     """The explanation as text for a terminal."""
-    lines = [f"{found.code} (exit status {found.exit_status}): {found.means}", "", "Usual causes:"]
-    lines += [f"  - {each}" for each in found.causes]
+    lines = [f"{explanation.code} (exit status {explanation.exit_status}): {explanation.means}", "", "Usual causes:"]
+    lines += [f"  - {cause}" for cause in explanation.causes]
     lines += ["", "What to do:"]
-    lines += [f"  {number}. {each}" for number, each in enumerate(found.do, 1)]
-    if found.reasons:
+    lines += [f"  {number}. {step}" for number, step in enumerate(explanation.do, 1)]
+    if explanation.reasons:
         lines += ["", "Reasons of the verdict with this code:"]
-        for reason in found.reasons:
+        for reason in explanation.reasons:
             lines += [f"  - {without_holes(reason.message)}", f"    {without_holes(reason.advice)}"]
-            lines += [f"    {limit_in_words(each)}" for each in limits_of(reason)]
-    lines += ["", f"More: {', '.join(f'docs/{page}' for page in (f'errors/{found.code}.md', *found.see))}"]
+            lines += [f"    {limit_in_words(limit)}" for limit in limits_of(reason)]
+    lines += [
+        "",
+        f"More: {', '.join(f'docs/{page}' for page in (f'errors/{explanation.code}.md', *explanation.see))}",
+    ]
     return "\n".join(lines)
 
 
@@ -108,20 +111,20 @@ def without_holes(template: str) -> str:
 
 def _leaves() -> list[type[CalibrationError]]:
     """The error classes without subclasses, in the order of `camssf.errors`."""
-    found: list[type[CalibrationError]] = []
+    leaves: list[type[CalibrationError]] = []
 
     def walk(kind: type[CalibrationError]) -> None:
-        below = [each for each in kind.__subclasses__() if each.__module__ == "camssf.errors"]
-        for each in below:
-            walk(each)
+        below = [subclass for subclass in kind.__subclasses__() if subclass.__module__ == "camssf.errors"]
+        for subclass in below:
+            walk(subclass)
         if not below:
-            found.append(kind)
+            leaves.append(kind)
 
     walk(CalibrationError)
-    return found
+    return leaves
 
 
 @cache
 def _table() -> dict[str, Any]:
-    found: dict[str, Any] = json.loads((files("camssf") / "data" / "errors.json").read_text("utf-8"))
-    return dict(found["codes"])
+    table: dict[str, Any] = json.loads((files("camssf") / "data" / "errors.json").read_text("utf-8"))
+    return dict(table["codes"])

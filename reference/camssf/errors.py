@@ -12,6 +12,7 @@ CalibrationError
 ├── CaptureError                               5   how the photo was taken
 │   ├── Overexposed        overexposed
 │   ├── Underexposed       underexposed
+│   ├── BandsTooWide       bands_too_wide
 │   ├── UnevenLight        uneven_light
 │   ├── FramesDiffer       frames_differ
 │   ├── UnitDiffers        unit_differs
@@ -42,6 +43,7 @@ class CalibrationError(Exception):
         advice: what to do next.
         value, threshold: the number that decided and the bound that it broke; None if there is none.
         reasons, checks: those of the verdict if the verdict refused, else empty.
+        capture: what was measured until then, a `Capture`; None if nothing was.
     """
 
     code: ClassVar[str] = "calibration_error"
@@ -57,6 +59,7 @@ class CalibrationError(Exception):
         self.threshold = threshold
         self.reasons: tuple[Any, ...] = ()
         self.checks: tuple[Any, ...] = ()
+        self.capture: Any = None
 
     def _render_traceback_(self) -> list[str]:
         """The error as one paragraph, which Jupyter shows in place of a traceback."""
@@ -128,6 +131,12 @@ class Underexposed(CaptureError):
     """The signals are too close to the black level."""
 
     code = "underexposed"
+
+
+class BandsTooWide(CaptureError):
+    """The photos leave the curves too uncertain."""
+
+    code = "bands_too_wide"
 
 
 class UnevenLight(CaptureError):

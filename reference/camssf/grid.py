@@ -25,3 +25,10 @@ CHANNELS = ("red", "green", "blue")
 def columns(curves: Mapping[str, Sequence[float]]) -> Floats:
     """Red, green and blue of a document, side by side: (m, 3)."""
     return np.stack([np.array(curves[channel], dtype=np.float64) for channel in CHANNELS], axis=1)
+
+
+def frozen(values: Floats) -> Floats:
+    """A read-only copy."""
+    values = np.array(values, dtype=np.float64)
+    values.setflags(write=False)
+    return values

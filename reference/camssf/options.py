@@ -37,7 +37,7 @@ class Options:
     fit: Sequence[int] | None = None
     nonnegative: bool | None = None
     l2: float | None = None
-    gamma: float | None = None
+    gamma: float | Sequence[float] | None = None
     engine: str = "onnx"
     light_per_patch: float | None = None
 

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from camssf.errors import InvalidArgument
-from camssf.files import check_local, local, local_folder, temporary_folder, write_file
+from camssf.files import ASIDE, check_local, local, local_folder, temporary_folder, write_file
 from camssf.libraries import library
 
 Place: TypeAlias = Path
@@ -26,14 +26,14 @@ Place: TypeAlias = Path
 STORES = {"s3": "s3fs", "gs": "gcsfs", "az": "adlfs", "memory": "fsspec"}
 """Libraries by the scheme of a URL; the extra that installs each has the scheme's name, that of memory is `s3`."""
 PICTURES = (".png", ".tif", ".tiff")
-"""Mosaics as pictures, which a file beside them describes (`photo.read.sidecar`)."""
+"""Mosaics as pictures, which a file beside them describes (`photo.read.unit`)."""
 _URL = re.compile(r"\s*([a-z0-9]+)://(.*)", re.DOTALL)
 
 
 def is_remote(path: str | os.PathLike[str]) -> bool:
     """Whether it is a URL of an object store."""
-    found = _URL.match(str(path))
-    return found is not None and found[1] in STORES
+    match = _URL.match(str(path))
+    return match is not None and match[1] in STORES
 
 
 def place(path: str | os.PathLike[str]) -> Place:
@@ -112,12 +112,13 @@ def file_system(folder: Place, sizes: Mapping[str, int]) -> Any:
 
 
 def files_below(folder: Place) -> Iterator[Place]:
-    """All files in a folder and its folders."""
+    """All files in a folder and its folders, without what a write has only prepared."""
     if is_remote(folder):
         fs, scheme = folder.fs, str(folder).partition("://")[0]  # type: ignore[attr-defined]
         yield from (place(f"{scheme}://{name.lstrip('/')}") for name in fs.find(folder.path))  # type: ignore[attr-defined]
     else:
-        yield from (path for path in folder.rglob("*") if path.is_file())
+        inner = (path for path in folder.rglob("*") if path.is_file())
+        yield from (path for path in inner if ASIDE not in path.relative_to(folder).as_posix())
 
 
 def join(folder: Place, path: str) -> str:
@@ -138,7 +139,7 @@ def relative(file: Place, folder: Place) -> str:
             return Path(os.path.relpath(name, os.path.realpath(folder))).as_posix()
         except ValueError:  # on another drive
             return Path(name).as_posix()
-    one, other = (str(each).split("/") for each in (file, folder))
+    one, other = (str(place).split("/") for place in (file, folder))
     if one[:3] != other[:3]:
         return str(file if is_remote(file) else file.absolute())
     return posixpath.relpath("/".join(one[3:]) or ".", "/".join(other[3:]) or ".")

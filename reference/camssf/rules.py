@@ -6,9 +6,8 @@ thresholds as a table and describes the file's format.
 
 from __future__ import annotations
 
-import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -18,6 +17,7 @@ from typing import Any
 
 from camssf import errors
 from camssf.errors import CalibrationError, InvalidArgument
+from camssf.strict_json import parse_strict
 
 FORMAT = "camssf-rules/1"
 PLACE = files("camssf") / "data" / "rules.json"
@@ -130,7 +130,7 @@ def parse(text: str) -> Rules:
         InvalidArgument: the text is not valid.
     """
     try:
-        document = json.loads(text, object_pairs_hook=_distinct, parse_constant=_no_constant)
+        document = parse_strict(text)
     except ValueError as error:
         raise _damaged(f"it is no strict JSON: {error}") from error
     _keys("the file", document, {"format", "numbers", "rivals", "makers", "reasons"})
@@ -159,8 +159,8 @@ def fill(template: str, values: Mapping[str, str | float]) -> str:
         KeyError: a placeholder has no value.
     """
 
-    def text(found: re.Match[str]) -> str:
-        value, kind, digits = values[found[1]], found[2], found[3]
+    def text(match: re.Match[str]) -> str:
+        value, kind, digits = values[match[1]], match[2], match[3]
         if kind is None:
             return str(value)
         return f"{value:.{digits}{'%' if kind == 'percent' else 'f'}}"
@@ -214,22 +214,9 @@ def _texts(values: Any) -> bool:
     return isinstance(values, list) and bool(values) and all(isinstance(v, str) and v for v in values)
 
 
-def _distinct(pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for key, value in pairs:
-        if key in found:
-            raise ValueError(f"{key!r} occurs twice in one object")
-        found[key] = value
-    return found
-
-
-def _no_constant(word: str) -> float:
-    raise ValueError(f"{word} is not a JSON number")
-
-
-def _keys(where: str, found: Any, needed: set[str], allowed: frozenset[str] = frozenset()) -> None:
-    _need(isinstance(found, dict), f"{where} is no object")
-    odd = sorted(set(found) - needed - allowed) + sorted(needed - set(found))
+def _keys(where: str, members: Any, needed: set[str], allowed: frozenset[str] = frozenset()) -> None:
+    _need(isinstance(members, dict), f"{where} is no object")
+    odd = sorted(set(members) - needed - allowed) + sorted(needed - set(members))
     _need(not odd, f"{where} has unknown or missing keys: {', '.join(odd)}")
 
 

@@ -5,61 +5,50 @@ from __future__ import annotations
 import errno
 import os
 import sys
-from collections.abc import Sequence
-from typing import Annotated
+from collections.abc import Callable, Sequence
+from itertools import chain
+from typing import Annotated, Any, TypeAlias
 
 import typer
 
-from camssf.cli.captures import batch, calibrate, simulate
-from camssf.cli.colour import colour
-from camssf.cli.demo import demo
-from camssf.cli.exports import export
-from camssf.cli.groups import Group
-from camssf.cli.others import cameras, charts, direct, explain, lamps, parity
-from camssf.cli.page import app as page
-from camssf.cli.passport import passport
-from camssf.cli.registry import registry
-from camssf.cli.spectrum import spectrum
-from camssf.cli.steps import patches, report, solve, validate
-from camssf.cli.terminal import BUG, INTERRUPTED, demand_json, discard_stdout, put, say, trace
-from camssf.cli.upkeep import COMMANDS as UPKEEP
+from camssf.cli.options import Group
+from camssf.cli.others import cameras, charts, explain, export, lamps, parity
+from camssf.cli.steps import calibrate, patches, report, solve, validate
+from camssf.cli.terminal import BUG, INTERRUPTED, discard_stdout, put, say, trace
 from camssf.errors import CalibrationError, InvalidArgument
+from camssf.libraries import COMMANDS as CONTRIBUTED
+from camssf.libraries import extensions
 from camssf.version import __version__
 
-COMMANDS = (
-    (demo, "camssf demo -o out/"),
+Command: TypeAlias = Callable[..., Any] | Group
+
+COMMANDS: tuple[tuple[Command, str], ...] = (
     (calibrate, "camssf calibrate photo.dng --lamp D55 --white white.dng --dark dark.dng -o out/"),
-    (batch, "camssf batch manifest.csv -o out/ --jobs 2"),
-    (simulate, "camssf simulate --lamp D55 --size 1800x1350 -o shots/"),
     (patches, "camssf patches photo.dng --lamp D55 > patches.json"),
     (solve, "camssf patches photo.dng --lamp D55 | camssf solve - > result.json"),
     (validate, "camssf validate result.json --truth truth.csv > scored.json"),
     (report, "camssf report result.json -o out/ --photo photo.dng"),
     (export, "camssf export out/result.json --to rawtoaces -o camera.json"),
-    (
-        colour,
-        "camssf colour out/result.json photo.dng --lamp daylight --region 640,480,40,40 --white-region 700,480,40,40",
-    ),
-    (
-        spectrum,
-        "camssf spectrum out/result.json photo.dng --lamp daylight --region 640,480,40,40 "
-        "--white-region 700,480,40,40 --prior skin",
-    ),
-    (page, "camssf app"),
-    (direct, "camssf direct rgb.dng mono.tif --dark dark.dng --response mono.csv -o out/"),
     (parity, "camssf parity phone.json photo.dng --white white.dng"),
     (explain, "camssf explain uneven_light"),
     (lamps, "camssf lamps | grep LED"),
     (charts, "camssf charts"),
     (cameras, "camssf cameras"),
 )
-"""Each command with an example for its help."""
+"""Each command of this package with an example for its help."""
+
+ORDER = (
+    "demo", "calibrate", "batch", "simulate", "patches", "solve", "validate", "report", "export", "colour",
+    "spectrum", "app", "direct", "parity", "explain", "lamps", "charts", "cameras", "passport", "registry",
+)  # fmt: skip
+"""Names of the commands in the order of the help; others come last."""
 
 app = Group(
     name="camssf",
     help="Camera spectral sensitivities, with error bands, from RAW photos of a ColorChecker.",
     epilog="Example: camssf demo -o out/",
     no_args_is_help=True,
+    add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
@@ -69,9 +58,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status; catches all exceptions."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     debug = "--debug" in arguments
-    demand_json("--json" in arguments)
+    if "_CAMSSF_COMPLETE" in os.environ:  # a shell asks for its completion
+        typer.completion.get_completion_inspect_parameters()  # registers the shells
     try:
-        typer.main.get_command(app).main([a for a in arguments if a not in ("--debug", "--json")], prog_name="camssf")
+        typer.main.get_command(app).main([a for a in arguments if a != "--debug"], prog_name="camssf")
     except SystemExit as stop:
         status = stop.code if isinstance(stop.code, int) else int(stop.code is not None)
         if status == INTERRUPTED:
@@ -109,15 +99,20 @@ def _camssf(
         bool, typer.Option("--version", is_eager=True, callback=_version, help="Print the version and exit.")
     ] = False,
     debug: Annotated[bool, typer.Option("--debug", help="Print the traceback of an error.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="Print JSON on a terminal too.")] = False,
 ) -> None:
-    # `main` removes --debug and --json from the arguments; they are declared here for --help only.
-    del version, debug, json
+    # `main` removes --debug from the arguments; it is declared here for --help only.
+    del version, debug
 
 
-for _command, _example in COMMANDS:
-    app.command(epilog=f"Example: {_example}")(_command)
-app.add_typer(passport)
-for _upkeep, _example in UPKEEP:
-    registry.command(epilog=f"Example: {_example}")(_upkeep)
-app.add_typer(registry)
+def _rank(command: Command) -> int:
+    name = command.info.name if isinstance(command, Group) else command.__name__
+    return ORDER.index(name) if name in ORDER else len(ORDER)
+
+
+for _command, _example in sorted(
+    (*COMMANDS, *chain(*extensions(CONTRIBUTED).values())), key=lambda row: _rank(row[0])
+):
+    if isinstance(_command, Group):
+        app.add_typer(_command)
+    else:
+        app.command(epilog=f"Example: {_example}")(_command)

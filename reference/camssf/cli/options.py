@@ -1,11 +1,21 @@
-"""Arguments and options that several commands share."""
+"""Arguments and options that several commands share, and commands that take each once."""
 
 from __future__ import annotations
 
+import re
+from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 import typer
+import typer.core
+from typer.models import CommandFunctionType
+
+from camssf.errors import InvalidArgument
+
+PAPER = "Options of the paper's method"
+"""Heading of its options in a command's help."""
 
 Photos: TypeAlias = Annotated[
     list[str], typer.Argument(metavar="PHOTO...", help="RAW photo (DNG) of the chart, one for each lamp.")
@@ -90,6 +100,7 @@ LightPerPatch: TypeAlias = Annotated[
         metavar="8%",
         show_default=False,
         help="Relative variation of the light between patches, if each patch was photographed separately.",
+        rich_help_panel=PAPER,
     ),
 ]
 BasisName: TypeAlias = Annotated[
@@ -105,23 +116,40 @@ Gamma: TypeAlias = Annotated[
     typer.Option(
         show_default=False,
         help="The l1 penalty γ; unless given, 0.05, on `gaussian` chosen from the measured noise.",
+        rich_help_panel=PAPER,
     ),
 ]
 L2: TypeAlias = Annotated[
     float | None,
-    typer.Option("--l2", show_default=False, help="The quadratic penalty λ₂; unless given, 1, on `gaussian` 0."),
+    typer.Option(
+        "--l2",
+        show_default=False,
+        help="The quadratic penalty λ₂; unless given, 1, on `gaussian` 0.",
+        rich_help_panel=PAPER,
+    ),
 ]
-Engine: TypeAlias = Annotated[str, typer.Option(metavar="NAME", help="reference (NumPy) or onnx.")]
+Engine: TypeAlias = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME",
+        help="reference (NumPy) or onnx.",
+        rich_help_panel=PAPER,
+    ),
+]
 Fit: TypeAlias = Annotated[
     str | None,
     typer.Option(
         metavar="NUMBERS",
         show_default=False,
         help="Patches to fit, as 7-18 or 1,4,7-18; all unless given. The others validate.",
+        rich_help_panel=PAPER,
     ),
 ]
 Signed: TypeAlias = Annotated[
-    bool, typer.Option("--signed", help="Let coefficients be negative: the paper's Eq. (10) as written.")
+    bool,
+    typer.Option(
+        "--signed", help="Let coefficients be negative: the paper's Eq. (10) as written.", rich_help_panel=PAPER
+    ),
 ]
 Previous: TypeAlias = Annotated[
     str | None,
@@ -148,36 +176,63 @@ Out: TypeAlias = Annotated[
 ]
 OutFolder: TypeAlias = Annotated[Path, typer.Option("-o", "--out", metavar="FOLDER", help="Where the files go.")]
 Document: TypeAlias = Annotated[str, typer.Argument(metavar="JSON", help="A file, or - for stdin.")]
-CameraId: TypeAlias = Annotated[
-    str, typer.Option(metavar="TEXT", show_default=False, help="Camera id, for a phone with several cameras.")
-]
-Lens: TypeAlias = Annotated[str, typer.Option(metavar="TEXT", show_default=False, help="The lens.")]
-Captured: TypeAlias = Annotated[
-    str, typer.Option(metavar="TIME", show_default=False, help="When the photo was taken, ISO 8601.")
-]
-Regions: TypeAlias = Annotated[
-    list[str] | None,
-    typer.Option(metavar="X,Y,W,H", show_default=False, help="Region to measure, px; may be repeated."),
-]
-WhiteRegion: TypeAlias = Annotated[
-    str | None,
-    typer.Option(metavar="X,Y,W,H", show_default=False, help="A white or grey surface in the same light, px."),
-]
-RegionReflectance: TypeAlias = Annotated[
-    str | None,
-    typer.Option(metavar="SHARE", show_default=False, help="Reflectance of that surface; 1 unless given."),
-]
-RegionLamp: TypeAlias = Annotated[
-    str | None,
+TrustedKeys: TypeAlias = Annotated[
+    list[Path] | None,
     typer.Option(
-        metavar="SPEC",
-        show_default=False,
-        help="The light (see `camssf lamps`), or auto: estimated from the white region. "
-        "The lamp of the result's first shot unless given.",
+        "--key", metavar="PEM", show_default=False, help="For a passport: a trusted public key. May be repeated."
     ),
 ]
-RegionDark: TypeAlias = Annotated[
-    str | None, typer.Option(metavar="DNG", show_default=False, help="Dark frame: lens cap on, same exposure.")
+Revoked: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(metavar="JWS", show_default=False, help="Signed list of revoked passports and keys."),
 ]
-Observer: TypeAlias = Annotated[str, typer.Option(metavar="YEAR", help="1931 (2°) or 1964 (10°).")]
-Adapt: TypeAlias = Annotated[str, typer.Option(metavar="WHITE", help="lamp, or adapted by CAT16 to D50 or D65.")]
+Png: TypeAlias = Annotated[bool, typer.Option("--png", help="Draw the curves as ssf.png, too; needs the extra plot.")]
+
+
+PATHS = re.compile("FOLDER|FILE|JSON|DNG|CSV|PEM|JWS|PHOTO|FRAME|REGISTRY")
+"""What the help calls values that are paths."""
+
+
+class Command(typer.core.TyperCommand):
+    """A command that takes no option twice; click would use the last value and drop the others."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Check and parse the arguments.
+
+        Raises:
+            InvalidArgument: an option with one value was given several times, or a path is empty.
+        """
+        values, _, order = self.make_parser(ctx).parse_args(list(args))
+        for option, times in Counter(order).items():
+            if times > 1 and isinstance(option, typer.core.TyperOption) and not (option.multiple or option.is_flag):
+                raise InvalidArgument(
+                    f"{max(option.opts, key=len)} was given {times} times; it takes one value.", "Give it once."
+                )
+            kind, value = option.metavar or "", values[option.name]
+            texts = value if isinstance(value, list | tuple) else [value]
+            if PATHS.search(kind) and any(isinstance(text, str) and not text.strip() for text in texts):
+                named = isinstance(option, typer.core.TyperOption)
+                raise InvalidArgument(
+                    f"{max(option.opts, key=len) if named else kind.removesuffix('...')} is empty.",
+                    "Give the path; a shell variable that is not set is empty, too.",
+                )
+        return super().parse_args(ctx, args)
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write the help of the arguments and options, a section for each `rich_help_panel`."""
+        sections: dict[str, list[tuple[str, str]]] = {}
+        for param in self.get_params(ctx):
+            if (record := param.get_help_record(ctx)) is not None:
+                usual = "Arguments" if param.param_type_name == "argument" else "Options"
+                sections.setdefault(getattr(param, "rich_help_panel", None) or usual, []).append(record)
+        for heading in sorted(sections, key=lambda heading: ("Arguments", "Options").count(heading) == 0):
+            with formatter.section(heading):
+                formatter.write_dl(sections[heading])
+
+
+class Group(typer.Typer):
+    """A group of such commands."""
+
+    def command(self, *args: Any, **settings: Any) -> Callable[[CommandFunctionType], CommandFunctionType]:
+        """As `typer.Typer.command`."""
+        return super().command(*args, **{"cls": Command} | settings)

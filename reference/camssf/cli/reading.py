@@ -6,32 +6,30 @@ import json
 import os
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from camssf.errors import CalibrationError, InvalidArgument, PassportInvalid
-from camssf.files import PHOTO, check_local, local
+from camssf.errors import CalibrationError, InvalidArgument
+from camssf.files import PHOTO, check_local, error_in_words, local, read_advice
 from camssf.places import check_place, is_remote, place, reached
 
 if TYPE_CHECKING:
+    from camssf.documents.document import Document
+    from camssf.documents.excerpt import Excerpt
+    from camssf.options import Options
     from camssf.photo.shot import Shot
-    from camssf.report.provenance import Signature
+    from camssf.result import Result
     from camssf.spectra import ChartTable
-
-PATCHES, RESULT = "camssf-patches/1", "camssf-result/1"
-"""Formats of the documents that commands pass through pipes."""
 
 CORNERS = "camssf-corners/1"
 LARGEST_CORNERS = 1 << 20
 """Bytes; enough for four points in each of thousands of photos."""
 
 
-def given_paths(word: str, paths: list[str], *, remote: bool = False) -> list[str]:
-    """The paths, checked not to be empty or URLs, if `remote` but those of object stores; `word` is their name."""
-    if not all(path.strip() for path in paths):  # "" would mean this folder; often it is an unset shell variable
-        raise InvalidArgument(f"A path given as {word} is empty.", "Give the path of a file.")
+def given_paths(paths: list[str], *, remote: bool = False) -> list[str]:
+    """The paths, checked not to be URLs, if `remote` but those of object stores."""
     for path in paths:
         (check_place if remote else check_local)(path)
     return paths
@@ -64,9 +62,9 @@ def spare(out: Path, *sources: str | Path) -> Path:
     return out
 
 
-def given_frames(option: str, paths: list[str] | None) -> list[str | None]:
+def given_frames(paths: list[str] | None) -> list[str | None]:
     """The paths, with None for the word `none`."""
-    return [None if path.casefold() == "none" else path for path in given_paths(option, paths or [])]
+    return [None if path.casefold() == "none" else path for path in given_paths(paths or [])]
 
 
 def parse_shots(
@@ -87,21 +85,21 @@ def parse_shots(
     from camssf.photo.shot import Shot
     from camssf.spectra.lamps import AUTO
 
-    k = len(given_paths("PHOTO", photos))
+    k = len(given_paths(photos))
     if lamps and len(lamps) != k:
         raise InvalidArgument(
             f"{k} photo(s) ({', '.join(photos)}) but {len(lamps)} lamp(s) ({', '.join(lamps)}).",
             "Give one --lamp a photo, in the same order, or none at all; quote a name with spaces.",
         )
     whites, darks = _frames("white", white, k), _frames("dark", dark, k)
-    found = _parse_corners(corners, photos)
-    if len(found) != k:
-        raise InvalidArgument(f"{k} photo(s) but {len(found)} set(s) of corners.", "Give one set a photo.")
+    places = _parse_corners(corners, photos)
+    if len(places) != k:
+        raise InvalidArgument(f"{k} photo(s) but {len(places)} set(s) of corners.", "Give one set a photo.")
     tolerances: Sequence[str | None] = lamp_tolerance or [None] * k
     if len(tolerances) != k:
         raise InvalidArgument(f"{k} photo(s) but {len(tolerances)} lamp tolerance(s).", "Give one a photo, or none.")
     return [
-        Shot(photo, lamp, whites[j], darks[j], found[j], tolerances[j], lens_shading)
+        Shot(photo, lamp, whites[j], darks[j], places[j], tolerances[j], lens_shading)
         for j, (photo, lamp) in enumerate(zip(photos, lamps or [AUTO] * k, strict=True))
     ]
 
@@ -118,9 +116,33 @@ def parse_chart(chart: str, tolerance: str | None) -> str | ChartTable:
     return chart if given is None else read_chart(chart).with_tolerance(given)
 
 
+def parse_options(
+    *,
+    white_reflectance: str | None = None,
+    fit: str | None = None,
+    signed: bool = False,
+    light_per_patch: str | None = None,
+    **others: Any,
+) -> Options:
+    """The options of a calibration; `others` are fields of `Options` that are no texts to be parsed.
+
+    Raises:
+        InvalidArgument: a text is not a share, a list of patches or a percentage.
+    """
+    from camssf.options import Options
+
+    return Options(
+        white_reflectance=parse_share(white_reflectance),
+        fit=parse_patches(fit),
+        nonnegative=False if signed else None,
+        light_per_patch=parse_percent("--light-per-patch", light_per_patch),
+        **others,
+    )
+
+
 def _frames(word: str, paths: list[str] | None, k: int) -> list[str | None]:
     """The paths of k frames, None where there is none."""
-    frames = given_frames(f"--{word}", paths)
+    frames = given_frames(paths)
     if frames and len(frames) != k:
         raise InvalidArgument(
             f"{k} photo(s) but {len(frames)} {word} frame(s).",
@@ -202,8 +224,8 @@ def parse_patches(text: str | None) -> tuple[int, ...] | None:
         return None
     numbers: dict[int, None] = {}
     for part in text.split(","):
-        found = re.fullmatch(r"\s*(\d{1,3})\s*(?:-\s*(\d{1,3})\s*)?", part)  # no chart has 1000 patches
-        first, last = (int(found[1]), int(found[2] or found[1])) if found else (1, 0)
+        match = re.fullmatch(r"\s*(\d{1,3})\s*(?:-\s*(\d{1,3})\s*)?", part)  # no chart has 1000 patches
+        first, last = (int(match[1]), int(match[2] or match[1])) if match else (1, 0)
         if first > last:
             shown = text if len(text) <= 40 else f"{text[:40]}..."
             raise InvalidArgument(f"--fit {shown!r} is not a list of patches.", "Write 7-18, or 1,4,7-18.")
@@ -245,24 +267,12 @@ def parse_rectangle(option: str, text: str) -> tuple[float, float, float, float]
     return x, y, w, h
 
 
-def parse_signal(text: str) -> tuple[float, float, float]:
-    """Signals from `r,g,b`: raw above black, divided by that of white."""
-    try:
-        r, g, b = (float(number) for number in text.split(","))
-    except ValueError:
-        raise InvalidArgument(
-            f"--signal {text!r} is not a signal.",
-            "Write r,g,b, each the raw value above black divided by that of white, as in 0.41,0.32,0.25.",
-        ) from None
-    return r, g, b
-
-
 def parse_size(text: str) -> tuple[int, int]:
     """Width and height, px, from `4000x3000`."""
-    found = re.fullmatch(r"(\d{1,9})x(\d{1,9})", text.casefold())
-    if not found:
+    match = re.fullmatch(r"(\d{1,9})x(\d{1,9})", text.casefold())
+    if not match:
         raise InvalidArgument(f"--size {text!r} is not a size.", "Write width x height, for example 4000x3000.")
-    return int(found[1]), int(found[2])
+    return int(match[1]), int(match[2])
 
 
 def read_bytes(source: str, most: int, fault: type[CalibrationError] = InvalidArgument) -> bytes:
@@ -284,9 +294,7 @@ def read_bytes(source: str, most: int, fault: type[CalibrationError] = InvalidAr
     except IsADirectoryError:
         raise InvalidArgument(f"{name} is a folder, not a file.", "Name the files in it, as folder/*.json.") from None
     except (OSError, ValueError) as error:  # ValueError: a path with a zero byte
-        raise InvalidArgument(
-            f"Cannot read {name}: {getattr(error, 'strerror', None) or error}.", "Check the path."
-        ) from None
+        raise InvalidArgument(f"Cannot read {name}: {error_in_words(error)}.", read_advice(error)) from None
     if len(data) > most:
         raise fault(f"{name} is larger than {most} bytes.", "Give what camssf wrote.")
     if not data.strip():
@@ -294,48 +302,73 @@ def read_bytes(source: str, most: int, fault: type[CalibrationError] = InvalidAr
     return data
 
 
-def read_json(source: str, wanted: str, *, refusal: bool = False) -> dict[str, Any]:
-    """The JSON document of format `wanted` in a file or on stdin; with `refusal` a refused result too."""
-    from camssf.documents.result_json import LARGEST_DOCUMENT
+def read_document(source: str) -> Document:
+    """A document in a file or on stdin: a `Result` if it has a verdict, else a capture."""
+    from camssf.documents.document import ADVICE, Document
+    from camssf.documents.forms import from_plain
+    from camssf.result import Result
 
-    return _document(read_bytes(source, LARGEST_DOCUMENT), name_of(source), wanted, refusal=refusal)
+    plain, name = _plain(source), name_of(source)
+    return from_plain(plain, Result if isinstance(plain, dict) and "verdict" in plain else Document, name, ADVICE)
 
 
-def _document(data: bytes, name: str, wanted: str, *, refusal: bool = False) -> dict[str, Any]:
-    from camssf.documents.result_json import parse_json
+def read_result(source: str) -> Result:
+    """A result in a file or on stdin."""
+    return read_result_bytes(source)[0]
 
+
+def read_result_bytes(source: str) -> tuple[Result, bytes]:
+    """A result in a file or on stdin, and its bytes."""
+    from camssf.documents.forms import LARGEST
+
+    data = read_bytes(source, LARGEST)
+    return result_of(_parsed(data, source), name_of(source)), data
+
+
+def read_signed(source: str) -> Result | Excerpt:
+    """A result, or the excerpt that `camssf passport verify` printed."""
+    from camssf.documents.excerpt import holds_excerpt
+    from camssf.libraries import RESULTS, extension
+
+    plain = _plain(source)
+    if holds_excerpt(plain):
+        excerpt: Excerpt = extension(RESULTS, "passport").read_excerpt(plain, name_of(source))
+        return excerpt
+    return result_of(plain, name_of(source))
+
+
+def _plain(source: str) -> Any:
+    from camssf.documents.forms import LARGEST
+
+    return _parsed(read_bytes(source, LARGEST), source)
+
+
+def _parsed(data: bytes, source: str) -> Any:
+    from camssf.documents.document import ADVICE
+    from camssf.documents.forms import parse_json
+
+    name = name_of(source)
     if data.count(b".") == 2 and re.fullmatch(rb"[\w.-]+", data):
-        advice = "Give the signer's public key, if the command has --key, or what `camssf passport verify` printed."
+        advice = "Give what `camssf passport verify` printed; it holds the passport, too."
         raise InvalidArgument(f"{name} is a passport, not a result.", advice)
-    document = parse_json(data, name, "Give what another camssf command wrote.")
-    found = document.get("format") if isinstance(document, dict) else None
-    if found != wanted and not (refusal and found == RESULT and _refused(document)):
-        other_version = str(found).partition("/")[0] == wanted.partition("/")[0]
-        raise InvalidArgument(
-            f"{name} holds {found or 'no camssf document'}, not {wanted}.",
-            "Another version of camssf wrote it: use that version, or make it again with this one."
-            if other_version
-            else "The order is patches, solve, validate, report.",
-        )
-    return dict(document)
+    return parse_json(data, name, ADVICE)
 
 
-def _refused(document: dict[str, Any]) -> bool:
-    verdict = document.get("verdict")
-    return isinstance(verdict, dict) and verdict.get("status") == "refused"
+def result_of(plain: Any, name: str) -> Result:
+    """A parsed result.
 
+    Raises:
+        InvalidArgument: no result; of a passport's excerpt and of a capture it is said what they are.
+    """
+    from camssf.documents.document import ADVICE, FORMAT
+    from camssf.documents.excerpt import check_whole
+    from camssf.documents.forms import from_plain
+    from camssf.result import Result
 
-def read_result(source: str, *, excerpt: bool = False) -> dict[str, Any]:
-    """A result document, checked against its schema; with `excerpt` the excerpt in a passport too."""
-    return read_result_bytes(source, excerpt=excerpt)[0]
-
-
-def read_result_bytes(source: str, *, excerpt: bool = False) -> tuple[dict[str, Any], bytes]:
-    """A result document, checked against its schema, and its bytes."""
-    from camssf.documents.result_json import LARGEST_DOCUMENT, check_document
-
-    data, name = read_bytes(source, LARGEST_DOCUMENT), name_of(source)
-    return check_document(_document(data, name, RESULT), name, excerpt=excerpt), data
+    check_whole(plain, name)
+    if isinstance(plain, dict) and plain.get("format") == FORMAT and "verdict" not in plain:
+        raise InvalidArgument(f"{name} is a capture that was not solved.", "Solve it first: `camssf solve`.")
+    return from_plain(plain, Result, name, ADVICE)
 
 
 def name_of(source: str) -> str:
@@ -364,58 +397,22 @@ def check_captured(text: str) -> None:
         raise InvalidArgument(f"The photo's time {text} lies in the future.", "Give the time at which it was taken.")
 
 
-def read_previews(result: dict[str, Any], photos: list[str]) -> list[bytes | None]:
+def read_previews(result: Result, photos: list[str]) -> list[bytes | None]:
     """Previews of the shots from the photos; each must be the file that the result was made from."""
     from camssf.photo.read.raw import read_raw
     from camssf.report.previews import photo_preview
 
-    shots, previews = result["shots"], []
-    if len(photos) > len(shots):
+    known, previews = () if result.capture is None else result.capture.photos, []
+    if len(photos) > len(known):
         raise InvalidArgument(
-            f"{len(photos)} photos for {len(shots)} shots.", "Give --photo once a shot, in the shots' order."
+            f"{len(photos)} photos for {len(known)} shots.", "Give --photo once a shot, in the shots' order."
         )
-    for path, shot in zip(given_paths("--photo", photos), shots, strict=False):
+    for path, photo in zip(given_paths(photos), known, strict=False):
         mosaic = read_raw(path)
-        if mosaic.sha256 != shot["photo"]["sha256"]:
+        if mosaic.sha256 != photo.sha256:
             raise InvalidArgument(
-                f"{path} is not the photo that this result was made from ({shot['photo']['name']}).",
+                f"{path} is not the photo that this result was made from ({photo.name}).",
                 "Give the same file, or leave --photo out.",
             )
         previews.append(photo_preview(mosaic))
     return previews
-
-
-def read_signature(source: str, result: bytes, keys: Sequence[Path], revoked: Path | None) -> Signature:
-    """The passport of the result: verified with the keys, or only read if there are none."""
-    from camssf.documents.keys import read_public
-    from camssf.documents.passport import check_belongs, read, verify
-    from camssf.report.provenance import Signature
-
-    data = read_received(source)
-    passport, key = read(data)
-    if not keys and revoked is not None:
-        raise InvalidArgument(
-            "--revoked needs --key: only a verified passport can be checked for revocation.", "Add --key PEM."
-        )
-    if not keys:
-        check_belongs(passport, result)
-        return Signature(passport, key, False)
-    trusted = read_public(keys)
-    verify(data, trusted, revoked=read_list(revoked, trusted), result=result)
-    return Signature(passport, key, True)
-
-
-def read_received(source: str) -> bytes:
-    """The bytes of a passport, or of a document that contains one; raises PassportInvalid if too large or empty."""
-    from camssf.documents.passport import LARGEST_PRINTED
-
-    return read_bytes(source, LARGEST_PRINTED, PassportInvalid)
-
-
-def read_list(source: Path | None, trusted: Mapping[str, Any], now: datetime | None = None) -> frozenset[str]:
-    """The names that a signed list revokes; empty without a list."""
-    from camssf.documents.revocations import LARGEST_LIST, read_revoked
-
-    if source is None:
-        return frozenset()
-    return read_revoked(read_bytes(str(source), LARGEST_LIST, PassportInvalid), trusted, now)

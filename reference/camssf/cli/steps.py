@@ -1,4 +1,4 @@
-"""Commands for single steps, to be joined by pipes: patches, solve, validate, report."""
+"""The command calibrate, and its single steps, to be joined by pipes: patches, solve, validate, report."""
 
 from __future__ import annotations
 
@@ -23,31 +23,111 @@ from camssf.cli.options import (
     LampTolerances,
     LensShading,
     LightPerPatch,
+    Out,
     OutFolder,
     Photos,
+    Png,
     Previous,
+    Revoked,
     Signed,
+    TrustedKeys,
     Truth,
     WhiteReflectance,
     Whites,
 )
 from camssf.cli.reading import (
-    PATCHES,
-    RESULT,
-    name_of,
     parse_chart,
-    parse_patches,
-    parse_percent,
-    parse_share,
+    parse_options,
     parse_shots,
-    read_json,
+    read_document,
     read_previews,
     read_result,
     read_result_bytes,
-    read_signature,
 )
 from camssf.cli.terminal import emit, finish, kept_in, pass_on, product_of, progress_bar, say, summarise
 from camssf.errors import InvalidArgument
+from camssf.libraries import RESULTS, extension
+from camssf.progress import part_of
+
+REPORTING = 0.75
+"""Part of a calibration's time, for progress, after which the report is written."""
+
+
+def calibrate(
+    photos: Photos,
+    lamp: Lamps = None,
+    white: Whites = None,
+    dark: Darks = None,
+    chart: Chart = "classic24",
+    corners: Corners = None,
+    white_reflectance: WhiteReflectance = None,
+    lamp_tolerance: LampTolerances = None,
+    chart_tolerance: ChartTolerance = None,
+    lens_shading: LensShading = "as-stored",
+    basis: BasisName = "auto",
+    fit: Fit = None,
+    signed: Signed = False,
+    l2: L2 = None,
+    gamma: Gamma = None,
+    engine: Engine = "onnx",
+    light_per_patch: LightPerPatch = None,
+    previous: Previous = None,
+    truth: Truth = None,
+    out: Out = None,
+    png: Png = False,
+) -> None:
+    """RAW photos of a chart to the camera's curves."""
+    with progress_bar() as progress:
+        from camssf.calibration import attempt
+        from camssf.report.build import report, result_folder, verdict_in
+        from camssf.report.provenance import read_provenance
+        from camssf.result import Result
+
+        if out is not None:
+            result_folder(out)
+            if previous is not None and Path(previous).resolve().parent == out.resolve():
+                raise InvalidArgument(
+                    f"{out} holds the previous result.", "Name another folder with -o: keep that one."
+                )
+        result: Result = product_of(
+            attempt(
+                parse_shots(
+                    photos,
+                    lamp,
+                    white,
+                    dark,
+                    corners=corners,
+                    lamp_tolerance=lamp_tolerance,
+                    lens_shading=lens_shading,
+                ),
+                chart=parse_chart(chart, chart_tolerance),
+                options=parse_options(
+                    white_reflectance=white_reflectance,
+                    basis=basis,
+                    fit=fit,
+                    signed=signed,
+                    l2=l2,
+                    gamma=gamma,
+                    engine=engine,
+                    light_per_patch=light_per_patch,
+                ),
+                truth=truth,
+                previous=previous,
+                progress=part_of(progress, 0.0, REPORTING),
+            ),
+            out,
+            photos,
+        )
+        if out is None:
+            emit(result)
+        else:
+            progress("writing the report", REPORTING)
+            page = report(result, result.previews, provenance=read_provenance(photos), png=png)
+            if result.verdict.status == "doubtful" and verdict_in(out) == "accepted":
+                say("", f"{out} held an accepted result; this doubtful one takes its place")
+            page.save(out)
+    summarise(result, None if out is None else out / "report.html")
+    finish(result)
 
 
 def patches(
@@ -63,31 +143,31 @@ def patches(
     lens_shading: LensShading = "as-stored",
 ) -> None:
     """Measure the patches: JSON for `solve`."""
-    from camssf.calibration import recorded
-    from camssf.documents.patches_json import patches_document
-    from camssf.options import Options
-    from camssf.photo.capture import Capture, Record, measure
-
-    def stage(record: Record) -> Capture:
-        return measure(
-            parse_shots(
-                photos,
-                lamp,
-                white,
-                dark,
-                corners=corners,
-                lamp_tolerance=lamp_tolerance,
-                lens_shading=lens_shading,
-            ),
-            chart=parse_chart(chart, chart_tolerance),
-            options=Options(white_reflectance=parse_share(white_reflectance)),
-            progress=progress,
-            record=record,
-        )
-
     with progress_bar() as progress:
-        capture = product_of(recorded(stage), None)
-    emit(patches_document(capture))
+        from camssf.calibration import attempted
+        from camssf.documents.document import FORMAT
+        from camssf.documents.document import Document as CaptureDocument
+        from camssf.photo.capture import Capture, measure
+        from camssf.version import __version__
+
+        def stage() -> Capture:
+            return measure(
+                parse_shots(
+                    photos,
+                    lamp,
+                    white,
+                    dark,
+                    corners=corners,
+                    lamp_tolerance=lamp_tolerance,
+                    lens_shading=lens_shading,
+                ),
+                chart=parse_chart(chart, chart_tolerance),
+                options=parse_options(white_reflectance=white_reflectance),
+                progress=progress,
+            )
+
+        capture = product_of(attempted(stage), None)
+    emit(CaptureDocument(format=FORMAT, version=__version__, capture=capture))
     for shot in capture.shots:
         say("", f"{shot.photo.name}: {len(shot.means.chart.mean)} patches measured")
 
@@ -102,43 +182,42 @@ def solve(
     engine: Engine = "onnx",
     light_per_patch: LightPerPatch = None,
     previous: Previous = None,
-    truth: Truth = None,
 ) -> None:
     """Patches to curves: JSON in, JSON out.
 
-    A refusal of the command before the pipe is passed on as it is.
+    Takes what `patches` printed, what a phone saved, or a result, whose photos are solved again. A refusal of the
+    command before the pipe is passed on as it is.
     """
-    from camssf.calibration import recorded
-    from camssf.calibration import solve as run
-    from camssf.documents.patches_json import read_patches
-    from camssf.options import Options
+    given = read_document(document)
+    from camssf.result import Result
 
-    given = read_json(document, PATCHES, refusal=True)
-    if given["format"] == RESULT:
-        from camssf.documents.result_json import check_document
-
-        pass_on(check_document(given, name_of(document)))
+    capture = given.capture
+    if isinstance(given, Result) and (capture is None or capture.unfinished is not None):
+        pass_on(given)
         return
-    capture = read_patches(given)
-    options = Options(
-        basis=basis,
-        fit=parse_patches(fit),
-        nonnegative=False if signed else None,
-        l2=l2,
-        gamma=gamma,
-        engine=engine,
-        light_per_patch=parse_percent("--light-per-patch", light_per_patch),
-    )
+    assert capture is not None
     with progress_bar() as progress:
-        result = product_of(
-            recorded(
-                lambda record: run(
-                    capture, options=options, truth=truth, previous=previous, progress=progress, record=record
-                )
-            ),
+        from camssf.calibration import attempted
+        from camssf.calibration import solve as run
+        from camssf.spectra import CameraCurves
+
+        options = parse_options(
+            basis=basis,
+            fit=fit,
+            signed=signed,
+            l2=l2,
+            gamma=gamma,
+            engine=engine,
+            light_per_patch=light_per_patch,
+        )
+        result: Result = product_of(
+            attempted(lambda: run(capture, options=options, previous=previous, progress=progress)),
             None,
         )
-    pass_on(result.document())
+        if isinstance(given, Result) and given.truth is not None:
+            truth = given.truth
+            result = result.with_truth(CameraCurves(truth.name, truth.curves.values, "the result"))
+    pass_on(result)
 
 
 def validate(
@@ -150,11 +229,10 @@ def validate(
     Passes the result on with scores.rmse and the truth filled in; without --truth as it is, once checked.
     """
     result = read_result(document)
-    if "ssf" in result and truth is not None:
-        from camssf.documents.result_json import compare
+    if truth is not None:
         from camssf.spectra import read_camera
 
-        compare(result, read_camera(truth))
+        result = result.with_truth(read_camera(truth))
     pass_on(result)
 
 
@@ -169,48 +247,32 @@ def report(
             help="Photo of a shot, to show it and to read unit, lens and time; in the shots' order.",
         ),
     ] = None,
-    compare: Annotated[
-        str | None,
-        typer.Option(
-            metavar="JSON", show_default=False, help="Another result: of this unit earlier, or of a reference unit."
-        ),
-    ] = None,
     passport: Annotated[
         str | None,
         typer.Option(metavar="JWS", show_default=False, help="Passport of this result: unit, validity, signature."),
     ] = None,
-    key: Annotated[
-        list[Path] | None,
-        typer.Option(
-            metavar="PEM",
-            show_default=False,
-            help="Verify the passport with this trusted public key. May be repeated.",
-        ),
-    ] = None,
-    revoked: Annotated[
-        Path | None,
-        typer.Option(metavar="JWS", show_default=False, help="Signed list of revoked passports and keys."),
-    ] = None,
+    key: TrustedKeys = None,
+    revoked: Revoked = None,
 ) -> None:
-    """Write result.json, ssf.csv, ssf.png and report.html."""
-    from camssf.report.build import report as render
-    from camssf.report.build import result_folder
-    from camssf.report.provenance import read_provenance
+    """Write the page and the files of a result.
 
-    result_folder(out)
-    if passport is None and (key or revoked):
-        raise InvalidArgument("--key needs a passport, and none was given.", "Add --passport JWS.")
+    result.json, ssf.csv, patches.csv, ssf.svg and report.html.
+    """
     with progress_bar() as progress:
+        from camssf.report.build import report as render
+        from camssf.report.build import result_folder
+        from camssf.report.provenance import read_provenance
+
+        result_folder(out)
+        if passport is None and (key or revoked):
+            raise InvalidArgument("--key needs a passport, and none was given.", "Add --passport JWS.")
         result, data = read_result_bytes(document)
         previews = read_previews(result, photo or [])
+        signed = None if passport is None else extension(RESULTS, "passport")
         provenance = replace(
             read_provenance(photo or []),
-            signature=None if passport is None else read_signature(passport, data, key or [], revoked),
-            other=None if compare is None else read_result(compare),
-            other_name="" if compare is None else name_of(compare),
+            signature=None if signed is None else signed.read_signature(passport, data, key or [], revoked),
         )
-        if provenance.other is not None and "ssf" not in provenance.other:
-            raise InvalidArgument(f"{compare} was refused: it has no curves.", "Compare with a result that has some.")
         progress("writing the report", 0.5)
         written = render(result, previews, provenance=provenance).save(out)
     summarise(result, written[-1])

@@ -21,7 +21,8 @@ from camssf.errors import CalibrationError, InvalidArgument, RawError
 from camssf.files import readable
 
 if TYPE_CHECKING:
-    from camssf.result import Refusal
+    from camssf.documents.document import Document
+    from camssf.result import Result
 
 Product = TypeVar("Product")
 
@@ -41,22 +42,17 @@ _STEERING = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]"
 _SPELT = {"±": "+/-", "ΔE00": "Delta E 2000", "–": "-"}
 
 
-_demanded = False
-"""Whether --json was given."""
-
-
-def demand_json(wanted: bool) -> None:
-    """Let `emit` write JSON to a terminal too."""
-    global _demanded
-    _demanded = wanted
-
-
-def emit(document: dict[str, Any]) -> None:
-    """Write a document to stdout as one line of JSON; to a terminal only if --json was given."""
-    if sys.stdout is not None and sys.stdout.isatty() and not _demanded:
-        say("", "JSON is not printed on a terminal. Add --json, or write it into a file: > FILE.")
+def emit(document: Document | dict[str, Any]) -> None:
+    """Write a document to stdout as JSON, but not to a terminal."""
+    if sys.stdout is not None and sys.stdout.isatty():
+        say("", "JSON is not printed on a terminal. Write it into a file, > FILE, or to another program, | cat.")
         return
-    text = readable(json.dumps(document, allow_nan=False, ensure_ascii=False))
+    if isinstance(document, dict):
+        text = readable(json.dumps(document, allow_nan=False, ensure_ascii=False))
+    else:
+        from camssf.documents.document import document_bytes
+
+        text = document_bytes(document).decode().rstrip("\n")
     # If stdout is not UTF-8, use ASCII with escapes, which is valid JSON in any encoding.
     put(text if codecs.lookup(_coding()).name == "utf-8" else json.dumps(json.loads(text)))
 
@@ -97,35 +93,35 @@ def discard_stdout() -> None:
         os.close(nowhere)
 
 
-def pass_on(document: dict[str, Any]) -> None:
+def pass_on(document: Result) -> None:
     """Write a result to stdout and its summary to stderr; exit with the status of a refusal."""
     emit(document)
     summarise(document, None)
     finish(document)
 
 
-def product_of(found: Product | Refusal, out: Path | None, photos: Sequence[str] = ()) -> Product:
+def product_of(product: Product | Result, out: Path | None, photos: Sequence[str] = ()) -> Product:
     """Return the product; for a refusal write what is known, to files or stdout, and raise its error.
 
     No file is written if an input is missing or not RAW, or no photo was read: then nothing is known.
     """
     from camssf.report.build import report
     from camssf.report.provenance import read_provenance
-    from camssf.result import Refusal
+    from camssf.result import Result
 
-    if not isinstance(found, Refusal):
-        return found
+    if not isinstance(product, Result) or product.error is None:
+        return product  # type: ignore[return-value]
     try:
         if out is None:
-            emit(found.document())
-        elif isinstance(found.error, RawError) or not found.document()["shots"]:
+            emit(product)
+        elif isinstance(product.error, RawError) or product.capture is None or not product.capture.photos:
             say("", f"Nothing was written to {out}.")
         else:
-            written = report(found.document(), found.previews, provenance=read_provenance(photos)).save(out)
+            written = report(product, product.previews, provenance=read_provenance(photos)).save(out)
             say("", f"{kept_in(out, written)}What is known of this capture lies in {written[-1]}")
     except InvalidArgument as lost:  # report it, but raise the refusal
         say("", f"{lost.message} {lost.advice}")
-    raise found.error
+    raise product.error
 
 
 def kept_in(out: Path, written: Sequence[Path]) -> str:
@@ -133,73 +129,73 @@ def kept_in(out: Path, written: Sequence[Path]) -> str:
     return "" if written[0].parent == out else f"The result in {out} was kept as it is. "
 
 
-def summarise(
-    document: dict[str, Any], page: Path | None, *, other: dict[str, Any] | None = None, other_name: str = ""
-) -> None:
+def summarise(result: Result, page: Path | None, *, other: Result | None = None, other_name: str = "") -> None:
     """Print a summary of the result on stderr, the verdict first.
 
     Args:
-        document: of the result.
+        result: to summarise.
         page: path of its report.
         other: another result of the same camera, to compare with the truth too. other_name: its name.
     """
     from camssf.documents.basis_choice import band_in_words, choice_of
     from camssf.documents.unnamed_light import light_in_words, lights_of
-    from camssf.report.colour_error import expected_error
+    from camssf.libraries import REPORT, extension
 
-    verdict = document["verdict"]
-    colour = {"accepted": "green", "doubtful": "yellow"}.get(verdict["status"], "red")
-    say(f"verdict: [bold {colour}]{verdict['status']}[/]", f" ({_title(document)})")
-    for reason in verdict["reasons"]:
-        say(f"  [bold]{reason['code']}[/]: ", f"{reason['message']} {reason['advice']}")
-    if expected := expected_error(document):
-        say("", expected.in_words())
-    if document.get("uncertainty"):
-        say("95 % band: ", band_in_words(document["uncertainty"]))
-    _say_true_errors(document, other, other_name)
-    if scores := document.get("scores"):
-        unseen = ", ".join(f"{value:.2f}" for value in scores["rmsre_percent"])
+    verdict, answer, shots = result.verdict, result.answer, result.capture.shots if result.capture else ()
+    colour = {"accepted": "green", "doubtful": "yellow"}.get(verdict.status, "red")
+    say(f"verdict: [bold {colour}]{verdict.status}[/]", f" ({_title(result)})")
+    for reason in verdict.reasons:
+        say(f"  [bold]{reason.code}[/]: ", f"{reason.message} {reason.advice}")
+    if answer is not None:
+        if expected := extension(REPORT, "colour").expected_error(result):
+            say("", expected.in_words())
+        if answer.uncertainty is not None:
+            say("95 % band: ", band_in_words(answer.uncertainty))
+        _say_true_errors(result, other, other_name)
+        unseen = ", ".join(f"{value:.2f}" for value in answer.scores.rmsre_percent)
         say("RMSRE of unseen patches: ", f"{unseen} % (red, green, blue)")
-    chosen = choice_of(document)
-    if chosen is not None and chosen.words:
-        say("basis: ", chosen.words[0])
-    lights = lights_of(document)
-    if lights:
-        several = len(document["shots"]) > 1
-        say("light: ", "; ".join((f"shot {j}: " if several else "") + light_in_words(light) for j, light in lights))
-    for j, shot in enumerate(document["shots"]):
-        for note in shot["pose"]["notes"] if shot["pose"] else ():
-            say(f"shot {j + 1}: ", note)
+        chosen = choice_of(answer)
+        if chosen is not None and chosen.words:
+            say("basis: ", chosen.words[0])
+        if lights := lights_of(answer):
+            several = len(shots) > 1
+            say(
+                "light: ",
+                "; ".join((f"shot {j}: " if several else "") + light_in_words(light) for j, light in lights),
+            )
+    for j, shot in enumerate(shots, 1):
+        for note in shot.pose.notes:
+            say(f"shot {j}: ", note)
     if page is not None:
         say("", f"report: {page}")
 
 
-def _say_true_errors(document: dict[str, Any], other: dict[str, Any] | None, other_name: str) -> None:
-    """Print a table of the errors against the truth, if the document holds it."""
+def _say_true_errors(result: Result, other: Result | None, other_name: str) -> None:
+    """Print a table of the errors against the truth, if the result holds it."""
     from rich.table import Table
 
     from camssf.report.sections.truth import HEAD, true_errors
 
-    errors = true_errors(document, other, other_name)
+    errors = true_errors(result, other, other_name)
     if not errors:
         return
     table = Table("RMSE against the truth, peak = 1", *map(literal, HEAD))
-    for each in errors:
-        table.add_row(literal(each.name), *map(literal, each.cells()))
+    for error in errors:
+        table.add_row(literal(error.name), *map(literal, error.cells()))
     stderr().print(table)
 
 
-def _title(document: dict[str, Any]) -> str:
-    from camssf.report.notebook import camera_of, lamps_of
+def _title(result: Result) -> str:
+    from camssf.report.names import camera_of, lamps_of
 
-    return f"{camera_of(document)}, {lamps_of(document)}, basis {document.get('basis')}"
+    return f"{camera_of(result)}, {lamps_of(result)}, basis {result.answer.basis if result.answer else 'none'}"
 
 
-def finish(document: dict[str, Any]) -> None:
-    """Exit with the error's status if the document is a refusal."""
-    verdict = document["verdict"]
-    if verdict["status"] == "refused":
-        codes = [reason["code"] for reason in verdict["reasons"]]
+def finish(result: Result) -> None:
+    """Exit with the error's status if the result was refused."""
+    verdict = result.verdict
+    if verdict.status == "refused":
+        codes = [reason.code for reason in verdict.reasons]
         raise typer.Exit(_exit_status(codes[0]) if codes else CalibrationError.exit_status)
 
 
@@ -246,7 +242,7 @@ class _Bar:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._last = ("working", 0.0)
+        self._last = ("starting", 0.0)
         self._bar: Any = None
         self._timer = threading.Timer(PROGRESS_AFTER, self._show)
         self._timer.daemon = True
@@ -254,16 +250,19 @@ class _Bar:
 
     def __call__(self, stage: str, fraction: float) -> None:
         with self._lock:
+            fraction = max(fraction, self._last[1])
             self._last = (stage, fraction)
             if self._bar is not None:
                 self._bar.update(self._bar.task_ids[0], description=stage, completed=fraction)
 
     def _show(self) -> None:
+        console = stderr()
+        if not console.is_terminal:
+            return
         from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-        console = stderr()
         with self._lock:
-            if self._timer.finished.is_set() or not console.is_terminal:
+            if self._timer.finished.is_set():
                 return
             self._bar = Progress(
                 TextColumn("{task.description}"),
@@ -284,9 +283,14 @@ class _Bar:
 
 @contextmanager
 def progress_bar() -> Iterator[_Bar]:
-    """A progress bar, to be called with the name of a stage and the fraction done."""
+    """A progress bar, to be called with the name of a stage and the fraction done.
+
+    Enter it before anything that takes long, such as the imports of a command.
+    """
     bar = _Bar()
     try:
+        bar("starting", 0.0)
         yield bar
+        bar("done", 1.0)
     finally:
         bar.close()

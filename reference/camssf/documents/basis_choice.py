@@ -1,14 +1,15 @@
-"""The `choice` of a result document in words: which basis was used, its posterior odds, and why."""
+"""The `choice` of an answer in words: which basis was used, its posterior odds, and why."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
 
+from camssf.documents.document import Answer
+from camssf.fit.solutions import Uncertainty
 from camssf.recovery.hypotheses import CLEAR, MAKERS_OF
-
-Json: TypeAlias = dict[str, Any]
+from camssf.recovery.sensitivity import Hypothesis
 
 OTHERS = {"phones": "cameras", "cameras": "phones"}
 """The other makers of MAKERS_OF."""
@@ -34,35 +35,30 @@ class Chosen:
     words: tuple[str, ...]
 
 
-def choice_of(document: Json) -> Chosen | None:
-    """The choice; None if the basis was given, nothing was solved, or the result is older than the choice."""
-    weighed = document.get("choice") or []
-    total = math.fsum(each["probability"] for each in weighed)
+def choice_of(answer: Answer | None) -> Chosen | None:
+    """The choice; None if the basis was given, or there is no answer."""
+    if answer is None:
+        return None
+    weighed = answer.choice
+    total = math.fsum(hypothesis.probability for hypothesis in weighed)
     if not total > 0:
         return None
     shares: dict[str, float] = {}
-    for each in weighed:
-        shares[each["basis"]] = shares.get(each["basis"], 0.0) + each["probability"]
+    for hypothesis in weighed:
+        shares[hypothesis.basis] = shares.get(hypothesis.basis, 0.0) + hypothesis.probability
     basis = max(shares, key=lambda name: shares[name])
     rest = math.fsum(share for name, share in shares.items() if name != basis)
     odds = shares[basis] / rest if rest > 0 else math.inf
     others = " and ".join(name for name in shares if name != basis)
     prior_odds = _prior_odds(weighed, MAKERS_OF[basis]) if basis in MAKERS_OF else None
-    scale = document.get("prior_scale", 1.0)
-    return Chosen(basis, odds, prior_odds, tuple(_words(basis, others, odds, prior_odds, scale)))
+    return Chosen(basis, odds, prior_odds, tuple(_words(basis, others, odds, prior_odds, answer.prior_scale)))
 
 
-def band_in_words(uncertainty: Json) -> str:
+def band_in_words(uncertainty: Uncertainty) -> str:
     """The band's mean half-width, 400 to 700 nm, and that without a photo if the result has it."""
-    found = f"± {uncertainty['half_width']:.3f} of the peak on average, 400 to 700 nm"
-    without = uncertainty.get("half_width_without_photo")
-    return found if without is None else f"{found}; of a typical camera, without a photo, ± {without:.3f}"
-
-
-def hypothesis_in_words(each: Json) -> str:
-    """Basis and the kinds of the unnamed lights."""
-    kinds = f" under {' and '.join(filter(None, each['kinds']))}" if each.get("kinds") else ""
-    return f"{each['basis']}{kinds}"
+    width = f"± {uncertainty.half_width:.3f} of the peak on average, 400 to 700 nm"
+    without = uncertainty.half_width_without_photo
+    return width if without is None else f"{width}; of a typical camera, without a photo, ± {without:.3f}"
 
 
 def odds_in_words(odds: float) -> str:
@@ -74,26 +70,21 @@ def odds_in_words(odds: float) -> str:
     return f"{odds:.1f} : 1" if odds < 10 else f"{odds:,.0f} : 1"
 
 
-def _prior_odds(weighed: list[Json], makers: str) -> float | None:
+def _prior_odds(weighed: Sequence[Hypothesis], makers: str) -> float | None:
     """Prior odds of phones against cameras, or the reverse: posterior odds divided by the Bayes factor."""
     own, other = (
-        max((each for each in weighed if each["basis"] == name), key=_probability, default=None)
+        max((entry for entry in weighed if entry.basis == name), key=lambda entry: entry.probability, default=None)
         for name in (makers, OTHERS[makers])
     )
-    if own is None or other is None or not (own["probability"] > 0 and other["probability"] > 0):
+    if own is None or other is None or not (own.probability > 0 and other.probability > 0):
         return None
     # The prior odds of lights cancel only between hypotheses of the same light.
-    alike = (e for e in weighed if (e["basis"], e.get("kinds")) == (other["basis"], own.get("kinds")))
+    alike = (entry for entry in weighed if (entry.basis, entry.kinds) == (other.basis, own.kinds))
     other = next(alike, None)
-    if other is None or not other["probability"] > 0:
+    if other is None or not other.probability > 0:
         return None
-    said = own["log_evidence"] - other["log_evidence"]
-    exponent = math.log(own["probability"] / other["probability"]) - said
+    exponent = math.log(own.probability / other.probability) - (own.log_evidence - other.log_evidence)
     return math.exp(exponent) if abs(exponent) < math.log(LARGEST) else None
-
-
-def _probability(each: Json) -> float:
-    return float(each["probability"])
 
 
 def _words(basis: str, others: str, odds: float, prior_odds: float | None, scale: float) -> list[str]:

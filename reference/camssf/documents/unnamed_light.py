@@ -1,10 +1,12 @@
-"""The unnamed lights of a result document, in words."""
+"""The unnamed lights of a result, in words."""
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from collections.abc import Mapping, Sequence
 
-Json: TypeAlias = dict[str, Any]
+from camssf.documents.document import Answer
+from camssf.recovery.sensitivity import EstimatedLamp
+from camssf.spectra import Light
 
 NAMES = {"auto": "light not named", "torch": "the phone's torch"}
 """What an unnamed light is called for a reader."""
@@ -14,30 +16,39 @@ OF_LIGHT = ("lamp", "lamp modes", "which lamp")
 """Sources of the budget that a known lamp would remove or reduce."""
 
 
-def lights_of(document: Json) -> list[tuple[int, Json]]:
+def lights_of(answer: Answer | None) -> list[tuple[int, EstimatedLamp]]:
     """Number, from 1, of each shot whose light was not named, and the estimate of its light."""
-    return [(j, shot["light"]) for j, shot in enumerate(document.get("shots") or [], 1) if "light" in shot]
+    return [] if answer is None else [(j, light) for j, light in enumerate(answer.lights, 1) if light is not None]
 
 
-def lamp_name(shot: Json) -> str:
-    """The name of a shot's lamp as given, or what an unnamed light is called."""
-    name = str(shot["lamp"]["name"])
-    return NAMES.get(name, name)
+def lamp_name(lamp: Light) -> str:
+    """The name of a lamp as given, or what an unnamed light is called."""
+    return NAMES.get(lamp.name, lamp.name)
 
 
-def kinds_in_words(light: Json) -> str:
+def kinds_in_words(kinds: Mapping[str, float]) -> str:
     """The kinds as `daylight 90 %, white-led 5 %`, the most probable first."""
-    likely = sorted(light["kinds"].items(), key=lambda each: -each[1])
+    likely = sorted(kinds.items(), key=lambda kind: -kind[1])
     return ", ".join(f"{kind} {100 * share:.0f} %" for kind, share in likely if share >= SHOWN)
 
 
-def light_in_words(light: Json) -> str:
+def weighed_kinds_in_words(lamps: Sequence[tuple[str, float]]) -> str:
+    """How the kinds of a photo's unnamed light were weighed for a colour; "" for a lamp that was named."""
+    if len(lamps) == 1:
+        return ""
+    return (
+        f"the light was not named: {kinds_in_words(dict(lamps))}, as the white reference says; the intervals include "
+        "what that leaves open"
+    )
+
+
+def light_in_words(light: EstimatedLamp) -> str:
     """One line: kinds, and the correlated colour temperature with one standard deviation."""
-    return f"{kinds_in_words(light)}; {light['kelvin']:,.0f} ± {light['kelvin_std']:,.0f} K"
+    return f"{kinds_in_words(light.kinds)}; {light.kelvin:,.0f} ± {light.kelvin_std:,.0f} K"
 
 
-def cost_of(document: Json) -> list[float] | None:
+def cost_of(answer: Answer | None) -> list[float] | None:
     """Share of each channel's variance that the light causes; None without a budget."""
-    rows = (document.get("uncertainty") or {}).get("budget") or []
-    shares = [row["share"] for row in rows if row["source"] in OF_LIGHT]
-    return [float(sum(each)) for each in zip(*shares, strict=True)] if shares else None
+    budget = () if answer is None or answer.uncertainty is None else answer.uncertainty.budget
+    shares = [source.share.tolist() for source in budget if source.source in OF_LIGHT]
+    return [float(sum(channel)) for channel in zip(*shares, strict=True)] if shares else None

@@ -9,12 +9,12 @@ from camssf.exports.curves import ExportedCurves
 from camssf.exports.matrices import Matrices
 
 
-def clf(curves: ExportedCurves, found: Matrices) -> str:
+def clf(curves: ExportedCurves, matrices: Matrices) -> str:
     """The file's text: one matrix, every digit kept."""
-    rows = "\n".join(" ".join(map(repr, row)) for row in found.to_aces.tolist())
-    source = f"{curves.camera}, linear raw RGB under {found.lamp}, white 1 1 1"
+    rows = "\n".join(" ".join(map(repr, row)) for row in matrices.to_aces.tolist())
+    source = f"{curves.camera}, linear raw RGB under {matrices.lamp}, white 1 1 1"
     # one result gives one file per lamp, each with its own id
-    uuid = uuid5(NAMESPACE_URL, f"urn:camssf:clf:{curves.sha256}:{found.lamp}:{rows}").urn
+    uuid = uuid5(NAMESPACE_URL, f"urn:camssf:clf:{curves.sha256}:{matrices.lamp}:{rows}").urn
     root = Tree.Element("ProcessList", id=uuid, name=f"{curves.camera} to ACES2065-1", compCLFversion="3")
     for tag, text in (
         ("Description", f"{source}, to ACES2065-1."),

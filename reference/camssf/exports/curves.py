@@ -1,18 +1,19 @@
-"""Reads from a result document the curves and facts that every export needs."""
+"""The curves of a result and the facts that every export needs."""
 
 from __future__ import annotations
 
 import hashlib
 import re
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
 
-from camssf.documents.passport import check_printed
-from camssf.documents.result_json import check_document, document_bytes
-from camssf.documents.scale import channel_scale, no_scale
+from camssf.documents.document import Document, document_bytes
+from camssf.documents.excerpt import CameraName, Excerpt, answer_of
+from camssf.documents.scale import channel_scale
 from camssf.errors import InvalidArgument
 from camssf.files import readable
-from camssf.grid import Floats, columns
+from camssf.grid import Floats
+from camssf.photo.capture import Photo
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,11 @@ class ExportedCurves:
             InvalidArgument: the scale is not known.
         """
         if self.scale is None:
-            raise no_scale(self.lamps[0])
+            raise InvalidArgument(
+                "The scale between the channels of this result is unknown: a channel has no response under the lamp "
+                f"of its first shot, {self.lamps[0]}, or its passport does not hold that lamp.",
+                "Give the whole result.json, or calibrate again under a lamp that all channels see.",
+            )
         return self.scale
 
     @property
@@ -79,16 +84,6 @@ class ExportedCurves:
         return None if self.std is None else self.std * self.own_scale
 
     @property
-    def about(self) -> dict[str, Any]:
-        """What derived documents state about their source result."""
-        return {
-            "camera": self.camera,
-            "sha256": self.sha256,
-            "verdict": self.status,
-            "reasons": list(self.reasons),
-        }
-
-    @property
     def verdict(self) -> str:
         """The verdict in one line."""
         why = f" ({', '.join(self.reasons)})" if self.reasons else ""
@@ -103,39 +98,39 @@ class ExportedCurves:
         )
 
 
-def read_result(document: dict[str, Any]) -> ExportedCurves:
-    """Read the curves of a "camssf-result/1" document or of a passport's excerpt.
+def exported(document: Document | Excerpt) -> ExportedCurves:
+    """The curves of a result, or of the excerpt of one in a passport.
 
     Raises:
-        InvalidArgument: the form is wrong, or the result was refused and has no curves.
-        PassportInvalid: an excerpt differs from the one in its passport.
+        InvalidArgument: the result was refused and has no curves.
     """
-    checked = check_document(document, "document", excerpt=True)
-    if "excerpt" in checked:
-        check_printed(checked)
-    verdict = checked["verdict"]
-    codes = tuple(dict.fromkeys(reason["code"] for reason in verdict["reasons"]))
-    if "ssf" not in checked:
-        raise InvalidArgument(
-            f"This result was refused ({', '.join(codes)}): it has no curves to export.",
-            verdict["reasons"][0]["advice"],
-        )
-    std = checked.get("ssf_std")
+    answer, verdict, scale = answer_of(document), document.verdict, None
+    assert verdict is not None
+    camera: CameraName | Photo
+    if isinstance(document, Excerpt):
+        camera, version, scale = document.camera, document.generator.version, document.scale()
+        lamps = [shot.lamp.name for shot in document.shots]
+        sha256 = "" if document.excerpt is None else document.excerpt.result_sha256
+    else:
+        assert document.capture is not None
+        camera, version = document.capture.photos[0], document.version
+        lamps = [light.name for light in document.capture.lights]
+        sha256 = hashlib.sha256(document_bytes(document)).hexdigest()
+        with suppress(InvalidArgument):  # formats without a scale between the channels can do without it
+            scale = channel_scale(document)
     return ExportedCurves(
-        make=one_line(checked["camera"]["make"]),
-        model=one_line(checked["camera"]["model"]),
-        unique_model=_printable(checked["camera"].get("unique_model") or ""),
-        values=columns(checked["ssf"]),
-        std=None if std is None else columns(std),
-        scale=channel_scale(checked),
-        lamps=tuple(one_line(shot["lamp"]["name"]) for shot in checked["shots"]),
-        basis=one_line(checked["basis"]),
-        status=verdict["status"],
-        reasons=codes,
-        generator=one_line(f"{checked['generator']['name']} {checked['generator']['version']}"),
-        sha256=checked["excerpt"]["result_sha256"]
-        if "excerpt" in checked
-        else hashlib.sha256(document_bytes(checked)).hexdigest(),
+        make=one_line(camera.make),
+        model=one_line(camera.model),
+        unique_model=_printable(camera.unique_model or ""),
+        values=answer.curves.values,
+        std=None if answer.std is None else answer.std.values,
+        scale=scale,
+        lamps=tuple(map(one_line, lamps)),
+        basis=one_line(answer.basis),
+        status=verdict.status,
+        reasons=tuple(dict.fromkeys(reason.code for reason in verdict.reasons)),
+        generator=one_line(f"camssf {version}"),
+        sha256=sha256,
     )
 
 

@@ -41,8 +41,8 @@ def dcp(curves: ExportedCurves) -> bytes:
         51110: (_LONG, struct.pack("<I", _NO_BLACK_RENDERING), 1),
     }
     for which, (lamp, code) in enumerate(ILLUMINANTS.items()):
-        found = matrices(curves, lamp)
-        colour = neutral(curves, lamp)[:, None] * np.linalg.inv(found.to_xyz)
+        transforms = matrices(curves, lamp)
+        colour = neutral(curves, lamp)[:, None] * np.linalg.inv(transforms.to_xyz)
         if not np.abs(colour).max() < LARGEST:
             raise InvalidArgument(
                 f"No matrix from colours to this camera could be computed under {lamp}.", "Check the curves."
@@ -50,7 +50,7 @@ def dcp(curves: ExportedCurves) -> bytes:
         tags |= {
             50721 + which: _rationals(colour),
             50778 + which: (_SHORT, struct.pack("<H", code), 1),
-            50964 + which: _rationals(found.to_d50),
+            50964 + which: _rationals(transforms.to_d50),
         }
     entries, data, start = b"", b"", 8 + 2 + 12 * len(tags) + 4
     for tag, (kind, content, count) in sorted(tags.items()):

@@ -6,12 +6,12 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Any
 
-from camssf.colour.camera import HasDocument
+from camssf.documents.document import Document
+from camssf.documents.excerpt import Excerpt
 from camssf.errors import InvalidArgument
 from camssf.exports.clf import clf
-from camssf.exports.curves import ExportedCurves, one_line, read_result
+from camssf.exports.curves import ExportedCurves, exported, one_line
 from camssf.exports.dcamprof import dcamprof
 from camssf.exports.dcp import dcp
 from camssf.exports.icc import icc
@@ -64,7 +64,7 @@ FORMATS = {
 
 
 def export(
-    result: HasDocument | dict[str, Any],
+    result: Document | Excerpt,
     to: str,
     *,
     created: datetime | None = None,
@@ -74,7 +74,7 @@ def export(
     """Write a result in another format.
 
     Args:
-        result: a result, or its document, "camssf-result/1".
+        result: a result, or the excerpt of one in a passport.
         to: one of FORMATS.
         created: time with time zone; default: now. The environment variable SOURCE_DATE_EPOCH has precedence.
         licence: licence of the curves, for formats that state one.
@@ -84,14 +84,13 @@ def export(
         The file's content.
 
     Raises:
-        InvalidArgument: an unknown format, an invalid document, or a refused result.
+        InvalidArgument: an unknown format, or a refused result.
     """
     if to not in FORMATS:
         raise InvalidArgument(f"There is no export to {to!r}.", f"Take one of {', '.join(FORMATS)}.")
     if not one_line(licence):
         raise InvalidArgument("The licence is empty.", "Name one, for example CC-BY-4.0, or leave it out.")
-    document = result if isinstance(result, dict) else result.document()
-    curves = read_result(document)
+    curves = exported(result)
     order = Order(_time(created), one_line(licence), lamp)
     written = FORMATS[to].write(curves, order)
     return written if isinstance(written, bytes) else written.encode()

@@ -15,17 +15,17 @@ from camssf.grid import Floats
 _ID = slice(84, 100)
 
 
-def icc(curves: ExportedCurves, found: Matrices, created: datetime) -> bytes:
+def icc(curves: ExportedCurves, matrices: Matrices, created: datetime) -> bytes:
     """The profile: input class, linear curves, colorants that sum to D50, and the chromatic adaptation matrix."""
-    colorants = _fixed(found.to_d50.T)
+    colorants = _fixed(matrices.to_d50.T)
     colorants[1] = _fixed(D50) - colorants[0] - colorants[2]  # so that the sum is D50 to the last bit
-    says = f"{curves.camera}, {found.lamp}: {curves.description}"
+    says = f"{curves.camera}, {matrices.lamp}: {curves.description}"
     linear = b"curv" + bytes(4) + struct.pack(">I", 0)
     tags = {
         "desc": _text(says),
         "cprt": _text("No copyright is claimed on this profile."),
         "wtpt": _xyz(_fixed(D50)),
-        "chad": b"sf32" + bytes(4) + _fixed(found.adaptation).astype(">i4").tobytes(),
+        "chad": b"sf32" + bytes(4) + _fixed(matrices.adaptation).astype(">i4").tobytes(),
         "rXYZ": _xyz(colorants[0]),
         "gXYZ": _xyz(colorants[1]),
         "bXYZ": _xyz(colorants[2]),

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camssf.colour.spaces import BRADFORD, adaptation
-from camssf.colour.transforms import choose
+from camssf.colorimetry import BRADFORD, adaptation, choose
 from camssf.errors import InvalidArgument
 from camssf.exports.curves import ExportedCurves
 from camssf.grid import Floats
@@ -57,17 +56,17 @@ def matrices(curves: ExportedCurves, lamp: str) -> Matrices:
     Raises:
         InvalidArgument: an unknown lamp, or one under which the curves give no valid matrix.
     """
-    found = choose(curves.values, read_lamp(lamp).values, kind="matrix")
-    own = found.coefficients.T
+    transform = choose(curves.values, read_lamp(lamp).values, kind="matrix")
+    own = transform.coefficients.T
     if not np.abs(own).max() < LARGEST or np.linalg.cond(own) > 1e6:
         raise InvalidArgument(
             f"No matrix from these curves to colours could be computed under {lamp}.", "Check the curves."
         )
-    to_aces = ACES @ adaptation(found.white, ACES_WHITE) @ own
+    to_aces = ACES @ adaptation(transform.white, ACES_WHITE) @ own
     # ACES's published digits map white to 1 within 1e-7; normalising the rows removes the rest
     to_aces = to_aces / to_aces.sum(axis=1, keepdims=True)
-    to_pcs = adaptation(found.white, D50, BRADFORD)
-    return Matrices(lamp, to_pcs, to_pcs @ own, to_aces, own, found.delta_e00["matrix"])
+    to_pcs = adaptation(transform.white, D50, BRADFORD)
+    return Matrices(lamp, to_pcs, to_pcs @ own, to_aces, own, transform.delta_e00["matrix"])
 
 
 def neutral(curves: ExportedCurves, lamp: str) -> Floats:

@@ -11,19 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camssf.errors import InvalidArgument
-from camssf.fit.gain_modes import gain_modes
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.options import Options
 from camssf.photo.capture import Capture
+from camssf.photo.find.pose import Pose
 from camssf.photo.signals import Signals, normalise
 from camssf.recovery.basis import Basis
 from camssf.recovery.hypotheses import AUTO, MAKER
-from camssf.recovery.linear_model import levels
 from camssf.recovery.observation import Observation
 from camssf.recovery.raw_white import given_raw_white
+from camssf.recovery.rows import levels
 from camssf.recovery.sensitivity import Ssf
 from camssf.rules import rules
 from camssf.spectra import ChartTable, Lamp, Unnamed
+from camssf.spectra.layouts import ChartLayout
 
 FEWEST_PATCHES = 3
 """Smallest number of patches for a fit."""
@@ -62,7 +63,7 @@ class CaptureFit:
 
     def level(self, ssf: Ssf) -> Floats:
         """1 - ĥ (k, n): the factor that corrects the signals to even light, by the gains of `ssf`."""
-        return levels(ssf.light.gain_code, self.gains[0])
+        return np.asarray(levels(ssf.gain_code, self.gains[0]))
 
     def levelled(self, ssf: Ssf) -> Signals:
         """The signals corrected to even light."""
@@ -75,13 +76,13 @@ class CaptureFit:
         """The fit with basis, width, kinds of light and chart that `ssf` found, for fits to parts of the capture."""
         if not ssf.choice:
             return self
-        posed = (self.with_kinds(ssf.light.kinds) if ssf.light.kinds else self).with_chart_of(ssf)
-        basis = ssf.settings.basis if self.basis == AUTO else self.basis
-        return replace(posed, basis=basis, prior_scale=ssf.settings.prior_scale)
+        posed = (self.with_kinds(ssf.kinds) if ssf.kinds else self).with_chart_of(ssf)
+        basis = ssf.basis if self.basis == AUTO else self.basis
+        return replace(posed, basis=basis, prior_scale=ssf.prior_scale)
 
     def with_chart_of(self, ssf: Ssf) -> CaptureFit:
         """The fit with the chart as faded as `ssf` found it."""
-        return self.with_chart(self.capture.chart.faded(ssf.settings.chart_fading))
+        return self.with_chart(self.capture.chart.faded(ssf.chart_fading))
 
     def with_chart(self, chart: ChartTable) -> CaptureFit:
         """The same signals, explained by another table of the chart."""
@@ -108,7 +109,7 @@ class CaptureFit:
             used = self.signals.used[j]
             if isinstance(shot.lamp, Unnamed) and used.any():
                 white = (self.signals.white - self.signals.dark)[j][used].mean(axis=0)
-                matrices = [(each.kelvin, each.to_raw) for each in shot.photo.colour_matrices]
+                matrices = [(matrix.kelvin, matrix.to_raw) for matrix in shot.photo.colour_matrices]
                 shot = replace(shot, lamp=given_raw_white(shot.lamp, white, matrices, rho))
             shots.append(shot)
         return replace(self, capture=replace(self.capture, shots=tuple(shots)))
@@ -159,7 +160,7 @@ class CaptureFit:
             white_reflectance=rho,
             white_tolerance=white_tolerance,
             lamp_tolerance=np.array([lamp.tolerance for lamp in self.lamps]),
-            lamp_modes=_modes(self.lamps),
+            lamp_modes=lamp_modes(self.lamps),
             gain_modes=gains[:, :, taken],
             gain_own=own,
             frames=(signals.chart[:, taken], signals.white[:, taken], signals.dark[:, taken]),
@@ -224,10 +225,73 @@ def _patches_to_fit(fit: Sequence[int] | None, n: int) -> NDArray[np.bool_]:
     return mask
 
 
-def _modes(lamps: Sequence[Lamp]) -> Floats:
+def lamp_modes(lamps: Sequence[Lamp]) -> Floats:
     """(k, q, 681): every lamp's modes, padded with zeros to the largest number of modes."""
     q = max(len(lamp.modes) for lamp in lamps)
     modes = np.zeros((len(lamps), q, WAVELENGTHS.size))
     for j, lamp in enumerate(lamps):
         modes[j, : len(lamp.modes)] = lamp.modes
     return modes
+
+
+# Gain modes: uneven light on the patches without a white frame (docs/maths.md, "Light that falls unevenly")
+
+PLANE, BOWL = rules().number("gains.plane"), rules().number("gains.bowl")
+"""One standard deviation of the light's linear and quadratic change, from the chart's middle to its edge."""
+CORNER = rules().number("gains.corner")
+"""One standard deviation of the light on the white patch, in addition to plane and bowl."""
+OWN = rules().number("gains.own")
+"""Size of each channel's own part relative to the gain modes: lenses shade colours a little differently."""
+
+
+def gain_modes(capture: Capture, per_patch: float | None) -> tuple[Floats, float]:
+    """Gain modes (k, g, n) of a capture's patches, and the size of each channel's own part relative to them.
+
+    With a white frame the light on every patch is known, so there are no modes. Without one the chart's white patch
+    is the reference for all, and modes are relative to it: X and Y, X², XY and Y², and the white patch's own level,
+    each minus its value at the white patch.
+
+    Args:
+        capture: k shots of n patches.
+        per_patch: relative difference of the light from patch to patch, one standard deviation, if each patch was
+            photographed separately: one mode a patch; without a white frame the white patch's gain is in all others.
+            None if the patches were in one photo.
+    """
+    white, shots, n = capture.chart.white, capture.shots, len(capture.chart.patches)
+    framed = shots[0].means.white is not None
+    if per_patch is not None:
+        modes = patch_modes(n, per_patch, None if framed else white)
+        return np.repeat(modes[None], len(shots), axis=0), 0.0
+    if framed:
+        return np.zeros((len(shots), 0, n)), 0.0
+    layout = capture.chart.layout
+    return np.stack([smooth_modes(shot.pose, layout, white) * (not shot.means.evened) for shot in shots]), OWN
+
+
+def patch_modes(n: int, size: float, white: int | None) -> Floats:
+    """(g, n) one gain a patch; that of patch `white`, the reference of all, is common to all the others."""
+    if white is None:
+        return size * np.eye(n)
+    modes = np.concatenate([np.delete(np.eye(n), white, axis=0), np.ones((1, n))])
+    modes[:, white] = 0.0
+    return size * modes
+
+
+def smooth_modes(pose: Pose, layout: ChartLayout, white: int) -> Floats:
+    """(g, n) plane, bowl and the white patch's own level over the patches of one photo, relative to patch `white`.
+
+    The level exists only if the white patch is at the chart's edge: inside, plane and bowl describe its light too.
+    """
+    X, Y = places(pose).T
+    ways = [PLANE * X, PLANE * Y, BOWL * X**2, BOWL * X * Y, BOWL * Y**2]
+    if white % layout.columns in (0, layout.columns - 1) or white // layout.columns in (0, layout.rows - 1):
+        ways.append(-CORNER * (np.arange(len(X)) == white))
+    modes = np.stack(ways)
+    return np.asarray(modes - modes[:, [white]])
+
+
+def places(pose: Pose) -> Floats:
+    """(n, 2) positions of the patches in the photo: 0 at their middle, from -1 to 1 along the longer side."""
+    centres = pose.patches.mean(axis=1)
+    low, high = centres.min(axis=0), centres.max(axis=0)
+    return np.asarray((2.0 * centres - (low + high)) / max(float((high - low).max()), 1.0))

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from camssf.colorimetry import D65, delta_e00, lab, srgb, under_d65
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.photo.signals import Signals
 from camssf.rules import rules
+from camssf.shapes import RgbSizes, Size, Text
 from camssf.spectra import CameraCurves, ChartTable, Lamp, read_lamp
-from camssf.spectra.appearance import D65, delta_e00, lab, srgb, under_d65
-from camssf.spectra.surfaces import observer
+from camssf.spectra.bundled import observer
 
 FAINTEST = rules().number("calibration.faintest")
 """Smallest signal, as a share of the white, that a sensor measures well enough for a relative error."""
@@ -29,15 +30,12 @@ class Scores:
         unseen: how the unseen patches were chosen, in words for the report.
         rmse: (3,) of peak-normalised curves against the truth, 400 to 700 nm; None without a truth.
         delta_e00: mean CIEDE2000 between measured and synthetic patch colours (unseen patches).
-        measured_srgb, synthetic_srgb: (k, n, 3) display colours 0 to 1 of every patch, for the paper's Fig. 6.
     """
 
-    rmsre_percent: Floats
-    unseen: str
-    rmse: Floats | None
-    delta_e00: float
-    measured_srgb: Floats
-    synthetic_srgb: Floats
+    rmsre_percent: RgbSizes
+    unseen: Text
+    rmse: RgbSizes | None
+    delta_e00: Size
 
 
 def validate(
@@ -55,10 +53,8 @@ def validate(
     RMSRE is the paper's Eq. (13), √mean(((ŷ - y) / y)²) of each channel. A signal not above `FAINTEST` has
     no relative error and is left out of it; its colour still counts.
 
-    Colours: for each shot a 3 × 3 matrix, fitted by least squares from the measured signals of its used patches to
-    the XYZ of the table under its lamp (CIE 1931, 2°), converts both measured and predicted signals to XYZ; von Kries
-    with CAT02 adapts the lamp's white to D65. Both colours share the matrix's error, so CIEDE2000 is the visible
-    difference between the two photos, not the error of the camera's colours.
+    Colours are those of `patch_colours`: CIEDE2000 is the visible difference between the two photos, not the error of
+    the camera's colours.
 
     Neither score detects a wrong lamp, which affects both sides; only a truth does.
 
@@ -91,14 +87,12 @@ def validate(
         )
     if truth is not None and ssf_values is None:
         raise InvalidArgument("The reference curves are empty.", "Give ssf_values, too.")
-    measured_lab, measured_srgb, synthetic_lab, synthetic_srgb = _colours(signals, predicted, table, lamps)
+    measured, synthetic = patch_colours(y, predicted, signals.used, table, np.stack([lamp.values for lamp in lamps]))
     return Scores(
         rmsre_percent=rmsre(y, predicted, counts),
         unseen=method,
         rmse=None if truth is None or ssf_values is None else rmse(ssf_values, truth.values),
-        delta_e00=float(delta_e00(measured_lab[counts], synthetic_lab[counts]).mean()),
-        measured_srgb=measured_srgb,
-        synthetic_srgb=synthetic_srgb,
+        delta_e00=float(delta_e00(measured.lab[counts], synthetic.lab[counts]).mean()),
     )
 
 
@@ -126,8 +120,8 @@ def rmse(curves: Floats, truth: Floats) -> Floats:
         InvalidArgument: another shape, or a curve that is not finite or has no positive peak.
     """
     pair = []
-    for each in (curves, truth):
-        values = np.asarray(each, dtype=np.float64)
+    for table in (curves, truth):
+        values = np.asarray(table, dtype=np.float64)
         if values.shape != (WAVELENGTHS.size, 3) or not np.isfinite(values).all() or (values.max(axis=0) <= 0).any():
             raise InvalidArgument(
                 f"Curves of shape {values.shape} cannot be compared.",
@@ -145,19 +139,43 @@ def reflectance_srgb(table: ChartTable) -> Floats:
     return _display(_xyz(table.values, light), _white(light))[1]
 
 
-def _colours(
-    signals: Signals, predicted: Floats, table: ChartTable, lamps: Sequence[Lamp]
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """Lab and sRGB of the measured, then of the synthetic patches, (k, n, 3) each."""
+@dataclass(frozen=True)
+class PatchColours:
+    """Colours of patches seen under D65.
+
+    Attributes:
+        lab: (k, n, 3) CIE L*a*b*.
+        srgb: (k, n, 3) display colours, 0 to 1.
+    """
+
+    lab: Floats
+    srgb: Floats
+
+
+def patch_colours(
+    measured: Floats, predicted: Floats, used: NDArray[np.bool_], table: ChartTable, lamps: Floats
+) -> tuple[PatchColours, PatchColours]:
+    """Colours of the measured and of the synthetic patches, as in the paper's Fig. 6.
+
+    For each shot a 3 × 3 matrix, fitted by least squares from the measured signals of its used patches to the XYZ of
+    the table under its lamp (CIE 1931, 2°), converts both measured and predicted signals to XYZ; von Kries with CAT02
+    adapts the lamp's white to D65. Both colours share the matrix's error.
+
+    Args:
+        measured, predicted: (k, n, 3) signals in even light.
+        used: (k, n) the patches that the fit used.
+        table: of the chart.
+        lamps: (k, 681).
+    """
     shots = []
-    for y, guess, used, lamp in zip(signals.values, predicted, signals.used, lamps, strict=True):
-        target = _xyz(table.values, lamp.values)
-        fit = used if used.sum() >= 3 else np.ones_like(used)
+    for y, guess, chosen, lamp in zip(measured, predicted, used, lamps, strict=True):
+        target = _xyz(table.values, lamp)
+        fit = chosen if chosen.sum() >= 3 else np.ones_like(chosen)
         matrix = np.linalg.lstsq(y[fit], target[fit], rcond=None)[0]
-        white = _white(lamp.values)
+        white = _white(lamp)
         shots.append((*_display(y @ matrix, white), *_display(guess @ matrix, white)))
-    measured_lab, measured_srgb, synthetic_lab, synthetic_srgb = (np.stack(each) for each in zip(*shots, strict=True))
-    return measured_lab, measured_srgb, synthetic_lab, synthetic_srgb
+    lab, srgb, synthetic_lab, synthetic_srgb = (np.stack(rows) for rows in zip(*shots, strict=True))
+    return PatchColours(lab, srgb), PatchColours(synthetic_lab, synthetic_srgb)
 
 
 def _xyz(reflectance: Floats, lamp: Floats) -> Floats:

@@ -17,6 +17,7 @@ from camssf.photo.find.pose import Pose
 from camssf.photo.read.dng import Mosaic, shading
 from camssf.photo.read.unit import check_unit
 from camssf.rules import rules
+from camssf.shapes import Greens, Rgb, RowCounts, Rows, RowShares, RowSizes, Size
 
 SHRINK = rules().number("patches.shrink")
 """Fraction of each patch edge that is measured."""
@@ -46,13 +47,13 @@ class FrameMeans:
         greens: (n, 2) mean of the green on R's rows and of the green on B's rows, DN.
     """
 
-    mean: Floats
-    standard_error: Floats
-    count: NDArray[np.int64]
-    clipped: Floats
-    dead: Floats
-    gradient: Floats
-    greens: Floats
+    mean: Rows
+    standard_error: RowSizes
+    count: RowCounts
+    clipped: RowShares
+    dead: RowShares
+    gradient: Rows
+    greens: Greens
 
 
 @dataclass(frozen=True)
@@ -70,8 +71,8 @@ class PatchMeans:
     chart: FrameMeans
     white: FrameMeans | None
     dark: FrameMeans | None
-    black: Floats
-    saturation: float
+    black: Rgb
+    saturation: Size
     evened: bool = False
 
 

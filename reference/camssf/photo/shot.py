@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike
 
 from camssf.errors import InvalidArgument
 from camssf.files import check_local
+from camssf.shapes import MOST_SHOTS
 from camssf.spectra import Light, LightLike, Unnamed, read_light, with_tolerance
 from camssf.spectra.lamps import AUTO, TORCH
 
-MOST_SHOTS = 64
 SHOTS = 'Give the path of one photo, a Shot, or a list as [Shot("a.dng", "D55"), Shot("b.dng", "A")].'
 
 PathLike: TypeAlias = str | Path
@@ -75,18 +75,18 @@ def check_shots(shots: Shots, lamp: LightLike | None = None) -> list[Shot]:
         shots = Shot(shots, AUTO if lamp is None else lamp)
     elif lamp is not None:
         raise InvalidArgument("A lamp was given in addition to shots.", 'Name it in its shot: Shot("a.dng", "D55").')
-    found = [shots] if isinstance(shots, Shot) else _listed(shots)
-    if not found:
+    listed = [shots] if isinstance(shots, Shot) else _listed(shots)
+    if not listed:
         raise InvalidArgument("There is no photo.", "Give the DNG of at least one photo of the chart.")
-    if len(found) > MOST_SHOTS:
-        raise InvalidArgument(f"{len(found)} photos are too many.", f"Give at most {MOST_SHOTS}.")
-    if len({shot.white is None for shot in found}) > 1:
+    if len(listed) > MOST_SHOTS:
+        raise InvalidArgument(f"{len(listed)} photos are too many.", f"Give at most {MOST_SHOTS}.")
+    if len({shot.white is None for shot in listed}) > 1:
         raise some_white()
-    for path in (path for shot in found for path in (shot.photo, shot.white, shot.dark) if path is not None):
+    for path in (path for shot in listed for path in (shot.photo, shot.white, shot.dark) if path is not None):
         if not isinstance(path, str | Path):
             raise InvalidArgument(f"{path!r} is no path of a file.", "Give the RAW file as a str or a Path.")
         check_local(path)
-    return found
+    return listed
 
 
 def check_torch(shots: Sequence[Shot], lights: Sequence[Light]) -> None:
@@ -113,10 +113,10 @@ def some_white() -> InvalidArgument:
 
 def _listed(shots: Sequence[Shot]) -> list[Shot]:
     try:
-        found = list(shots)
+        listed = list(shots)
     except TypeError as error:
         raise InvalidArgument(f"{shots!r} is no shot.", SHOTS) from error
-    for each in found:
-        if not isinstance(each, Shot):
-            raise InvalidArgument(f"{each!r} is no Shot.", SHOTS)
-    return found
+    for shot in listed:
+        if not isinstance(shot, Shot):
+            raise InvalidArgument(f"{shot!r} is no Shot.", SHOTS)
+    return listed

@@ -12,6 +12,7 @@ from camssf.errors import FramesDiffer, InvalidArgument, Overexposed, Underexpos
 from camssf.grid import Floats
 from camssf.photo.patches import PatchMeans
 from camssf.rules import rules
+from camssf.shapes import Text
 from camssf.spectra import ChartTable
 
 CLIPPED = rules().number("signals.clipped")
@@ -28,10 +29,15 @@ FEWEST = rules().whole("signals.fewest")
 
 @dataclass(frozen=True)
 class Assumption:
-    """A fallback on which the result relies, for the report. `code` identifies it, `message` is a sentence."""
+    """A fallback or choice on which the result relies.
 
-    code: str
-    message: str
+    Attributes:
+        code: identifies it.
+        message: a sentence.
+    """
+
+    code: Text
+    message: Text
 
 
 @dataclass(frozen=True)
@@ -183,16 +189,16 @@ def _check_left(used: NDArray[np.bool_], clipped: NDArray[np.bool_], lost: NDArr
 
 
 def _assumptions(shot: PatchMeans, table: ChartTable, number: int) -> list[Assumption]:
-    found = []
+    assumptions = []
     if shot.white is None:
         frame = "the white frame only evens out the light" if shot.evened else "no white frame"
         patch = f"the chart's patch {table.patches[table.white]!r} replaces it on all patches."
-        found.append(Assumption("white_from_patch", f"shot {number}: {frame}: {patch}"))
+        assumptions.append(Assumption("white_from_patch", f"shot {number}: {frame}: {patch}"))
     if shot.dark is None:
-        found.append(
+        assumptions.append(
             Assumption(
                 "dark_from_black_level",
                 f"shot {number}: no dark frame: the file's black level is used.",
             )
         )
-    return found
+    return assumptions

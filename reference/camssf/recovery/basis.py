@@ -2,7 +2,7 @@
 
 `gaussian` is the paper's basis: no mean, overlapping Gaussians (its Sec. 2.3, FWHM 50 nm). `cameras` and `phones` are
 learned from measured cameras and phones, `ryyb` from the phones with yellow in green's place; they are whitened, so
-that the prior of the code x is N(0, I). `camssf.learning.basis` writes their files.
+that the prior of the code x is N(0, I). `camssf_lab.learning.basis` writes their files.
 """
 
 from __future__ import annotations
@@ -10,8 +10,10 @@ from __future__ import annotations
 import hashlib
 import zipfile
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, reduce
 from importlib import resources
+from operator import mul
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +22,8 @@ import numpy as np
 from camssf.errors import InvalidArgument
 from camssf.files import local
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.recovery.arrays import Array, constant, namespace
+from camssf.spectra.text import path_text
 
 NODES: Floats = WAVELENGTHS[::10]
 """The 69 wavelengths, 5 nm apart, of the measured curves; between them curves are interpolated linearly."""
@@ -93,10 +97,6 @@ def gaussian_basis(count: int = 18, width: float = 50.0) -> Basis:
     )
 
 
-_STRAIGHT: Floats = np.maximum(0.0, 1.0 - np.abs(WAVELENGTHS[:, None] - NODES) / 5.0)
-"""(681, 69) linear interpolation from the nodes to the grid."""
-
-
 def widened(basis: Basis, scale: float) -> Basis:
     """The basis with a prior `scale` times as wide: s = μ + scale · Ψ x.
 
@@ -113,21 +113,29 @@ def widened(basis: Basis, scale: float) -> Basis:
     return replace(basis, dictionary=scale * basis.dictionary)
 
 
-def interpolate(nodes: Floats) -> Floats:
+SHARES: Floats = np.arange(10) / 10.0
+"""Weight of the next node at each of the ten grid points from a node to the next."""
+
+
+def interpolate(nodes: Array) -> Array:
     """Interpolate curves linearly from the nodes, (..., 69, r), to the grid, (..., 681, r)."""
-    return np.asarray(_STRAIGHT @ nodes)
+    xp, (*lead, v, r) = namespace(nodes), nodes.shape
+    share = constant(xp, SHARES[:, None])
+    between = nodes[..., :-1, None, :] * (1.0 - share) + nodes[..., 1:, None, :] * share  # (..., 68, 10, r)
+    return xp.concat([xp.reshape(between, (*lead, (v - 1) * 10, r)), nodes[..., -1:, :]], axis=-2)
 
 
-def fold(values: Floats) -> Floats:
-    """Apply the adjoint of `interpolate`, (..., 681) → (..., 69).
+def fold(*factors: Array) -> Array:
+    """Apply the adjoint of `interpolate` to a product f of functions on the grid, (..., 681) → (..., 69).
 
     Σ f s over the grid equals Σ fold(f) s over the nodes, for every curve s that is linear between the nodes.
     """
-    parts = values[..., :-1].reshape(*values.shape[:-1], NODES.size - 1, -1) @ _STRAIGHT[:10, :2]
-    folded = np.zeros((*values.shape[:-1], NODES.size))
-    folded[..., :-1], folded[..., -1] = parts[..., 0], values[..., -1]
-    folded[..., 1:] += parts[..., 1]
-    return folded
+    xp = namespace(factors[0])
+    # Reshaped before they are multiplied: the product is the largest array of the model.
+    head = reduce(mul, [xp.reshape(f[..., :-1], (*f.shape[:-1], NODES.size - 1, 10)) for f in factors])
+    last = reduce(mul, [f[..., -1:] for f in factors])
+    parts = head @ constant(xp, np.stack([1.0 - SHARES, SHARES], axis=1))  # (..., 68, 2): to each node, to the next
+    return xp.concat([parts[..., 0], last], axis=-1) + xp.concat([0.0 * last, parts[..., 1]], axis=-1)
 
 
 def basis_file(spec: str) -> Any:
@@ -137,12 +145,14 @@ def basis_file(spec: str) -> Any:
 
 def basis_of(spec: object) -> Basis:
     """The basis itself, or the one of this name or file (`read_basis`)."""
-    return spec if isinstance(spec, Basis) else read_basis(str(spec))
+    if isinstance(spec, Basis):
+        return spec
+    return read_basis(path_text(spec) if isinstance(spec, PathLike) else str(spec))
 
 
 @lru_cache(maxsize=8)
 def read_basis(spec: str) -> Basis:
-    """Read a basis by its name, or from a file that `python -m camssf.learning.basis` wrote.
+    """Read a basis by its name, or from a file that `python -m camssf_lab.learning.basis` wrote.
 
     Raises:
         InvalidArgument: `spec` is neither a name nor a valid basis file.
@@ -158,13 +168,13 @@ def read_basis(spec: str) -> Basis:
         raise InvalidArgument(
             f"{spec!r} is neither a basis ({', '.join(NAMES)}) nor a basis file ({reason}).",
             "Name one of these, or make a file from measured curves with "
-            "`python -m camssf.learning.basis curves.csv`.",
+            "`python -m camssf_lab.learning.basis curves.csv`.",
         ) from error
     shapes = mean.shape == (3, NODES.size) and dictionary.ndim == 3 and dictionary.shape[:2] == (3, NODES.size)
     if not shapes or not (np.isfinite(mean).all() and np.isfinite(dictionary).all()):
         raise InvalidArgument(
             f"{spec!r} holds arrays of shape {mean.shape} and {dictionary.shape}, or values that are not finite.",
-            "Make it anew with `python -m camssf.learning.basis curves.csv`.",
+            "Make it anew with `python -m camssf_lab.learning.basis curves.csv`.",
         )
     name = spec if spec in NAMES else Path(spec).stem
     return Basis(name, interpolate(mean[..., None])[..., 0], interpolate(dictionary), True, source)

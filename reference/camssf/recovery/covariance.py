@@ -1,18 +1,18 @@
 """Covariance of the errors of the signals, by source: noise, chart, white reference and lamp.
 
-The linear model (at the mean camera), the verdict (at the solution), the budget and the predictions all use it. The
-ONNX model and Kotlin's `Covariance` use the same names.
+The linear model (at the mean camera), the verdict (at the solution), the budget and the predictions all use it.
+Kotlin's `Covariance` uses the same names.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from camssf.grid import Floats
+from camssf.recovery.arrays import Array, constant, eye, namespace
 from camssf.recovery.basis import NODES, steady_exp
 from camssf.rules import rules
 
@@ -39,41 +39,38 @@ DRIFT = rules().number("covariance.drift")
 """Relative change of the light between a shot's chart frame and its white frame, one standard deviation."""
 FLOOR = rules().number("covariance.floor")
 """Smallest standard error of a row, as a share of its white signal."""
+SOURCES = ("noise", "chart", "white", "lamp", "lamp modes", "uneven light")
+"""Of the errors; modes of lamps and of uneven light are unknowns of the model (`camssf.recovery.whitening`)."""
 
 
 @dataclass(frozen=True)
 class LinearisedSignals:
     """Signals and their derivatives at a linearisation point, curves s under lamps L.
 
-    N rows, in any order; v wavelengths. s is the curve of the row's channel, L the lamp of its shot, and
-    W = Σ ρ_w L s dλ. All but the indices may have leading axes, as a stack of hypotheses.
+    h hypotheses, 3 channels, k shots, n patches, v wavelengths; W = Σ ρ_w L s dλ of channel and shot.
 
     Attributes:
-        channel, shot, patch: (N,) indices of each row.
-        signal, predicted: (N,) measured y, and ŷ predicted from s and L.
-        standard_error: (N,) of y.
-        patches: (N, v) R L s dλ / W.
-        edges: (N, v) 70 nm · dR/dλ L s dλ / W.
-        light: (N, v) L s dλ / W.
-        white: (N, v) ρ_w L s dλ / W.
-        at: (v,) the wavelengths, nm.
+        signal, predicted: (h, 3, k, n) measured y, and ŷ predicted from s and L.
+        standard_error: (h, 3, k, n) of y.
+        curve: (h, 3, 1, v, 1) s.
+        patches: (h, 3, k, n, v) R L dλ / W.
+        edges: (h, 3, k, n, v) dR/dλ L dλ / W.
+        light: (h, 3, k, 1, v) L dλ / W.
+        white: (h, 3, k, 1, v) ρ_w L dλ / W.
     """
 
-    channel: NDArray[np.intp]
-    shot: NDArray[np.intp]
-    patch: NDArray[np.intp]
-    signal: Floats
-    predicted: Floats
-    standard_error: Floats
-    patches: Floats
-    edges: Floats
-    light: Floats
-    white: Floats
-    at: Floats = field(default_factory=lambda: NODES)
+    signal: Array
+    predicted: Array
+    standard_error: Array
+    curve: Array
+    patches: Array
+    edges: Array
+    light: Array
+    white: Array
 
     @property
-    def against_white(self) -> Floats:
-        """(R - ŷ ρ_w) L s dλ / W, (N, v): derivative of ŷ with respect to a relative change of L or of s."""
+    def against_white(self) -> Array:
+        """(R - ŷ ρ_w) L dλ / W, (h, 3, k, n, v): times s, the derivative of ŷ by a relative change of L."""
         return self.patches - self.predicted[..., None] * self.white
 
 
@@ -82,14 +79,55 @@ class Tolerances:
     """Relative errors of chart, white reference and lamps.
 
     Attributes:
-        chart: (..., N) τ of each row's patch.
-        white: of ρ_w, one number, or (h, 1, 1).
-        lamp: (..., N) of the lamp of each row's shot.
+        chart: (n,) τ of each patch.
+        white: of ρ_w, a number.
+        lamp: (h, k) of each shot's lamp.
     """
 
-    chart: Floats
-    white: float | Floats
-    lamp: Floats
+    chart: Array
+    white: Array
+    lamp: Array
+
+
+@dataclass(frozen=True)
+class Covariance:
+    """Σ as its blocks and factors: chart + noise + white whiteᵀ + lamp lampᵀ, N = n 3 k rows.
+
+    Rows are ordered by patch, then channel, then shot: then the chart's part is one block a patch.
+
+    Attributes:
+        chart: (h, n, 3 k, 3 k).
+        noise: (h, N) variances of independent errors.
+        white: (h, N, p) factors of the white reference's error.
+        lamp: (h, N, p) factors of the lamps' errors and of the light's drift.
+    """
+
+    chart: Array
+    noise: Array
+    white: Array
+    lamp: Array
+
+    @property
+    def common(self) -> Array:
+        """(h, N, p) factors U of the errors that patches have in common."""
+        return namespace(self.noise).concat([self.white, self.lamp], axis=-1)
+
+    @property
+    def chart_term(self) -> Array:
+        """The chart's part as a whole matrix, (h, N, N)."""
+        xp, (h, n, rows, _) = namespace(self.noise), self.chart.shape
+        apart = self.chart[:, :, :, None, ...] * eye(xp, n)[:, None, :, None, ...]  # (h, n, 3 k, n, 3 k)
+        return xp.reshape(apart, (h, n * rows, n * rows))
+
+    @property
+    def noise_term(self) -> Array:
+        """The noise's part as a whole matrix, (h, N, N)."""
+        return self.noise[..., None] * eye(namespace(self.noise), self.noise.shape[-1])
+
+    @property
+    def dense(self) -> Array:
+        """Σ as a whole matrix, (h, N, N)."""
+        return self.chart_term + self.noise_term + self.common @ self.common.mT
 
 
 def smooth_errors(length: float, at: Floats = NODES) -> Floats:
@@ -107,13 +145,13 @@ def _smooth_errors(length: float, wavelengths: bytes) -> Floats:
     step = length / 2.0
     points = np.arange(380.0 - 2.0 * length, 720.0 + 2.0 * length + step, step)
     weight = np.sqrt(step / (length * np.sqrt(np.pi / 2.0)))
-    found = np.asarray(weight * steady_exp(-(((at[:, None] - points) / length) ** 2)))
-    found.setflags(write=False)
-    return found
+    modes = np.asarray(weight * steady_exp(-(((at[:, None] - points) / length) ** 2)))
+    modes.setflags(write=False)
+    return modes
 
 
-def covariance(signals_at: LinearisedSignals, tolerances: Tolerances) -> dict[str, Floats]:
-    """Covariance of the rows by source, (..., N, N) each; Σ is their sum.
+def covariance(signals_at: LinearisedSignals, tolerances: Tolerances, at: Floats = NODES) -> Covariance:
+    """Covariance of the errors of linearised signals; `at` are the wavelengths, (v,).
 
         noise     se²                                                  independent
         chart     (τ y / 20)²                                          independent
@@ -126,48 +164,42 @@ def covariance(signals_at: LinearisedSignals, tolerances: Tolerances) -> dict[st
     The errors of lamp and white enter with the predicted ŷ, not with the measured y: otherwise a mere change of scale
     could explain the signals. The independent part of a row's standard error is at least FLOOR.
     """
+    xp, (h, _, k, n) = namespace(signals_at.signal), signals_at.signal.shape
+    N, predicted = n * 3 * k, signals_at.predicted[..., None]
     over_chart, over_lamp, over_table = (
-        smooth_errors(length, signals_at.at) for length in (CHART_CORRELATION, LAMP_CORRELATION, TABLE_CORRELATION)
+        signals_at.curve * constant(xp, smooth_errors(length, at))
+        for length in (CHART_CORRELATION, LAMP_CORRELATION, TABLE_CORRELATION)
     )
-    chart = np.concatenate(
-        [
-            RELATIVE * (signals_at.patches @ over_chart),
-            ABSOLUTE * (signals_at.light @ over_table),
-            signals_at.edges @ over_table,
-        ],
-        axis=-1,
-    )
-    drift = DRIFT * signals_at.predicted[..., None]
-    white = tolerances.white * signals_at.predicted[..., None] * (signals_at.white @ over_chart)
-    lamp = np.concatenate([tolerances.lamp[..., None] * (signals_at.against_white @ over_lamp), drift], axis=-1)
-    noise = np.maximum(signals_at.standard_error**2, FLOOR**2)
-    own = (INDEPENDENT_SHARE * tolerances.chart * signals_at.signal) ** 2
+    edges = EDGE * (signals_at.edges @ over_table)
+    light = xp.broadcast_to(ABSOLUTE * (signals_at.light @ over_table), edges.shape)
+    chart = xp.concat([RELATIVE * (signals_at.patches @ over_chart), light, edges], axis=-1)
+    chart = patchwise(tolerances.chart[:, None] * chart)
+    chart = xp.reshape(chart, (h, n, 3 * k, chart.shape[-1]))
+    between_channels = constant(xp, CHANNEL_SHARE + (1.0 - CHANNEL_SHARE) * np.eye(3))[:, None, :, None]
+    shared = xp.reshape(xp.broadcast_to(between_channels, (3, k, 3, k)), (3 * k, 3 * k))
+
+    white = patchwise(tolerances.white * predicted * (signals_at.white @ over_chart))
+    lamp = tolerances.lamp[:, None, :, None, None] * (signals_at.against_white @ over_lamp)
+    lamp = by_shot(patchwise(xp.concat([lamp, DRIFT * predicted], axis=-1)))
+
+    variance = signals_at.standard_error * signals_at.standard_error
+    independent = INDEPENDENT_SHARE * tolerances.chart * signals_at.signal
     # max(se² + own, floor²) - noise, without a difference of two large numbers where a signal is masked.
-    independent = np.maximum(own - np.maximum(FLOOR**2 - signals_at.standard_error**2, 0.0), 0.0)
-    same_channel, same_shot, same_patch = (
-        label[:, None] == label for label in (signals_at.channel, signals_at.shot, signals_at.patch)
+    independent = xp.maximum(independent * independent - xp.maximum(FLOOR**2 - variance, 0.0), 0.0)
+    diagonal = xp.reshape(patchwise(independent), (h, n, 3 * k))[..., None] * eye(xp, 3 * k)
+    return Covariance(
+        (chart @ chart.mT) * shared + diagonal,
+        xp.reshape(patchwise(xp.maximum(variance, FLOOR**2)), (h, N)),
+        xp.reshape(white, (h, N, white.shape[-1])),
+        xp.reshape(lamp, (h, N, k * lamp.shape[-1])),
     )
-    shared = same_patch * np.where(same_channel, 1.0, CHANNEL_SHARE)
-    terms = {
-        "noise": _diagonal(noise),
-        "chart": outer(tolerances.chart[..., None] * chart),
-        "white": outer(white),
-        "lamp": outer(lamp),
-    }
-    terms["chart"] *= shared
-    terms["chart"] += _diagonal(independent)
-    terms["lamp"] *= same_shot
-    return terms
 
 
-def _diagonal(variance: Floats) -> Floats:
-    """Covariance (..., N, N) of independent errors of variance (..., N)."""
-    found = np.zeros((*variance.shape, variance.shape[-1]))
-    at = np.arange(variance.shape[-1])
-    found[..., at, at] = variance
-    return found
+def patchwise(x: Array) -> Array:
+    """(h, 3, k, n, ...) → (h, n, 3, k, ...): the order of the rows."""
+    return namespace(x).permute_dims(x, (0, 3, 1, 2, *range(4, len(x.shape))))
 
 
-def outer(factors: Floats) -> Floats:
-    """Covariance (..., N, N) of errors that are factors (..., N, p) times standard normal numbers."""
-    return np.asarray(factors @ np.swapaxes(factors, -1, -2))
+def by_shot(factors: Array) -> Array:
+    """Factors (h, n, 3, k, p) of errors of each shot alone as (h, n, 3, k, k, p), zero between shots."""
+    return factors[..., None, :] * eye(namespace(factors), factors.shape[3])[..., None]

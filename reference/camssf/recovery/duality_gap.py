@@ -20,33 +20,39 @@ The gap is given relative to the objective.
 
 from __future__ import annotations
 
-import numpy as np
-
-from camssf.grid import Floats
-from camssf.recovery.elastic_net import ElasticNet
-from camssf.recovery.layers import soft
+from camssf.recovery.arrays import Array, namespace
+from camssf.recovery.elastic_net import ElasticNet, clip, soft
 
 
-def duality_gap(problem: ElasticNet, x: Floats) -> tuple[float, float]:
-    """Objective and relative duality gap of x."""
+def duality_gap(problem: ElasticNet, x: Array) -> tuple[Array, Array]:
+    """Objective and relative duality gap of x (..., r, 1), both (..., 1, 1)."""
+    xp = namespace(x)
     r = problem.b - problem.A @ x
-    g = problem.A.T @ r
-    l1 = problem.gamma * float(np.abs(x).sum())
-    objective = 0.5 * float(r @ r + problem.l2 * x @ x) + l1
-    gap = _by_conjugate(problem, x, g) if problem.l2 > 0 else _by_scaling(problem, x, g, r)
-    return objective, 0.0 if objective == 0 else max(gap, 0.0) / objective
+    g = problem.A.mT @ r
+    l1 = problem.gamma * _total(xp.abs(x))
+    objective = 0.5 * (_total(r * r) + problem.l2 * _total(x * x)) + l1
+    gap = xp.maximum(xp.where(problem.l2 > 0.0, _by_conjugate(problem, x, g), _by_scaling(problem, x, g, r)), 0.0)
+    known = objective > 0.0
+    return objective, xp.where(known, gap / xp.where(known, objective, 1.0), 0.0)
 
 
-def _by_conjugate(problem: ElasticNet, x: Floats, g: Floats) -> float:
+def _total(terms: Array) -> Array:
+    """The sum of each problem's terms, (..., 1, 1)."""
+    return namespace(terms).sum(terms, axis=(-2, -1), keepdims=True)
+
+
+def _by_conjugate(problem: ElasticNet, x: Array, g: Array) -> Array:
     """The gap with λ₂ > 0."""
-    gamma, l2 = problem.gamma, problem.l2
+    xp, gamma = namespace(x), problem.gamma
+    l2 = xp.where(problem.l2 > 0.0, problem.l2, 1.0)
     short = x - soft(g, gamma, problem.nonnegative) / l2
-    inside = np.minimum(g, gamma) if problem.nonnegative else np.clip(g, -gamma, gamma)
-    return float(np.sum(0.5 * l2 * short**2 + (gamma * np.abs(x) - x * inside)))
+    return _total(0.5 * l2 * short**2 + (gamma * xp.abs(x) - x * clip(g, gamma, problem.nonnegative)))
 
 
-def _by_scaling(problem: ElasticNet, x: Floats, g: Floats, r: Floats) -> float:
+def _by_scaling(problem: ElasticNet, x: Array, g: Array, r: Array) -> Array:
     """The gap with λ₂ = 0."""
-    worst = float(np.max(g if problem.nonnegative else np.abs(g), initial=0.0))
-    alpha = min(1.0, problem.gamma / worst) if worst > 0 else 1.0
-    return 0.5 * (1 - alpha) ** 2 * float(r @ r) + problem.gamma * float(np.abs(x).sum()) - alpha * float(x @ g)
+    xp, gamma = namespace(x), problem.gamma
+    worst = xp.max(xp.where(problem.nonnegative, g, xp.abs(g)), axis=(-2, -1), keepdims=True)
+    some = worst > 0.0
+    alpha = xp.where(some, xp.minimum(gamma / xp.where(some, worst, 1.0), 1.0), 1.0)
+    return 0.5 * (1.0 - alpha) ** 2 * _total(r * r) + gamma * _total(xp.abs(x)) - alpha * _total(x * g)

@@ -9,53 +9,53 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import numpy as np
-from scipy.linalg import solve_triangular
+from camssf.recovery.arrays import Array, eye, namespace
 
-from camssf.grid import Floats
+BIG = 1e280
+"""Stands for a missing bound: a model has no infinities."""
 
 
 @dataclass(frozen=True)
 class ElasticNet:
-    """An elastic net: whitened rows and penalties.
+    """One elastic net, or a stack of p: whitened rows and penalties.
 
     Attributes:
-        A, b: (N, r) and (N,) rows of unit covariance.
-        l2, gamma: λ₂ and γ.
+        A, b: (..., N, r) and (..., N, 1) rows of unit covariance.
+        l2, gamma: λ₂ and γ, numbers or (p, 1, 1).
         nonnegative: whether x ≥ 0 is required.
-        H, M, g: (r, r), (r, r) and (r,) as above.
+        H, M, g: (..., r, r), (..., r, r) and (..., r, 1) as above.
     """
 
-    A: Floats
-    b: Floats
-    l2: float
-    gamma: float
-    nonnegative: bool
-    H: Floats = field(init=False)
-    M: Floats = field(init=False)
-    g: Floats = field(init=False)
+    A: Array
+    b: Array
+    l2: Array
+    gamma: Array
+    nonnegative: Array
+    H: Array = field(init=False)
+    M: Array = field(init=False)
+    g: Array = field(init=False)
 
     def __post_init__(self) -> None:
-        H = self.A.T @ self.A
+        H = self.A.mT @ self.A
         object.__setattr__(self, "H", H)
-        object.__setattr__(self, "M", H + self.l2 * np.eye(self.A.shape[1]))
-        object.__setattr__(self, "g", self.A.T @ self.b)
+        object.__setattr__(self, "M", H + self.l2 * eye(namespace(H), H.shape[-1]))
+        object.__setattr__(self, "g", self.A.mT @ self.b)
 
-    def residual(self, x: Floats) -> Floats:
-        """w = Aᵀ (b - A x) - λ₂ x, (r,), computed from the rows: no cancellation between g and M x."""
-        return np.asarray(self.A.T @ (self.b - self.A @ x) - self.l2 * x)
+    def pull(self, x: Array) -> Array:
+        """Aᵀ (b - A x), (..., r, 1), computed from the rows: no cancellation between g and H x."""
+        return self.A.mT @ (self.b - self.A @ x)
+
+    def residual(self, x: Array) -> Array:
+        """w = Aᵀ (b - A x) - λ₂ x, (..., r, 1)."""
+        return self.pull(x) - self.l2 * x
 
 
-def whiten(A: Floats, b: Floats, sigma: Floats) -> tuple[Floats, Floats, Floats]:
-    """Rows of unit covariance, L⁻¹ A and L⁻¹ b with Σ = L Lᵀ, and ln det Σ; Σ⁻¹ would lose twice the digits.
+def clip(v: Array, threshold: Array, nonnegative: Array) -> Array:
+    """v limited to [-threshold, threshold], or to at most `threshold` where x ≥ 0."""
+    xp = namespace(v)
+    return xp.minimum(xp.maximum(v, xp.where(nonnegative, -BIG, -threshold)), threshold)
 
-    Args:
-        A, b, sigma: (..., N, r), (..., N) and (..., N, N); the leading axes stack problems.
-    """
-    L = np.linalg.cholesky(sigma)
-    white = np.empty((*A.shape[:-1], A.shape[-1] + 1))
-    white[..., :-1], white[..., -1] = A, b
-    for at in np.ndindex(sigma.shape[:-2]):
-        white[at] = solve_triangular(L[at], white[at], lower=True)
-    log_det = 2.0 * np.log(np.diagonal(L, axis1=-2, axis2=-1)).sum(axis=-1)
-    return white[..., :-1], white[..., -1], log_det
+
+def soft(v: Array, threshold: Array, nonnegative: Array) -> Array:
+    """Soft thresholding: the proximal step of γ‖x‖₁, optionally with x ≥ 0."""
+    return v - clip(v, threshold, nonnegative)

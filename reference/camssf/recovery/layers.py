@@ -23,13 +23,11 @@ exact rows, not this problem's optimum. tests/test_layers.py tests what `splitti
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
-from camssf.grid import Floats
-from camssf.recovery.elastic_net import ElasticNet
+from camssf.recovery.arrays import Array, eye, inverse, loop, namespace
+from camssf.recovery.elastic_net import ElasticNet, soft
 
 DEPTH = 40
 RELAXATION = 1.5
@@ -42,57 +40,61 @@ class Layer:
     """v ← W1b + W2 soft(v, θ) + W3 v.
 
     Attributes:
-        W1b: (r,) W₁ b.
-        W2, W3: (r, r).
-        theta: θ.
+        W1b: (..., r, 1) W₁ b.
+        W2, W3: (..., r, r).
+        theta: θ, a number or (p, 1, 1).
         nonnegative: whether soft() also removes negative values.
         exact: the same step with the residual computed from the rows, or None. W₂ and W₃ lose digits to their
             condition number, so the last layers of a net use it (`settling`).
     """
 
-    W1b: Floats
-    W2: Floats
-    W3: Floats
-    theta: float
-    nonnegative: bool
-    exact: Callable[[Floats], Floats] | None = None
+    W1b: Array
+    W2: Array
+    W3: Array
+    theta: Array
+    nonnegative: Array
+    exact: Callable[[Array], Array] | None = None
 
-    def __call__(self, v: Floats) -> Floats:
-        """The next state."""
-        return np.asarray(self.W1b + self.W2 @ self.answer(v) + self.W3 @ v)
+    def __call__(self, v: Array) -> Array:
+        """The next state, (..., r, 1)."""
+        return self.W1b + self.W2 @ self.answer(v) + self.W3 @ v
 
-    def answer(self, v: Floats) -> Floats:
-        """x = soft(v, θ), (r,)."""
+    def answer(self, v: Array) -> Array:
+        """x = soft(v, θ), (..., r, 1)."""
         return soft(v, self.theta, self.nonnegative)
 
-    def unroll(self, depth: int) -> Floats:
+    def unroll(self, depth: int) -> Array:
         """x after `depth` layers, from v = 0."""
-        v = np.zeros(self.W1b.size)
         last = 0 if self.exact is None else settling(depth)
-        for _ in range(depth - last):
-            v = self(v)
-        for _ in range(last):
-            assert self.exact is not None
-            v = self.exact(v)
-        return self.answer(v)
+        state = _repeat(self, depth - last, 0.0 * self.W1b)
+        if self.exact is not None:
+            state = _repeat(self.exact, last, state)
+        return self.answer(state)
 
 
-def splitting(problem: ElasticNet) -> Layer:
-    """The default layer."""
-    one = np.eye(problem.g.size)
-    # With λ₂ = 0 the threshold θ is then 1, which suits codes of order 1.
-    rho = problem.gamma + 2.0 * problem.l2
-    W = np.linalg.inv(problem.H + rho * one)
+def _repeat(layer: Callable[[Array], Array], times: int, v: Array) -> Array:
+    """The state after so many equal layers."""
+
+    def step(_: Array, state: Sequence[Array]) -> list[Array]:
+        return [layer(state[0])]
+
+    return loop(times, [v], step)[0] if times else v
+
+
+def splitting(problem: ElasticNet, W: Array | None = None) -> Layer:
+    """The default layer; W = (H + ρ I)⁻¹ if it is known already."""
+    one, rho, l2 = eye(namespace(problem.A), problem.A.shape[-1]), weight(problem), problem.l2
+    W = inverse(problem.H + rho * one)[0] if W is None else W
     u = W @ problem.g
     # g is large where A is, and W loses digits to its condition number: one refinement step with the residual.
-    Wg = u + W @ (problem.A.T @ (problem.b - problem.A @ u) - rho * u)
-    share = rho / (rho + problem.l2)
-    step, theta = RELAXATION * share, problem.gamma / (rho + problem.l2)
+    Wg = u + W @ (problem.pull(u) - rho * u)
+    share = rho / (rho + l2)
+    step, theta = RELAXATION * share, problem.gamma / (rho + l2)
 
-    def exact(v: Floats) -> Floats:
+    def exact(v: Array) -> Array:
         """v + α β W (Aᵀ (b - A x) + ρ (x - v / β)), which is v + α β (W (g + ρ (2 x - v / β)) - x)."""
         x = soft(v, theta, problem.nonnegative)
-        return np.asarray(v + step * W @ (problem.A.T @ (problem.b - problem.A @ x) + rho * (x - v / share)))
+        return v + step * (W @ (problem.pull(x) + rho * (x - v / share)))
 
     return Layer(
         step * Wg,
@@ -104,6 +106,11 @@ def splitting(problem: ElasticNet) -> Layer:
     )
 
 
+def weight(problem: ElasticNet) -> Array:
+    """ρ of `splitting`; with λ₂ = 0 its threshold θ is then 1, which suits codes of order 1."""
+    return problem.gamma + 2.0 * problem.l2
+
+
 def settling(depth: int) -> int:
     """Number of last layers that use `Layer.exact`; 0 in a shallow net."""
     return SETTLING if depth >= 2 * SETTLING else 0
@@ -111,18 +118,11 @@ def settling(depth: int) -> int:
 
 def ista(problem: ElasticNet) -> Layer:
     """Iterative soft thresholding with the step 1 / ‖M‖."""
-    one = np.eye(problem.g.size)
-    norm = float(np.linalg.norm(problem.M, 2))
-    return Layer(
-        problem.g / norm, one - problem.M / norm, np.zeros_like(one), problem.gamma / norm, problem.nonnegative
-    )
+    xp = namespace(problem.A)
+    one = eye(xp, problem.A.shape[-1])
+    norm = xp.linalg.matrix_norm(problem.M, ord=2, keepdims=len(problem.M.shape) > 2)
+    return Layer(problem.g / norm, one - problem.M / norm, 0.0 * problem.M, problem.gamma / norm, problem.nonnegative)
 
 
-LAYERS = {"splitting": splitting, "ista": ista}
+LAYERS: dict[str, Callable[[ElasticNet], Layer]] = {"splitting": splitting, "ista": ista}
 """Constructors by name."""
-
-
-def soft(v: Floats, threshold: float, nonnegative: bool) -> Floats:
-    """Soft thresholding: the proximal step of γ‖x‖₁, optionally with x ≥ 0."""
-    shrunk = np.maximum(v - threshold, 0.0)
-    return shrunk if nonnegative else shrunk - np.maximum(-v - threshold, 0.0)

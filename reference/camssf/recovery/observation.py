@@ -36,7 +36,8 @@ class Observation:
         gain_modes: (k, g, n), or (g, n) of one shot, modes φ of the light on the patches relative to that on the
             white, each of one standard deviation: in even light the signals would be y (1 - Σ v φ).
         gain_own: size of the additional gain errors that are independent by channel, relative to the gain modes.
-        frames: chart, white and dark (k, n, 3) DN behind the signals, for `Ssf.light`; None if unknown.
+        frames: chart, white and dark (k, n, 3) DN, that the model forms the signals from, and `Ssf.channel_gain`;
+            None if unknown.
 
     Raises:
         InvalidArgument: invalid shapes or values.
@@ -153,6 +154,18 @@ def array_of(name: str, value: ArrayLike, shape: tuple[int, ...] | None = None) 
     return array
 
 
+def surfaces_of(name: str, value: ArrayLike) -> Floats:
+    """Reflectances (p, 681), of one surface or several.
+
+    Raises:
+        InvalidArgument: not finite numbers on the grid.
+    """
+    array = np.atleast_2d(array_of(name, value))
+    if array.shape[1:] != (WAVELENGTHS.size,):
+        raise InvalidArgument(f"`{name}` has shape {array.shape}.", "Give reflectances (p, 681) on the grid.")
+    return array
+
+
 def tolerance_of(name: str, value: ArrayLike, size: int) -> Floats:
     """Tolerances (size,), from one number or `size` numbers.
 
@@ -182,12 +195,12 @@ def _signals(value: ArrayLike, used: ArrayLike | None) -> Floats:
 
 def _reflectance(value: ArrayLike, shape: tuple[int, ...]) -> Floats:
     """Reflectances (n, m), up to 2: a fluorescent patch can exceed 1."""
-    found = array_of("reflectance", value, shape)
-    if found.min() < -0.01 or found.max() > 2.0:
+    reflectance = array_of("reflectance", value, shape)
+    if reflectance.min() < -0.01 or reflectance.max() > 2.0:
         raise InvalidArgument(
-            f"`reflectance` reaches from {found.min():.3g} to {found.max():.3g}.", "Write 35 % as 0.35."
+            f"`reflectance` reaches from {reflectance.min():.3g} to {reflectance.max():.3g}.", "Write 35 % as 0.35."
         )
-    return found
+    return reflectance
 
 
 def _frames(value: Any, shape: tuple[int, ...]) -> tuple[Floats, ...]:

@@ -6,7 +6,7 @@ import hashlib
 import os
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib import resources
 from typing import Any
@@ -15,6 +15,8 @@ import numpy as np
 
 from camssf.errors import InvalidArgument
 from camssf.grid import Floats
+from camssf.recovery.basis import LEARNED, read_basis
+from camssf.recovery.inputs import OF_HYPOTHESES, basis_arrays, of_hypothesis, with_hypothesis
 
 SHIPPED = ("phones", "cameras", "ryyb", "gaussian")
 VOCABULARY = "1"
@@ -22,15 +24,6 @@ LAST_SILENT = (1, 28)
 """Last version of ONNX Runtime without telemetry; later ones send usage data on every system unless disabled."""
 SWITCH = "ORT_DISABLE_TELEMETRY"
 """Environment variable that disables the telemetry; ONNX Runtime reads it once, when it is loaded."""
-OUTPUTS = (
-    "ssf", "ssf_std", "code", "code_covariance", "signals", "predicted", "predicted_std", "budget", "gap",
-    "layers_gap", "finish_steps", "evidence", "channel_gain", "lamp_estimate", "mode_estimate", "mode_covariance",
-    "gain_code", "gain_estimate",
-)  # fmt: skip
-
-
-OF_HYPOTHESES = ("reflectance", "white_reflectance", "lamp", "lamp_tolerance", "lamp_modes")
-"""Inputs with a leading axis of hypotheses."""
 
 
 @dataclass(frozen=True)
@@ -38,26 +31,45 @@ class Model:
     """A loaded model.
 
     Attributes:
-        session: of ONNX Runtime.
+        session: of ONNX Runtime; the learned bases have one.
         sha256: of the file, hex.
-        metadata: of the file: basis and its hash, depth, finish, grid, vocabulary.
+        metadata: of the file: depth, finish, grid, vocabulary; with the basis and its hash.
+        arrays: the basis as inputs; none of the paper's, which its model contains.
     """
 
     session: Any
     sha256: str
     metadata: dict[str, str]
+    arrays: dict[str, Floats] = field(default_factory=dict)
 
-    def run(self, inputs: dict[str, Floats], outputs: Sequence[str] = OUTPUTS) -> dict[str, Floats]:
-        """Outputs by name for one hypothesis.
+    def run(self, inputs: dict[str, Floats]) -> dict[str, Floats]:
+        """All outputs by name for one hypothesis.
 
-        Every input that docs/architecture.md names but `solve` must be given, without the axis of hypotheses.
+        Every input that docs/architecture.md names but the basis and `solve` must be given, without the axis of
+        hypotheses.
         """
-        given = {name: np.asarray(value, float) for name, value in inputs.items()} | {"solve": np.array(1.0)}
-        given |= {name: given[name][None] for name in OF_HYPOTHESES if name in given}
-        found = dict(zip(outputs, self.session.run(list(outputs), given), strict=True))
-        if "evidence" in found:
-            found["evidence"] = found["evidence"][0]
-        return found
+        given = with_hypothesis(inputs) | self.arrays | {"solve": np.array(1.0)}
+        return of_hypothesis(run_session(self.session, given))
+
+
+def run_session(session: Any, inputs: dict[str, Floats]) -> dict[str, Floats]:
+    """All outputs of a session by name."""
+    names = [output.name for output in session.get_outputs()]
+    return dict(zip(names, session.run(names, inputs), strict=True))
+
+
+def run_stack(models: Sequence[Model], inputs: Sequence[dict[str, Floats]]) -> list[dict[str, Floats]]:
+    """`Model.run` of each of several learned bases on its inputs, in one call.
+
+    The inputs may differ in those of OF_HYPOTHESES.
+    """
+    stacked = [{name: np.asarray(value, float) for name, value in one.items()} for one in inputs]
+    given = stacked[0] | {name: np.stack([one[name] for one in stacked]) for name in OF_HYPOTHESES}
+    given |= {name: np.concatenate([model.arrays[name] for model in models]) for name in models[0].arrays}
+    given["solve"] = np.array(1.0)
+    outputs = run_session(models[0].session, given)
+    outputs["channel_gain"] = np.repeat(outputs["channel_gain"][None], len(models), axis=0)
+    return [{name: value[i] for name, value in outputs.items()} for i in range(len(models))]
 
 
 def onnx_runtime() -> Any:
@@ -95,13 +107,27 @@ def load_model(basis: str) -> Model:
     """The shipped model of a basis.
 
     Raises:
-        InvalidArgument: there is no such model, or the file in this installation is damaged.
+        InvalidArgument: there is no such model, or the files in this installation are damaged or of two versions.
     """
     if basis not in SHIPPED:
         raise InvalidArgument(
             f"No model of the basis {basis!r} is shipped.",
             f"Take one of {', '.join(SHIPPED)}, or engine='reference', which solves on any basis.",
         )
+    name = f"camssf-{'learned' if basis in LEARNED else basis}.onnx"
+    session, sha256, metadata = _open(name)
+    known = read_basis(basis)
+    if metadata.get("vocabulary") != VOCABULARY or metadata.get(f"basis_sha256 {basis}") != known.sha256():
+        raise InvalidArgument(
+            f"The model {name} and the basis {basis} do not belong to this version of camssf.", "Install camssf anew."
+        )
+    arrays = basis_arrays(known, int(metadata["atoms"])) if basis in LEARNED else {}
+    return Model(session, sha256, metadata | {"basis": basis, "basis_sha256": known.sha256()}, arrays)
+
+
+@lru_cache(maxsize=2)
+def _open(name: str) -> tuple[Any, str, dict[str, str]]:
+    """Session, SHA-256 and metadata of a model's file."""
     onnxruntime = onnx_runtime()
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = 1
@@ -112,17 +138,11 @@ def load_model(basis: str) -> Model:
     options.log_severity_level = 3
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.add_session_config_entry("mlas.disable_kleidiai", "1")
-    file = resources.files("camssf") / "data" / f"camssf-{basis}.onnx"
     try:
-        content = file.read_bytes()
+        content = (resources.files("camssf") / "data" / name).read_bytes()
         session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
-        metadata = dict(session.get_modelmeta().custom_metadata_map)
+        return session, hashlib.sha256(content).hexdigest(), dict(session.get_modelmeta().custom_metadata_map)
     except Exception as error:  # ONNX Runtime raises untyped exceptions of its own
         raise InvalidArgument(
-            f"The model camssf-{basis}.onnx of this installation cannot be loaded ({error}).", "Install camssf anew."
+            f"The model {name} of this installation cannot be loaded ({error}).", "Install camssf anew."
         ) from error
-    if metadata.get("vocabulary") != VOCABULARY or metadata.get("basis") != basis:
-        raise InvalidArgument(
-            f"The model camssf-{basis}.onnx does not belong to this version of camssf.", "Install camssf anew."
-        )
-    return Model(session, hashlib.sha256(content).hexdigest(), metadata)

@@ -10,9 +10,10 @@ from numpy.typing import ArrayLike
 from camssf.errors import InvalidArgument
 from camssf.grid import Floats
 from camssf.recovery.basis import Basis
-from camssf.recovery.linear_model import LinearModel, linear_model
+from camssf.recovery.elastic_net import ElasticNet
 from camssf.recovery.observation import Observation, array_of
-from camssf.recovery.solve import solve
+from camssf.recovery.optimum import optimum
+from camssf.recovery.rows import paper_rows
 from camssf.rules import rules
 
 L2, GAMMA = rules().number("calibration.l2"), rules().number("calibration.gamma")
@@ -38,12 +39,7 @@ def penalties(
     elif basis.prior:
         sparsity = np.full(3, GAMMA)
     else:
-        known = (
-            np.zeros_like(observation.signals) if observation.standard_error is None else observation.standard_error
-        )
-        # A masked signal adds nothing to the residual, so it must add no noise to compare it with.
-        noise = known if observation.used is None else np.where(observation.used[:, :, None], known, 0.0)
-        sparsity = _discrepancy(linear_model(observation, basis), noise, weight, nonnegative)
+        sparsity = _discrepancy(observation, basis, weight, nonnegative)
     if basis.prior and np.ptp(sparsity) > 0:
         raise InvalidArgument(
             f"`gamma` is {sparsity.tolist()}, but on the {basis.name} basis the three channels are one problem.",
@@ -62,25 +58,31 @@ def penalties(
     return weight, sparsity
 
 
-def _discrepancy(linear: LinearModel, noise: Floats, l2: float, nonnegative: bool) -> Floats:
+def _discrepancy(observation: Observation, basis: Basis, l2: float, nonnegative: bool) -> Floats:
     """The largest γ of each channel whose residual is not above the measured noise (Morozov 1966).
 
     rᵀ Σ⁻¹ r grows with γ; if it exceeds the noise even at SMALLEST_GAMMA · γ_max, that γ is returned.
     """
     from scipy.optimize import brentq
 
+    error, used = observation.standard_error, observation.used
+    noise = np.zeros_like(observation.signals[0]) if error is None else error[0]
+    # A masked signal adds nothing to the residual, so it must add no noise to compare it with.
+    noise = noise if used is None else np.where(used[0][:, None], noise, 0.0)
+    A, b, variance = paper_rows(
+        observation.signals[0], observation.errors(basis)[0], observation.chart_tolerance, observation.reflectance,
+        observation.white_reflectance, observation.lamp[0], basis.dictionary[0],
+    )  # fmt: skip
+    A, b = A / np.sqrt(variance), b / np.sqrt(variance)
     chosen = []
-    variances = np.moveaxis(noise**2, -1, 0).reshape(3, -1)
-    for A, b, sigma, variance in zip(linear.matrix, linear.target, linear.covariance, variances, strict=True):
-        inverse = np.linalg.inv(sigma)
-        expected = float(np.sum(variance / np.diag(sigma)))
-        pull = A.T @ inverse @ b
+    for c in range(3):
+        expected = float(np.sum(noise[:, c] ** 2 / variance[c, :, 0]))
+        pull = A[c].T @ b[c]
         largest = float(np.max(pull if nonnegative else np.abs(pull), initial=0.0))
         if largest <= 0:
             chosen.append(1.0)  # nothing to explain: any penalty gives the zero code
             continue
-        channel = LinearModel(A[None], b[None], sigma[None])
-        excess = _excess(channel, inverse, expected, l2, nonnegative)
+        excess = _excess(A[c : c + 1], b[c : c + 1], expected, l2, nonnegative)
         low, high = np.log(SMALLEST_GAMMA * largest), np.log(largest)
         if expected == 0 or excess(low) >= 0:
             chosen.append(np.exp(low))
@@ -91,14 +93,12 @@ def _discrepancy(linear: LinearModel, noise: Floats, l2: float, nonnegative: boo
     return np.array(chosen)
 
 
-def _excess(
-    channel: LinearModel, inverse: Floats, expected: float, l2: float, nonnegative: bool
-) -> Callable[[float], float]:
-    """ln(rᵀ Σ⁻¹ r / expected) as a function of ln γ."""
+def _excess(A: Floats, b: Floats, expected: float, l2: float, nonnegative: bool) -> Callable[[float], float]:
+    """ln(rᵀ r / expected) as a function of ln γ, for whitened rows A (1, n, r) and b (1, n, 1)."""
 
     def excess(log_gamma: float) -> float:
-        code = solve(channel, l2, np.array([np.exp(log_gamma)]), nonnegative=nonnegative)
-        r = channel.target[0] - channel.matrix[0] @ code.values[0]
-        return float(np.log(max(r @ inverse @ r, 1e-300) / expected))
+        problem = ElasticNet(A, b, np.array(l2), np.array(np.exp(log_gamma)), np.array(nonnegative))
+        r = b - A @ optimum(problem).x
+        return float(np.log(max(np.sum(r**2), 1e-300) / expected))
 
     return excess

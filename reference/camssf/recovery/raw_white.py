@@ -1,4 +1,4 @@
-"""Narrows the kinds of an unnamed light by the chromaticity of the raw white (docs/maths.md, "The raw white").
+"""Narrows the kinds of an unnamed light by the chromaticity of the raw white (docs/maths.md, "Unnamed light").
 
 A file's colour matrices turn the white's raw values into CIE XYZ, so into the chromaticity of the light. Makers fit
 them to other surfaces and other cameras of the model, so they may be wrong: a kind whose chromaticities do not reach
@@ -12,24 +12,21 @@ from dataclasses import replace
 
 import numpy as np
 
+from camssf.colorimetry import chromaticity, uv
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery.covariance import LAMP_CORRELATION, smooth_errors
-from camssf.recovery.linear_model import DARKEST
+from camssf.recovery.rows import DARKEST
 from camssf.rules import rules
 from camssf.spectra import Lamp, Unnamed
-from camssf.spectra.surfaces import correlated_temperature, observer
+from camssf.spectra.bundled import observer
 
 _NUMBER = rules().number
 RIGHT = _NUMBER("lamp.matrix_right")
 """Prior probability that a file's colour matrices give the white's chromaticity."""
 AREA = _NUMBER("lamp.white_area")
 """Area of u'v' over which the white of a wrong matrix is spread."""
-STEPS = 30
-"""Steps of the interpolation between two matrices, as in the DNG specification."""
 EXPANSIONS = 3
 """Linearisations of the chromaticity of a lamp by its modes."""
-COOLEST, HOTTEST = 1500.0, 25_000.0
-"""Limits of the temperature that interpolates the matrices, K."""
 
 
 def given_raw_white(
@@ -55,33 +52,6 @@ def given_raw_white(
     return replace(light, kinds=tuple(kinds), log_prior=tuple(priors))
 
 
-def chromaticity(white: Floats, matrices: Sequence[tuple[float, Floats]]) -> Floats | None:
-    """u'v' (2,), CIE 1976, of a raw white (3,); None if the matrices give no chromaticity.
-
-    Two matrices are interpolated by the inverse of the white's own temperature (DNG 1.7, chapter 6), which iteration
-    finds.
-    """
-    if not matrices:
-        return None
-    (cool, first), (hot, second) = matrices[0], matrices[-1]
-    kelvin, xyz = 5000.0, np.zeros(3)
-    for _ in range(STEPS):
-        share = 1.0 if cool == hot else np.clip((1.0 / kelvin - 1.0 / hot) / (1.0 / cool - 1.0 / hot), 0.0, 1.0)
-        try:
-            xyz = np.linalg.solve(share * first + (1.0 - share) * second, white)
-        except np.linalg.LinAlgError:
-            return None
-        if not (np.isfinite(xyz).all() and (xyz > 0).all()):
-            return None
-        kelvin = float(np.clip(correlated_temperature(xyz), COOLEST, HOTTEST))
-    return uv(xyz)
-
-
-def uv(xyz: Floats) -> Floats:
-    """u' = 4 X / D and v' = 9 Y / D with D = X + 15 Y + 3 Z, (..., 2) of XYZ (..., 3)."""
-    return np.asarray(xyz[..., :2] * np.array([4.0, 9.0]) / (xyz @ np.array([1.0, 15.0, 3.0]))[..., None])
-
-
 def narrow(lamp: Lamp, measured: Floats, white_reflectance: Floats) -> tuple[Lamp, float]:
     """The lamp given u'v' (2,) of its white, and ln of the probability density of these.
 
@@ -97,16 +67,16 @@ def narrow(lamp: Lamp, measured: Floats, white_reflectance: Floats) -> tuple[Lam
     factor = np.ones(WAVELENGTHS.size)
     for _ in range(EXPANSIONS):
         at, slope = _uv_of(lamp.values * factor, lamp.values * modes, functions)
-        loose = _uv_of(lamp.values * factor, lamp.values * factor * smooth, functions)[1]
-        spread = slope.T @ slope + loose.T @ loose + error**2 * np.eye(2)
+        smooth_slope = _uv_of(lamp.values * factor, lamp.values * factor * smooth, functions)[1]
+        spread = slope.T @ slope + smooth_slope.T @ smooth_slope + error**2 * np.eye(2)
         off = measured - at + code @ slope
         gain = np.linalg.solve(spread, slope.T).T  # (q, 2)
         code = gain @ off
         factor = np.maximum(1.0 + code @ modes, DARKEST)
-    left = np.linalg.cholesky(np.eye(len(modes)) - gain @ slope.T)
+    narrowing = np.linalg.cholesky(np.eye(len(modes)) - gain @ slope.T)
     power = lamp.values * factor
     log_density = -0.5 * float(off @ np.linalg.solve(spread, off) + np.log(np.linalg.det(2.0 * np.pi * spread)))
-    return replace(lamp, values=power / power.mean(), modes=left.T @ (modes / factor)), log_density
+    return replace(lamp, values=power / power.mean(), modes=narrowing.T @ (modes / factor)), log_density
 
 
 def _uv_of(power: Floats, changes: Floats, functions: Floats) -> tuple[Floats, Floats]:

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from camssf.errors import InvalidArgument, NotConverged
-from camssf.grid import STEP, WAVELENGTHS, Floats
-from camssf.recovery.basis import Basis, basis_of, widened
-from camssf.recovery.elastic_net import whiten
-from camssf.recovery.linear_model import LinearModel, anchor, linear_model
+from camssf.grid import WAVELENGTHS, Floats
+from camssf.recovery.basis import LEARNED, Basis, basis_of, widened
+from camssf.recovery.inputs import observation_arrays, stacks_of
 from camssf.recovery.observation import Observation
-from camssf.recovery.onnx_model import SHIPPED, Model, load_model
+from camssf.recovery.onnx_model import SHIPPED, Model, load_model, run_stack
 from camssf.recovery.penalties import penalties
-from camssf.recovery.solve import Code, solve
+from camssf.recovery.posterior import peak_normalised_jacobian
+from camssf.recovery.reference_model import ReferenceModel
+from camssf.shapes import Counts, Number, Power, Rgb, Share, Size, Spectrum, Text, Vector
 
 LARGEST_GAP = 1e-9
 """Relative duality gap above which `NotConverged` is raised."""
@@ -35,10 +37,10 @@ class Hypothesis:
         kinds: of each shot's light, "" for a named lamp; empty if all lamps were named.
     """
 
-    basis: str
-    log_evidence: float
-    probability: float
-    kinds: tuple[str, ...] = ()
+    basis: Text
+    log_evidence: Number
+    probability: Share
+    kinds: tuple[Text, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -52,11 +54,11 @@ class EstimatedLamp:
         kelvin, kelvin_std: correlated colour temperature and one standard deviation, K.
     """
 
-    kinds: dict[str, float]
-    power: Floats
-    std: Floats
-    kelvin: float
-    kelvin_std: float
+    kinds: dict[Text, Share]
+    power: Spectrum
+    std: Power
+    kelvin: Size
+    kelvin_std: Size
 
 
 @dataclass(frozen=True)
@@ -82,27 +84,6 @@ class FamilyTest:
 
 
 @dataclass(frozen=True)
-class Posterior:
-    """Uncertainty of the curves; it exists only where the basis has a prior. Columns are R, G, B.
-
-    Attributes:
-        std: (681, 3) standard deviation of the curve of peak 1, times its peak, so 0 at the peak itself.
-        code_covariance: (3 r, 3 r) of x, red's r first, then green's, then blue's, (H + I)⁻¹.
-        log_evidence: ln of the marginal likelihood of the signals up to a constant, `Code.log_evidence`.
-        family_test: whether the camera belongs to the family of its basis, if the basis was chosen; else None. If it
-            does not, the answer is that of a wider prior (`FitSettings.prior_scale`).
-        half_width_without_photo: `Ssf.half_width` of the basis's mean camera under the prior of the learned width:
-            what is known before any photo.
-    """
-
-    std: Floats
-    code_covariance: Floats
-    log_evidence: float
-    family_test: FamilyTest | None = None
-    half_width_without_photo: float | None = None
-
-
-@dataclass(frozen=True)
 class Proof:
     """How near the code is to the optimum.
 
@@ -113,33 +94,9 @@ class Proof:
         finish_steps: (p,) pivots of the finish; 0 where the layers' gap was small enough.
     """
 
-    gap: Floats
-    layers_gap: Floats
-    finish_steps: NDArray[np.int64]
-
-
-@dataclass(frozen=True)
-class Illumination:
-    """The light of the shots as the fit estimates it.
-
-    Attributes:
-        lamp: (k, 681) each shot's lamp: the given one, changed by the estimate of its modes.
-        gain_code: (k, g) v̂, estimated amplitudes of the gain modes φ: y (1 - Σ v̂ φ) compares with `Ssf.predicted`.
-        channel_gain: (3,) raw white signal of each channel relative to green; ones where no frame was given.
-        lights: of each shot the estimated light, None where its lamp was named; empty if all were.
-        kinds: of the most probable hypothesis, as in `Hypothesis`.
-        between: (3,) share of each channel's variance that is between the hypotheses; None if all lamps were named.
-        half_width_of_basis: `Ssf.half_width` of the most probable basis's hypotheses alone; None if all lamps were
-            named.
-    """
-
-    lamp: Floats
-    gain_code: Floats
-    channel_gain: Floats
-    lights: tuple[EstimatedLamp | None, ...] = ()
-    kinds: tuple[str, ...] = ()
-    between: Floats | None = None
-    half_width_of_basis: float | None = None
+    gap: Rgb
+    layers_gap: Vector
+    finish_steps: Counts
 
 
 @dataclass(frozen=True)
@@ -154,7 +111,7 @@ class SolverSettings:
             zero.
         nonnegative: whether x ≥ 0; None: only on a basis without a prior. False gives the paper's literal Eq. (10).
         engine: "onnx", the shipped model, or "reference". A basis without a shipped model always uses the reference;
-            `FitSettings.engine` names the engine used.
+            `Ssf.engine` names the engine used.
     """
 
     l2: float | None = None
@@ -167,59 +124,64 @@ SOLVER_DEFAULTS = SolverSettings()
 
 
 @dataclass(frozen=True)
-class FitSettings:
-    """The settings that the curves were recovered with.
-
-    Attributes:
-        basis: its name.
-        prior_scale: width of the prior relative to the learned one, 1.
-        l2: the quadratic penalty.
-        gamma: (3,) the l1 penalty of each channel's problem.
-        engine: "onnx" or "reference".
-        chart_fading: by how much the chart has faded in this answer (`faded_chart`); 0 for none.
-    """
-
-    basis: str
-    prior_scale: float
-    l2: float
-    gamma: Floats
-    engine: str
-    chart_fading: float = 0.0
-
-
-@dataclass(frozen=True)
 class Ssf:
     """The recovered spectral sensitivity functions. Columns are R, G, B.
 
+    What follows from a prior is None on a basis without one: `std`, `code_covariance`, `log_evidence`,
+    `half_width_without_photo`.
+
     Attributes:
+        basis: its name.
+        engine: what solved it, "onnx" or "reference".
+        l2: the quadratic penalty.
+        gamma: (3,) the l1 penalty of each channel's problem.
         values: (681, 3) scaled so that Σ ρ_w L s dλ = 1 for the first lamp; `peak()` gives peak = 1.
         code: (r, 3) coefficients x.
-        posterior: bands, covariance and evidence; None where the basis has no prior.
-        predicted: (k, n, 3) signals predicted from these curves under `light.lamp`, 1.
-        light: the light of the shots.
+        predicted: (k, n, 3) signals predicted from these curves under `lamp`, 1.
         proof: duality gaps.
-        settings: basis, penalties and engine.
+        lamp: (k, 681) each shot's lamp: the given one, changed by the estimate of its modes. If a light was not
+            named, the mean of the hypotheses' lamps, each scaled to a mean of 1.
+        gain_code: (k, g) v̂, estimated amplitudes of the gain modes φ: y (1 - Σ v̂ φ) compares with `predicted`.
+        channel_gain: (3,) raw white signal of each channel relative to green; ones where no frame was given.
+        std: (681, 3) standard deviation of the curve of peak 1, times its peak, so 0 at the peak itself.
+        code_covariance: (3 r, 3 r) of x, red's r first, then green's, then blue's, (H + I)⁻¹.
+        log_evidence: ln of the marginal likelihood of the signals up to a constant.
+        half_width_without_photo: `half_width` of the basis's mean camera under the prior of the learned width: what
+            is known before any photo.
+        prior_scale: width of the prior relative to the learned one, 1.
+        chart_fading: by how much the chart has faded in this answer (`faded_chart`); 0 for none.
+        family_test: whether the camera belongs to the family of its basis, if the basis was chosen; else None. If it
+            does not, the answer is that of a wider prior (`prior_scale`).
         choice: the compared hypotheses, if basis or kind of light were chosen by their evidence; else empty.
+        lights: of each shot the estimated light, None where its lamp was named; empty if all were.
+        kinds: of the most probable hypothesis, as in `Hypothesis`.
+        between: (3,) share of each channel's variance that is between the hypotheses; None if all lamps were named.
+        half_width_of_basis: `half_width` of the most probable basis's hypotheses alone; None if all lamps were named.
     """
 
+    basis: str
+    engine: str
+    l2: float
+    gamma: Floats
     values: Floats
     code: Floats
-    posterior: Posterior | None
     predicted: Floats
-    light: Illumination
     proof: Proof
-    settings: FitSettings
+    lamp: Floats
+    gain_code: Floats
+    channel_gain: Floats
+    std: Floats | None = None
+    code_covariance: Floats | None = None
+    log_evidence: float | None = None
+    half_width_without_photo: float | None = None
+    prior_scale: float = 1.0
+    chart_fading: float = 0.0
+    family_test: FamilyTest | None = None
     choice: tuple[Hypothesis, ...] = ()
-
-    @property
-    def std(self) -> Floats | None:
-        """(681, 3) one standard deviation of `values`, as `Posterior.std`; None where the basis has no prior."""
-        return None if self.posterior is None else self.posterior.std
-
-    @property
-    def family_test(self) -> FamilyTest | None:
-        """`Posterior.family_test`."""
-        return None if self.posterior is None else self.posterior.family_test
+    lights: tuple[EstimatedLamp | None, ...] = ()
+    kinds: tuple[str, ...] = ()
+    between: Floats | None = None
+    half_width_of_basis: float | None = None
 
     @property
     def half_width(self) -> float | None:
@@ -233,15 +195,9 @@ class Ssf:
 
         Both are those of the most probable basis: whether the camera belongs to it is another question.
         """
-        without = None if self.posterior is None else self.posterior.half_width_without_photo
-        width = self.half_width if self.light.half_width_of_basis is None else self.light.half_width_of_basis
+        width = self.half_width if self.half_width_of_basis is None else self.half_width_of_basis
+        without = self.half_width_without_photo
         return None if without is None or width is None else width / without
-
-    def tested(self, test: FamilyTest, chart_fading: float) -> Ssf:
-        """The answer with its `family_test`, and by how much the chart has faded."""
-        assert self.posterior is not None  # every family has a prior
-        settings = replace(self.settings, chart_fading=chart_fading)
-        return replace(self, posterior=replace(self.posterior, family_test=test), settings=settings)
 
     def peak(self) -> tuple[Floats, Floats | None]:
         """Curves and bands divided by each channel's peak, both (681, 3)."""
@@ -249,7 +205,22 @@ class Ssf:
         return self.values / peak, None if self.std is None else self.std / peak
 
 
-def answer(
+@dataclass(frozen=True)
+class Problem:
+    """What is solved: the signals of an observation on one basis.
+
+    Attributes:
+        observation: the signals, and what is known of chart, white and lamps.
+        basis: a name, a file, or a Basis.
+        prior_scale: width of the prior relative to the learned one; 1 on the paper's basis.
+    """
+
+    observation: Observation
+    basis: str | Basis
+    prior_scale: float = 1.0
+
+
+def solve_on_basis(
     observation: Observation,
     basis: str | Basis,
     *,
@@ -259,104 +230,128 @@ def answer(
     """The curves that explain the signals on one basis: `camssf.recovery.hypotheses.recover` without its choice.
 
     Args:
-        observation: the signals, and what is known of chart, white and lamps.
-        basis: a name, a file, or a Basis.
-        prior_scale: width of the prior relative to the learned one; 1 on the paper's basis.
+        observation, basis, prior_scale: as in `Problem`.
         settings: penalties, signs and engine.
 
     Raises:
         InvalidArgument: invalid values or names.
         NotConverged: a relative duality gap above 1e-9.
     """
-    known = basis_of(basis)
+    return _solve_alone(Problem(observation, basis, prior_scale), settings)
+
+
+def solve_together(problems: Sequence[Problem], settings: SolverSettings = SOLVER_DEFAULTS) -> list[Ssf]:
+    """`solve_on_basis` of several problems on the signals of one capture.
+
+    On learned bases the engine "onnx" solves those that make a stack (`stacks_of`) and have one width in one call.
+
+    Raises:
+        InvalidArgument, NotConverged: as `solve_on_basis`.
+    """
+
+    def of_call(i: int) -> tuple[object, ...]:
+        """What else one call of the model has in common; the problem's own number if it is solved alone."""
+        basis, (_, *frames) = problems[i].basis, problems[i].observation.frames or (None,)
+        if settings.engine != "onnx" or not (isinstance(basis, str) and basis in LEARNED):
+            return (i,)
+        return (problems[i].prior_scale, *(frame.tobytes() for frame in frames))
+
+    answers: dict[int, Ssf] = {}
+    for stack in stacks_of([problem.observation for problem in problems], of_call):
+        of_stack = [problems[i] for i in stack]
+        solved = _solve_stack(of_stack, settings) if len(stack) > 1 else [_solve_alone(of_stack[0], settings)]
+        answers |= zip(stack, solved, strict=True)
+    return [answers[i] for i in range(len(problems))]
+
+
+def _solve_alone(problem: Problem, settings: SolverSettings) -> Ssf:
+    posed = _pose(problem, settings)
+    # A model takes one γ a call, so each different γ of the paper's channels is a call of its own.
+    outputs = [posed.model.run(posed.inputs | {"gamma": np.array(value)}) for value in np.unique(posed.gamma)]
+    order = np.searchsorted(np.unique(posed.gamma), posed.gamma)
+    out = {name: value.copy() for name, value in outputs[0].items()}
+    for c, which in enumerate(order):
+        for name in BY_CHANNEL if len(outputs) > 1 else ():
+            out[name][..., c] = outputs[which][name][..., c]
+    return _answer(posed, out)
+
+
+def _solve_stack(problems: Sequence[Problem], settings: SolverSettings) -> list[Ssf]:
+    posed = [_pose(problem, settings) for problem in problems]
+    inputs = [one.inputs | {"gamma": np.array(one.gamma[0])} for one in posed]
+    outputs = run_stack([load_model(one.basis.name) for one in posed], inputs)
+    return [_answer(*pair) for pair in zip(posed, outputs, strict=True)]
+
+
+@dataclass(frozen=True)
+class _Posed:
+    """A problem with its model, the penalties that it is solved with, and the model's inputs but for γ."""
+
+    problem: Problem
+    basis: Basis
+    model: Model | ReferenceModel
+    l2: float
+    gamma: Floats
+    inputs: dict[str, Floats]
+
+
+def _pose(problem: Problem, settings: SolverSettings) -> _Posed:
+    """Pose a problem; raises as `solve_on_basis`."""
+    observation, basis, known = problem.observation, problem.basis, basis_of(problem.basis)
     observation.check_for(known)
-    engine = settings.engine
-    if engine not in ENGINES:
-        raise InvalidArgument(f"There is no engine {engine!r}.", f"Take one of {', '.join(ENGINES)}.")
+    if settings.engine not in ENGINES:
+        raise InvalidArgument(f"There is no engine {settings.engine!r}.", f"Take one of {', '.join(ENGINES)}.")
     positive = not known.prior if settings.nonnegative is None else settings.nonnegative
-    without_photo = half_width_of(prior_std(known)) if known.prior else None
-    known = widened(known, prior_scale)
-    l2, gamma = penalties(observation, known, settings.l2, settings.gamma, positive)
-    model = load_model(basis) if engine == "onnx" and isinstance(basis, str) and basis in SHIPPED else None
-    fitted = FitSettings(known.name, prior_scale, l2, gamma, "reference" if model is None else "onnx")
-    if model is not None:
-        found = _run(model, observation, known, fitted, positive)
-    else:
-        linear = linear_model(observation, known)
-        code = solve(linear, l2, gamma[: len(linear.matrix)], nonnegative=positive)
-        found = _curves(observation, known, linear, code, fitted)
-    if found.posterior is None:
-        return found
-    return replace(found, posterior=replace(found.posterior, half_width_without_photo=without_photo))
+    l2, gamma = penalties(observation, widened(known, problem.prior_scale), settings.l2, settings.gamma, positive)
+    shipped = settings.engine == "onnx" and isinstance(basis, str) and basis in SHIPPED
+    y = observation.signals
+    chart, white, dark = observation.frames or (y, np.ones_like(y), np.zeros_like(y))
+    inputs = observation_arrays(observation, known) | {
+        "chart": chart,
+        "white": white,
+        "dark": dark,
+        "l2": np.array(l2),
+        "nonnegative": np.array(float(positive)),
+        "prior_scale": np.array(problem.prior_scale),
+        "explain": np.array(0.0),
+    }
+    return _Posed(problem, known, load_model(str(basis)) if shipped else ReferenceModel(known), l2, gamma, inputs)
 
 
-def _curves(observation: Observation, basis: Basis, linear: LinearModel, code: Code, settings: FitSettings) -> Ssf:
-    """The reference's last step: s = μ + Ψ x, scaled so that Σ ρ_w L s dλ = 1 for the first lamp."""
-    _check_converged(code.gap)
-    basis = anchor(basis, observation.white_reflectance * observation.lamp[0])
-    x = code.values.reshape(3, -1)
-    curves = basis.mean + np.einsum("cmr,cr->cm", basis.dictionary, x)  # (3, m)
-    scale = curves @ (observation.white_reflectance * observation.lamp[0]) * STEP
-    _check_responds_to_white(scale)
-    posterior = None
-    if basis.prior:
-        spread = np.linalg.inv(code.precision[0] + np.eye(x.size))
-        moves = moves_of_peak_one(basis, curves)
-        variance = np.maximum(np.einsum("cmr,crs,cms->cm", moves, own_blocks(spread), moves), 0.0)
-        posterior = Posterior((np.sqrt(variance) / scale[:, None]).T, spread, float(code.log_evidence[0]))
-    values = (curves / scale[:, None]).T
-    gain = np.ones(3)
-    if observation.frames is not None:
-        _, white, dark = observation.frames
-        means = (white - dark)[0].mean(axis=0)
-        gain = means / means[1]
+def _answer(posed: _Posed, out: dict[str, Floats]) -> Ssf:
+    """The curves from a model's outputs; raises as `solve_on_basis`."""
+    _check_converged(out["gap"])
+    _check_responds_to_white(out["ssf"].max(axis=0))
+    prior, gains = posed.basis.prior, posed.problem.observation.gain_modes.shape[1]
     return Ssf(
-        values=values,
-        code=x.T,
-        posterior=posterior,
-        predicted=predict_signals(values, observation.reflectance, linear.lamp, observation.white_reflectance),
-        light=Illumination(linear.lamp, _gains(observation, linear, code), gain),
-        proof=Proof(code.gap * np.ones(3), code.layers_gap, code.finish_steps),
-        settings=settings,
+        basis=posed.basis.name,
+        engine="onnx" if isinstance(posed.model, Model) else "reference",
+        l2=posed.l2,
+        gamma=posed.gamma,
+        values=out["ssf"],
+        code=out["code"],
+        predicted=out["predicted"],
+        proof=Proof(out["gap"], out["layers_gap"], np.rint(out["finish_steps"]).astype(np.int64)),
+        lamp=out["lamp_estimate"],
+        gain_code=out["gain_code"][:, :gains],
+        channel_gain=out["channel_gain"],
+        std=out["ssf_std"] if prior else None,
+        code_covariance=out["code_covariance"] if prior else None,
+        log_evidence=float(out["evidence"]) if prior else None,
+        half_width_without_photo=half_width_of(prior_std(posed.basis)) if prior else None,
+        prior_scale=posed.problem.prior_scale,
     )
-
-
-def _gains(observation: Observation, linear: LinearModel, code: Code) -> Floats:
-    """v̂ (k, g) = Dᵀ Σ⁻¹ (b - A x): the most probable gains, given the code."""
-    k, g, _ = observation.gain_modes.shape
-    if not linear.gains.size:
-        return np.zeros((k, g))
-    rest = linear.target[0] - linear.matrix[0] @ code.values[0]
-    rows, rest, _ = whiten(linear.gains, rest, linear.covariance[0])
-    return np.asarray(rows.T @ rest).reshape(k, g)
-
-
-def own_blocks(covariance: Floats) -> Floats:
-    """Diagonal blocks (3, r, r), one a channel, of a covariance (3 r, 3 r) of the three channels' codes."""
-    r = len(covariance) // 3
-    return np.stack([covariance[c * r : (c + 1) * r, c * r : (c + 1) * r] for c in range(3)])
 
 
 def predict_signals(values: Floats, reflectance: Floats, lamp: Floats, white_reflectance: Floats) -> Floats:
     """Signals (k, n, 3) of patches (n, 681) under lamps (k, 681), Eq. (5), from curves (681, 3) of any scale."""
-    seen = (lamp[:, None, :] * reflectance) @ values
-    return np.asarray(seen / ((lamp * white_reflectance) @ values)[:, None, :])
-
-
-def moves_of_peak_one(basis: Basis, curves: Floats) -> Floats:
-    """Derivative of the curve of peak 1 by the code, times the peak, (3, m, r).
-
-    With ŝ = s / s_p, p where s peaks, an error d s changes ŝ by (d s - ŝ d s_p) / s_p: Ψ - ŝ Ψ_p.
-    """
-    top = curves.argmax(axis=1)
-    at_peak = np.take_along_axis(basis.dictionary, top[:, None, None], axis=1)  # (3, 1, r)
-    shape = curves / np.take_along_axis(curves, top[:, None], axis=1)
-    return np.asarray(basis.dictionary - shape[:, :, None] * at_peak)
+    signal_integrals = (lamp[:, None, :] * reflectance) @ values
+    return np.asarray(signal_integrals / ((lamp * white_reflectance) @ values)[:, None, :])
 
 
 def prior_std(basis: Basis) -> Floats:
     """(681, 3) one standard deviation of the curves of peak 1 before any photo, about the basis's mean."""
-    moves = moves_of_peak_one(basis, basis.mean)
+    moves = peak_normalised_jacobian(basis.dictionary, basis.mean)
     return np.asarray(np.sqrt(np.einsum("cmr,cmr->cm", moves, moves)) / basis.mean.max(axis=1)[:, None]).T
 
 
@@ -369,52 +364,6 @@ def half_widths_of(std: Floats) -> Floats:
     """The mean half-width of each channel, (3,)."""
     visible = (WAVELENGTHS >= 400.0) & (WAVELENGTHS <= 700.0)
     return np.asarray(1.96 * std[visible].mean(axis=0))
-
-
-def _run(model: Model, observation: Observation, basis: Basis, settings: FitSettings, nonnegative: bool) -> Ssf:
-    """Run the ONNX model. It takes one γ a call, so each different γ of the paper's channels is a call of its own."""
-    y, gamma = observation.signals, settings.gamma
-    chart, white, dark = observation.frames or (y, np.ones_like(y), np.zeros_like(y))
-    modes = observation.lamp_modes if observation.lamp_modes.shape[1] else np.zeros((len(y), 1, WAVELENGTHS.size))
-    gains = observation.gain_modes if observation.gain_modes.shape[1] else np.zeros((len(y), 1, y.shape[1]))
-    inputs: dict[str, Floats] = {
-        "chart": chart,
-        "white": white,
-        "dark": dark,
-        "standard_error": observation.errors(basis),
-        "reflectance": observation.reflectance,
-        "chart_tolerance": observation.chart_tolerance,
-        "white_reflectance": observation.white_reflectance,
-        "white_tolerance": np.array(observation.white_tolerance),
-        "lamp": observation.lamp,
-        "lamp_tolerance": observation.lamp_tolerance,
-        "lamp_modes": modes,
-        "gain_modes": gains,
-        "gain_own": np.array(observation.gain_own),
-        "l2": np.array(settings.l2),
-        "nonnegative": np.array(float(nonnegative)),
-        "prior_scale": np.array(settings.prior_scale),
-        "explain": np.array(0.0),
-    }
-    answers = [model.run(inputs | {"gamma": np.array(value)}) for value in np.unique(gamma)]
-    order = np.searchsorted(np.unique(gamma), gamma)
-    out = {name: value.copy() for name, value in answers[0].items()}
-    for c, which in enumerate(order):
-        for name in BY_CHANNEL if len(answers) > 1 else ():
-            out[name][..., c] = answers[which][name][..., c]
-    _check_converged(out["gap"])
-    _check_responds_to_white(out["ssf"].max(axis=0))
-    posterior = Posterior(out["ssf_std"], out["code_covariance"], float(out["evidence"])) if basis.prior else None
-    gain_code = out["gain_code"][:, : observation.gain_modes.shape[1]]
-    return Ssf(
-        values=out["ssf"],
-        code=out["code"],
-        posterior=posterior,
-        predicted=out["predicted"],
-        light=Illumination(out["lamp_estimate"], gain_code, out["channel_gain"]),
-        proof=Proof(out["gap"], out["layers_gap"], np.rint(out["finish_steps"]).astype(np.int64)),
-        settings=settings,
-    )
 
 
 def _check_converged(gap: Floats) -> None:

@@ -14,9 +14,9 @@ from dataclasses import replace
 import numpy as np
 
 from camssf.recovery.basis import Basis, read_basis
+from camssf.recovery.evidence import log_evidences
 from camssf.recovery.observation import Observation
 from camssf.recovery.sensitivity import FamilyTest, Ssf
-from camssf.recovery.solve import log_evidences
 from camssf.rules import rules
 
 _NUMBER = rules().number
@@ -28,12 +28,10 @@ LAMP_ERROR = _NUMBER("choice.lamp_error")
 
 def family_test(observation: Observation, answer: Ssf, named: Sequence[bool]) -> FamilyTest:
     """Test an answer of the learned width; `named` says of which shots the lamp was named."""
-    basis, length = answer.settings.basis, code_length(answer)
-    assert answer.posterior is not None  # every family has a prior
-    assert length is not None
-    residual = None
-    if any(named):
-        residual = lamp_residual(observation, read_basis(basis), answer.posterior.log_evidence, named)
+    basis, length, evidence = answer.basis, code_length(answer), answer.log_evidence
+    assert length is not None  # every family has a prior
+    assert evidence is not None
+    residual = lamp_residual(observation, read_basis(basis), evidence, named) if any(named) else None
     return FamilyTest(length, residual, longest_code(basis, named=all(named)), largest_residual(basis))
 
 
@@ -42,9 +40,9 @@ def code_length(answer: Ssf) -> float | None:
 
     Under the prior the posterior mean x̂ ~ N(0, K), K = I - C: x̂ᵀx̂ is nearly a scaled χ² (Satterthwaite 1946).
     """
-    if answer.posterior is None:
+    if answer.code_covariance is None:
         return None
-    K = np.eye(len(answer.posterior.code_covariance)) - answer.posterior.code_covariance
+    K = np.eye(len(answer.code_covariance)) - answer.code_covariance
     expected = float(np.trace(K))
     if expected <= 0:  # the posterior equals the prior
         return None
@@ -52,14 +50,14 @@ def code_length(answer: Ssf) -> float | None:
     return float((np.cbrt(np.sum(answer.code**2) / expected) - (1.0 - u)) / np.sqrt(u))
 
 
-def lamp_residual(observation: Observation, basis: Basis, log_evidence_: float, named: Sequence[bool]) -> float:
-    """ln of the evidence with errors of LAMP_ERROR in named lamps, minus `log_evidence_`, with the declared ones.
+def lamp_residual(observation: Observation, basis: Basis, log_evidence: float, named: Sequence[bool]) -> float:
+    """ln of the evidence with errors of LAMP_ERROR in named lamps, minus `log_evidence`, with the declared ones.
 
     A tinted glass, water, or another lamp of about the same colour changes the light smoothly.
     """
     declared = observation.lamp_tolerance
-    loose = np.where(named, np.maximum(declared, LAMP_ERROR), declared)
-    return float(log_evidences([replace(observation, lamp_tolerance=loose)], basis)[0]) - log_evidence_
+    tolerances = np.where(named, np.maximum(declared, LAMP_ERROR), declared)
+    return float(log_evidences([replace(observation, lamp_tolerance=tolerances)], basis)[0]) - log_evidence
 
 
 def longest_code(basis: str, *, named: bool) -> float:

@@ -1,26 +1,28 @@
-"""Builds the report of a result document: JSON, CSV, picture and one self-contained page."""
+"""Builds the report of a result: JSON, CSV, picture and one self-contained page."""
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING
 
-from camssf.documents.result_json import check_document, document_bytes
+from camssf.documents.document import Answer, Document, document_bytes
 from camssf.errors import InvalidArgument
-from camssf.files import local, local_folder, write_files
+from camssf.files import local_folder, write_files
 from camssf.grid import CHANNELS, WAVELENGTHS
+from camssf.report.shots import shots_of
+from camssf.report.tables import PATCH_COLUMNS, patch_rows
 
 if TYPE_CHECKING:
     from camssf.report.provenance import Provenance
 
-Json: TypeAlias = dict[str, Any]
-
-NAMES = ("result.json", "ssf.csv", "ssf.png", "report.html")
+NAMES = ("result.json", "ssf.csv", "patches.csv", "ssf.svg", "ssf.png", "report.html")
+"""Files of a result; the PNG only where it is wanted."""
 REFUSED = "refused"
 """Subfolder for a refused result, if the folder holds a result with curves."""
 LARGEST_PREVIEW = 16 * 2**20
@@ -33,20 +35,25 @@ class Report:
     Attributes:
         result_json: the document, UTF-8, every number lossless; the same document gives the same bytes.
         ssf_csv: the curves, peak = 1, 681 rows; None when refused.
-        ssf_png: their picture; None when refused, or if matplotlib is not installed.
+        patches_csv: the signals, measured and predicted; None when refused.
+        ssf_svg: a picture of the curves; None when refused.
+        ssf_png: the same as PNG; None unless it was wanted.
         html: one self-contained page.
     """
 
     result_json: bytes
     ssf_csv: str | None
+    patches_csv: str | None
+    ssf_svg: str | None
     ssf_png: bytes | None
     html: str
 
     def save(self, folder: Path | str) -> list[Path]:
-        """Write result.json, ssf.csv, ssf.png and report.html to `folder`: all or none.
+        """Write result.json, ssf.csv, patches.csv, ssf.svg and report.html to `folder`: all or none.
 
-        A refused result has no ssf.csv and no ssf.png. It never replaces a result with curves: if `folder` holds one,
-        the refused result goes to `folder`/refused. On any failure, including Ctrl-C, the folder is left unchanged.
+        A refused result has result.json and report.html alone. It never replaces a result with curves: if `folder`
+        holds one, the refused result goes to `folder`/refused. On any failure, including Ctrl-C, the folder is left
+        unchanged.
 
         Returns:
             The files that were written.
@@ -54,12 +61,14 @@ class Report:
         Raises:
             InvalidArgument: the folder cannot be written to.
         """
-        folder = local(folder)
+        folder = local_folder(folder)
         return write_files(
             folder / REFUSED if self.ssf_csv is None and holds_result(folder) else folder,
             {
                 "result.json": self.result_json,
                 "ssf.csv": self.ssf_csv,
+                "patches.csv": self.patches_csv,
+                "ssf.svg": self.ssf_svg,
                 "ssf.png": self.ssf_png,
                 "report.html": self.html,
             },
@@ -69,7 +78,7 @@ class Report:
 def holds_result(folder: Path) -> bool:
     """Whether a folder holds files of a result that a refused one must not replace: any of NAMES, unless refused."""
     standing = {name for name in NAMES if os.path.isfile(folder / name)}
-    if standing & {"ssf.csv", "ssf.png"} or "result.json" not in standing:
+    if standing - {"result.json", "report.html"} or "result.json" not in standing:
         return bool(standing)
     return verdict_in(folder) != "refused"
 
@@ -98,50 +107,60 @@ def verdict_in(folder: Path) -> str:
         return ""
 
 
-def report(document: Json, previews: Sequence[bytes | None] = (), *, provenance: Provenance | None = None) -> Report:
+def report(
+    document: Document,
+    previews: Sequence[bytes | None] = (),
+    *,
+    provenance: Provenance | None = None,
+    png: bool = False,
+) -> Report:
     """Render a result.
 
     Args:
-        document: plain data in the form "camssf-result/1" (data/result.schema.json).
+        document: the result.
         previews: for each shot a JPEG or PNG of its whole active area, not rotated by the orientation, or None; may
             be shorter than the list of shots.
-        provenance: facts that are not in the document: unit, time, signature, another result.
+        provenance: facts that are not in the result: unit, time, signature.
+        png: whether to draw the curves as PNG, too.
 
     Raises:
-        InvalidArgument: the document is invalid, or a preview is not a JPEG or PNG.
+        InvalidArgument: a preview is not a JPEG or PNG, or a PNG is wanted without matplotlib.
     """
     from camssf.report.page import page
     from camssf.report.picture import picture
     from camssf.report.provenance import NO_PROVENANCE
     from camssf.report.sections.photos import media_type
 
-    check_document(document, "document")
     for i, preview in enumerate(previews):
         if preview is not None and (media_type(preview) is None or len(preview) > LARGEST_PREVIEW):
             raise InvalidArgument(
                 f"Preview {i + 1} is not a JPEG or PNG of at most {LARGEST_PREVIEW} bytes.",
                 "Encode the photo's preview as one of them, or give None.",
             )
-    if len(previews) > len(document["shots"]):
+    if document.verdict is None:
+        raise InvalidArgument("This capture was not solved: there is nothing to report.", "Solve it: `camssf solve`.")
+    shots, answer = shots_of(document), document.answer
+    if len(previews) > len(shots):
         raise InvalidArgument(
-            f"{len(previews)} previews for {len(document['shots'])} shots.",
+            f"{len(previews)} previews for {len(shots)} shots.",
             "Give one preview a shot, in order.",
         )
-    curves = "ssf" in document
-    shown = [*previews, *[None] * (len(document["shots"]) - len(previews))]
+    pictures = [*previews, *[None] * (len(shots) - len(previews))]
     return Report(
         result_json=document_bytes(document),
-        ssf_csv=_csv(document) if curves else None,
-        ssf_png=picture(document) if curves and find_spec("matplotlib") else None,
-        html=page(document, shown, provenance or NO_PROVENANCE),
+        ssf_csv=None if answer is None else _csv(answer),
+        patches_csv=None if answer is None else _patches_csv(document),
+        ssf_svg=None if answer is None else picture(document),
+        ssf_png=_png(document) if answer is not None and png else None,
+        html=page(document, shots, pictures, provenance or NO_PROVENANCE),
     )
 
 
-def _csv(document: Json) -> str:
+def _csv(answer: Answer) -> str:
     """wavelength_nm, the three curves, and their standard deviations if known."""
-    columns, head = [WAVELENGTHS, *(document["ssf"][colour] for colour in CHANNELS)], ["wavelength_nm", *CHANNELS]
-    if document.get("ssf_std"):
-        columns += [document["ssf_std"][colour] for colour in CHANNELS]
+    columns, head = [WAVELENGTHS, *answer.curves.values.T], ["wavelength_nm", *CHANNELS]
+    if answer.std is not None:
+        columns += [*answer.std.values.T]
         head += [f"{colour}_std" for colour in CHANNELS]
     # Adding 0.0 turns a rounded -0.0 into 0.0.
     rows = (
@@ -149,3 +168,18 @@ def _csv(document: Json) -> str:
         for row in zip(*columns, strict=True)
     )
     return "\n".join([",".join(head), *rows, ""])
+
+
+def _patches_csv(document: Document) -> str:
+    """The rows of `to_pandas("patches")`; what is not known is empty."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(PATCH_COLUMNS)
+    writer.writerows([["" if cell != cell else cell for cell in row] for row in patch_rows(document)])
+    return text.getvalue()
+
+
+def _png(document: Document) -> bytes:
+    from camssf.report.plots import curves_png
+
+    return curves_png(document)

@@ -1,6 +1,6 @@
-"""Renders a result document as one self-contained HTML page, with the templates in data/report.
+"""Renders a result as one self-contained HTML page, with the templates in data/report.
 
-`report` has checked the document. The files of `sections` make the page's content; the templates define its look and
+The files of `sections` make the page's content; the templates define its look and
 escape every value. A new part of the page needs a function in `sections`, a template for its output, and a line in
 data/report/page.html.jinja.
 """
@@ -12,85 +12,82 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
+from camssf.documents.document import Document
 from camssf.documents.unnamed_light import lamp_name
 from camssf.grid import CHANNELS, WAVELENGTHS
-from camssf.report.colour_error import expected_error
-from camssf.report.nearest import nearest_of
+from camssf.libraries import REPORT, extension
 from camssf.report.provenance import NO_PROVENANCE, Provenance
 from camssf.report.sections import certificate, details, drawings, patches, photos, story, uneven
-from camssf.report.sections.comparison import LIMIT, comparison_of
 from camssf.report.sections.curves import DrawnCurves, curves_of
-from camssf.report.sections.text import Json, brief, camera_name, finalize, number, words
+from camssf.report.sections.text import brief, camera_name, finalize, number, words
 from camssf.report.sections.truth import true_errors
-from camssf.spectra import read_camera
+from camssf.report.shots import ShownShot
+from camssf.report.svg import svg
 
 WITH_CURVES = (
-    "curves", "curve_plots", "curve_rows", "true_errors", "big", "channels", "proof", "colour", "comparison",
-    "linearity", "expected", "nearest", "gap",
+    "curves", "curve_plots", "curve_rows", "true_errors", "big", "channels", "proof", "colour", "expected", "gap",
 )  # fmt: skip
 """Template variables that are None for a refused result."""
 TEN_NM = range(0, len(WAVELENGTHS), 20)
 
 
-def page(document: Json, previews: Sequence[bytes | None], provenance: Provenance = NO_PROVENANCE) -> str:
-    """The report of a result document, one self-contained HTML file.
+def page(
+    document: Document,
+    shots: Sequence[ShownShot],
+    previews: Sequence[bytes | None],
+    provenance: Provenance = NO_PROVENANCE,
+) -> str:
+    """The report of a result, one self-contained HTML file.
 
     Args:
-        document: checked.
+        document: the result.
+        shots: its shots (`shots_of`).
         previews: image of each shot, or None.
-        provenance: facts that the document does not hold.
+        provenance: facts that the result does not hold.
     """
-    shots = document["shots"]
+    verdict, answer = document.verdict, document.answer
+    assert verdict is not None
+    columns = 1 if document.capture is None else document.capture.chart.layout.columns
     shown: dict[str, Any] = dict.fromkeys(WITH_CURVES) | {
         "document": document,
+        "shots": shots,
         "title": f"Spectral sensitivity of {camera_name(document)}",
         "style": style(),
-        "mark": certificate.MARKS[document["verdict"]["status"]],
+        "mark": certificate.MARKS[verdict.status],
         "facts": certificate.facts_of(document, provenance),
-        "checks": certificate.checks_of(document),
+        "checks": certificate.checks_of(verdict),
         "budget": certificate.budget_of(document),
         "signature": provenance.signature,
-        "lights": story.lights_of(document),
-        "basis": story.basis_of(document),
-        "residuals": patches.residuals_of(document),
-        "tiles": [patches.tiles_of(shot) for shot in shots],
-        "noise": [drawings.noise_plot(shot["patches"], f"noise-{j}") for j, shot in enumerate(shots, 1)],
-        "falls": uneven.falls_of(document),
+        "lights": story.lights_of(answer, shots),
+        "basis": story.basis_of(answer),
+        "residuals": patches.residuals_of(shots),
+        "tiles": [patches.tiles_of(shot, columns) for shot in shots],
+        "noise": [drawings.noise_plot(shot.patches, f"noise-{shot.number}") for shot in shots],
+        "falls": [uneven.fall_of(shot) for shot in shots],
         "photos": [photos.photo_of(shot, preview) for shot, preview in zip(shots, previews, strict=True)],
         "assumptions": details.assumptions_of(document),
-        "details": details.details_of(document),
+        "details": details.details_of(shots),
         "number_columns": details.NUMBERS,
         "numbers": [details.numbers_of(shot) for shot in shots],
         "hashes": details.hashes_of(document),
     }
-    if "ssf" in document:
-        curves, expected, nearest = curves_of(document), expected_error(document), nearest_of(document)
-        dotted = None if nearest is None else read_camera(nearest.name).values
-        dotted = None if dotted is None else dotted / dotted.max(axis=0)
+    if answer is not None:
+        curves, colour = curves_of(document), extension(REPORT, "colour")
+        expected = colour.expected_error(document)
         shown |= {
             "curves": curves,
             "curve_plots": (
-                drawings.curve_plot(curves, 1080, 400, 5, "wide", dotted),
-                drawings.curve_plot(curves, 360, 300, 10, "narrow", dotted),
+                drawings.curve_plot(curves, 1080, 400, 5, "wide"),
+                drawings.curve_plot(curves, 360, 300, 10, "narrow"),
             ),
             "curve_rows": _values(curves),
-            "true_errors": [
-                [each.name, *each.cells()] for each in true_errors(document, provenance.other, provenance.other_name)
-            ],
-            "big": certificate.big_numbers(document),
-            "channels": certificate.channels_of(document),
-            "nearest": None
-            if nearest is None
-            else f"{nearest.name}; RMS difference {100 * nearest.rms:.1f} % of the peak",
+            "true_errors": [[error.name, *error.cells()] for error in true_errors(document)],
+            "big": certificate.big_numbers(answer),
+            "channels": certificate.channels_of(document, answer),
             "expected": None if expected is None else expected.in_words(),
-            "gap": number(max(document["gap"]), 2),
-            "proof": story.proof_of(document),
-            "colour": story.colour_of(document),
-            "comparison": comparison_of(document, provenance.other, provenance.other_name),
-            "comparison_limit": LIMIT,
-            "linearity": [
-                drawings.linearity_plot(shot["patches"], f"linearity-{j}") for j, shot in enumerate(shots, 1)
-            ],
+            "gap": number(float(answer.proof.gap.max()), 2),
+            "proof": story.proof_of(answer.proof),
+            "colour": colour.quality_in_words(document),
         }
     return render("page.html.jinja", shown)
 
@@ -136,6 +133,7 @@ def _environment() -> Any:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters |= {"t": words, "number": number, "brief": brief, "flat": _flat, "lamp_name": lamp_name}
+    environment.filters |= {"t": words, "number": number, "brief": brief, "flat": _flat}
+    environment.filters |= {"lamp_name": lamp_name, "svg": svg}
     environment.globals |= {"channels_in_order": CHANNELS}
     return environment

@@ -1,45 +1,35 @@
-"""Draws the PNG of a result document's curves."""
+"""Draws a result's curves with their 95 % bands, and the truth if the result holds it."""
 
 from __future__ import annotations
 
-from camssf.fonts import prepare_matplotlib
-from camssf.report.notebook import lamps_of
-from camssf.report.plots import INK, QUIET, draw_curves
+import hashlib
+from dataclasses import replace
+
+from camssf.documents.document import Document, answer_in
+from camssf.report.names import camera_of, lamps_of
 from camssf.report.sections.curves import curves_of
-from camssf.report.sections.text import Json, camera_name
+from camssf.report.sections.drawings import curve_plot
+from camssf.report.sections.text import clean
+from camssf.report.svg import Label, Plot, whole_svg
 
 
-def picture(document: Json) -> bytes:
-    """A PNG of the curves with their 95 % bands, and of the truth if the document holds it."""
-    from io import BytesIO
-
-    prepare_matplotlib()
-    import matplotlib
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
+def picture(document: Document) -> str:
+    """An SVG file, white behind the curves, with camera and lamps as its title."""
     curves = curves_of(document)
-    with matplotlib.rc_context():
-        matplotlib.rcdefaults()
-        figure = Figure(figsize=(9.6, 5.4), dpi=150, facecolor="white")
-        axes = figure.add_axes((0.075, 0.115, 0.9, 0.75))
-        draw_curves(axes, curves)
-        note = "curves" if curves.low is None else "curves with 95 % bands"
-        if curves.truth is not None:
-            note += f"; dashed: {_short_name(document['truth']['name'])}"
-        # Names are untrusted input: "$" must not start a formula, and rare characters may have no glyph.
-        figure.text(0.075, 0.94, _title(document), color=INK, fontsize=14, fontweight="bold", parse_math=False)
-        figure.text(0.075, 0.895, note, color=QUIET, fontsize=10.5, parse_math=False)
-        file = BytesIO()
-        FigureCanvasAgg(figure).print_png(file, metadata={"Software": None})
-    return file.getvalue()
+    plot = _still(curve_plot(curves, 960, 540, 5, "wide", head=44), document)
+    note = "curves" if curves.low is None else "curves with 95 % bands"
+    if document.truth is not None:
+        note += f"; dashed: {document.truth.name[:60]}"
+    head = Label(plot.left, 26, clean(f"{camera_of(document)}, {lamps_of(document)}"), "start", "head")
+    return whole_svg(replace(plot, texts=(*plot.texts, head, Label(plot.left, 46, clean(note), "start"))), "white")
 
 
-def _short_name(text: str, length: int = 60) -> str:
-    """The text with at most `length` characters, all of them in every build of the plot's font."""
-    text = "".join(c if c.isprintable() and ord(c) < 0x250 else "?" for c in text)
-    return text if len(text) <= length else text[: length - 3] + "..."
+def small_picture(document: Document) -> str:
+    """An SVG element in the page's text colour, for a notebook."""
+    return whole_svg(_still(curve_plot(curves_of(document), 480, 240, 10, "narrow"), document))
 
 
-def _title(document: Json) -> str:
-    return f"{_short_name(camera_name(document), 50)}, {_short_name(lamps_of(document), 60)}"
+def _still(plot: Plot, document: Document) -> Plot:
+    """The plot without what the pointer shows, named after its curves: ids are unique on a notebook's page."""
+    name = hashlib.sha256(answer_in(document).curves.green.tobytes()).hexdigest()[:8]
+    return replace(plot, name=f"curves-{name}", readouts=())

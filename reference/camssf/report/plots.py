@@ -1,24 +1,27 @@
-"""Draws result documents on matplotlib axes, for notebooks and papers."""
+"""Draws results on matplotlib axes, for notebooks and papers."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeAlias
+from contextlib import suppress
+from io import BytesIO
+from typing import Any
 
 import numpy as np
 
+from camssf.documents.document import Document, answer_in
 from camssf.errors import InvalidArgument
-from camssf.fonts import prepare_matplotlib
 from camssf.grid import CHANNELS, WAVELENGTHS
-from camssf.report.notebook import HUES, camera_of, lamps_of, with_curves
+from camssf.libraries import library, prepare_matplotlib
+from camssf.report.names import camera_of, lamps_of
 from camssf.report.sections.curves import DrawnCurves, curves_of
-
-Json: TypeAlias = dict[str, Any]
+from camssf.report.shots import ShownPatches, shots_of
+from camssf.report.svg import HUES
 
 INK, QUIET = "#24262b", "#6b7079"
 
 
-def draw(document: Json, kind: str, ax: Any, shot: int) -> Any:
+def draw(document: Document, kind: str, ax: Any, shot: int) -> Any:
     """Draw one kind of plot of a result, on new axes if none are given.
 
     Raises:
@@ -26,8 +29,8 @@ def draw(document: Json, kind: str, ax: Any, shot: int) -> Any:
     """
     if kind not in KINDS:
         raise InvalidArgument(f"There is no plot {kind!r}.", f"Take one of {', '.join(KINDS)}.")
-    with_curves(document)
-    count = len(document["shots"])
+    answer_in(document)
+    count = len(shots_of(document))
     if isinstance(shot, bool) or not isinstance(shot, int) or not 1 <= shot <= count:
         raise InvalidArgument(f"There is no shot {shot!r}: this result has {count}.", f"Give 1 to {count}.")
     if ax is None:
@@ -46,13 +49,33 @@ def require_matplotlib() -> None:
     Raises:
         InvalidArgument: it is not installed.
     """
-    try:
+    with suppress(ImportError):
         prepare_matplotlib()
-        import matplotlib  # noqa: F401
-    except ImportError as error:
-        raise InvalidArgument(
-            "Plots need matplotlib, which is not installed.", "Run pip install matplotlib."
-        ) from error
+    library("matplotlib", "This plot needs", "plot")
+
+
+def curves_png(document: Document) -> bytes:
+    """A PNG of the curves with their 95 % bands, and of the truth if the result holds it.
+
+    Raises:
+        InvalidArgument: no matplotlib.
+    """
+    require_matplotlib()
+    import matplotlib
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        figure = Figure(figsize=(9.6, 5.4), dpi=150, facecolor="white", layout="constrained")
+        axes = figure.subplots()
+        draw_curves(axes, curves_of(document))
+        # Names are untrusted input: "$" must not start a formula, and rare characters may have no glyph.
+        title = "".join(c if c.isprintable() and ord(c) < 0x250 else "?" for c in _names(document))
+        axes.set_title(title, color=INK, loc="left", parse_math=False)
+        file = BytesIO()
+        FigureCanvasAgg(figure).print_png(file, metadata={"Software": None})
+    return file.getvalue()
 
 
 def _axes() -> Any:
@@ -65,13 +88,13 @@ def _axes() -> Any:
 def draw_curves(ax: Any, curves: DrawnCurves) -> None:
     """Draw the curves as the report does: 95 % bands, each peak's label above them, and the truth dashed."""
     drawn = curves.smooth()
-    for c, (channel, hue) in enumerate(zip(CHANNELS, HUES, strict=True)):
+    for c, (channel, hue) in enumerate(HUES.items()):
         if drawn.low is not None and drawn.high is not None:
             ax.fill_between(WAVELENGTHS, drawn.low[:, c], drawn.high[:, c], color=hue, alpha=0.16, linewidth=0)
         ax.plot(WAVELENGTHS, drawn.ssf[:, c], color=hue, label=channel)
         if drawn.truth is not None:
             ax.plot(WAVELENGTHS, drawn.truth[:, c], color=INK, dashes=(4, 3), linewidth=1.1)
-    for (text, nm, top), hue in zip(curves.peak_labels(), HUES, strict=True):
+    for (text, nm, top), hue in zip(curves.peak_labels(), HUES.values(), strict=True):
         ax.text(nm, top, text, ha="center", color=hue, fontsize=9)
     ax.set_xlim(380, 720)
     ax.set_ylim(*curves.limits())
@@ -85,43 +108,41 @@ def draw_curves(ax: Any, curves: DrawnCurves) -> None:
     ax.spines[:].set_visible(False)
 
 
-def _curves(document: Json, ax: Any, shot: int) -> None:
+def _curves(document: Document, ax: Any, shot: int) -> None:
     draw_curves(ax, curves_of(document))
-    _title(ax, f"{camera_of(document)}, {lamps_of(document)}: {document['verdict']['status']}")
+    _title(ax, f"{_names(document)}: {'' if document.verdict is None else document.verdict.status}")
 
 
-def _residuals(document: Json, ax: Any, shot: int) -> None:
+def _residuals(document: Document, ax: Any, shot: int) -> None:
     """Draw predicted / measured signal - 1 in %; predictions are from fits without the patch, if available."""
-    patches = document["shots"][shot]["patches"]
-    for c, (channel, hue) in enumerate(zip(CHANNELS, HUES, strict=True)):
-        at, values = [], []
-        for i, patch in enumerate(patches):
-            guess = patch["unseen"] or patch["predicted"]
-            signal = patch.get("level", 1.0) * patch["signal"][c]  # the signal under even light
-            if patch["used"] and guess and signal > 0:
-                at.append(i + 1 + 0.2 * (c - 1))
-                values.append(100.0 * (guess[c] / signal - 1.0))
+    lamp, patches = _shown(document, shot)
+    guess = np.where(np.isnan(patches.unseen), patches.predicted, patches.unseen)
+    signal = patches.level[:, None] * patches.signal  # under even light
+    for c, (channel, hue) in enumerate(HUES.items()):
+        rows = np.flatnonzero(patches.used & (signal[:, c] > 0))
+        at, values = rows + 1 + 0.2 * (c - 1), 100.0 * (guess[rows, c] / signal[rows, c] - 1.0)
         ax.vlines(at, 0.0, values, color=hue, linewidth=1)
         ax.plot(at, values, "o", color=hue, markersize=4, label=channel)
     ax.axhline(0.0, color="0.5", linewidth=0.8)
-    ax.set_xlim(0.4, len(patches) + 0.6)
+    ax.set_xlim(0.4, len(patches.names) + 0.6)
     ax.set_xlabel("patch")
     ax.set_ylabel("predicted over measured signal, less 1, %")
-    _title(ax, f"{camera_of(document)}, {document['shots'][shot]['lamp']['name']}: unseen patches")
+    _title(ax, f"{camera_of(document)}, {lamp}: unseen patches")
     ax.legend(frameon=False)
 
 
-def _patches(document: Json, ax: Any, shot: int) -> None:
+def _patches(document: Document, ax: Any, shot: int) -> None:
     """Draw each patch with the measured colour on the left and the predicted one on the right."""
-    patches = document["shots"][shot]["patches"]
-    across = 14 if len(patches) == 140 else 6
-    down = -(-len(patches) // across)
+    _, patches = _shown(document, shot)
+    count = len(patches.names)
+    across = 14 if count == 140 else 6
+    down = -(-count // across)
     picture = np.full((down, 2 * across, 3), 0.5)
-    for i, patch in enumerate(patches):
+    for i in range(count):
         row, column = divmod(i, across)
-        for half, name in enumerate(("measured_srgb", "synthetic_srgb")):
-            if patch[name] is not None:
-                picture[row, 2 * column + half] = patch[name]
+        for half, colours in enumerate((patches.measured_srgb, patches.synthetic_srgb)):
+            if colours is not None:
+                picture[row, 2 * column + half] = colours[i]
     ax.imshow(picture, extent=(0, across, down, 0), interpolation="nearest")
     ax.set_xticks(range(across + 1), [])
     ax.set_yticks(range(down + 1), [])
@@ -130,28 +151,40 @@ def _patches(document: Json, ax: Any, shot: int) -> None:
     _title(ax, "measured on the left, predicted on the right")
 
 
-def _budget(document: Json, ax: Any, shot: int) -> None:
+def _budget(document: Document, ax: Any, shot: int) -> None:
     """Draw each source's share in the curves' variance, one bar per channel."""
-    uncertainty = document.get("uncertainty")
+    answer = answer_in(document)
+    uncertainty = answer.uncertainty
     if uncertainty is None:
-        raise InvalidArgument(f"The {document['basis']} basis has no prior, so no budget.", "Take basis cameras.")
+        raise InvalidArgument(f"The {answer.basis} basis has no prior, so no budget.", "Take basis cameras.")
     left = np.zeros(3)
-    for number, part in enumerate(uncertainty["budget"]):
-        share = 100.0 * np.array(part["share"])
-        ax.barh(CHANNELS, share, left=left, label=part["source"], color=f"C{number}")
+    for number, part in enumerate(uncertainty.budget):
+        share = 100.0 * part.share
+        ax.barh(CHANNELS, share, left=left, label=part.source, color=f"C{number}")
         left = left + share
     ax.invert_yaxis()
     ax.set_xlim(0, 100)
     ax.set_xlabel("share of the curves' variance, %")
-    _title(ax, f"95 % band ± {uncertainty['half_width']:.3f} of the peak on average, 400 to 700 nm")
+    _title(ax, f"95 % band ± {uncertainty.half_width:.3f} of the peak on average, 400 to 700 nm")
     ax.legend(frameon=False, ncols=3, loc="upper center", bbox_to_anchor=(0.5, -0.18))
+
+
+def _shown(document: Document, shot: int) -> tuple[str, ShownPatches]:
+    """Lamp and patches of a shot, from 0."""
+    shown = shots_of(document)[shot]
+    assert shown.patches is not None
+    return shown.lamp.name, shown.patches
+
+
+def _names(document: Document) -> str:
+    return f"{camera_of(document)}, {lamps_of(document)}"
 
 
 def _title(ax: Any, text: str) -> None:
     ax.set_title(text, parse_math=False)  # names come from files: "$" must not start a formula
 
 
-KINDS: dict[str, Callable[[Json, Any, int], None]] = {
+KINDS: dict[str, Callable[[Document, Any, int], None]] = {
     "curves": _curves,
     "residuals": _residuals,
     "patches": _patches,

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camssf.grid import Floats
-from camssf.photo.capture import MeasuredShot, Record, cell_blacks, thumbnail
+from camssf.photo.capture import Capture, MeasuredShot, cell_blacks, thumbnail
 from camssf.photo.read.dng import Mosaic
 
 WHITE = 0.9
@@ -28,13 +28,13 @@ def shot_preview(shot: MeasuredShot) -> bytes | None:
     return _encode(shot.thumbnail, means.black, means.saturation, white / WHITE)
 
 
-def previews(record: Record) -> tuple[bytes | None, ...]:
+def previews(capture: Capture) -> tuple[bytes | None, ...]:
     """A preview of each measured shot, and of the unfinished one if its photo was read."""
-    found = tuple(shot_preview(shot) for shot in record.shots)
-    last = record.unfinished
-    if last is None or last.photo is None or last.thumbnail is None:
-        return found
-    return (*found, _encode(last.thumbnail, last.black, last.saturation))
+    measured = tuple(shot_preview(shot) for shot in capture.shots)
+    last = capture.unfinished
+    if last is None or last.thumbnail is None or last.black is None:
+        return measured
+    return (*measured, _encode(last.thumbnail, last.black, last.saturation))
 
 
 def _encode(cells: NDArray[np.uint16], black: Floats, saturation: float, white: Floats | None = None) -> bytes | None:

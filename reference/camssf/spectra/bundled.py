@@ -1,19 +1,22 @@
-"""The bundled tables of lamps and charts, CIE's formulas, and both interpolations to the grid; the same as in Kotlin.
+"""The bundled tables of lamps, charts, real surfaces and standard observers, CIE's formulas, and both interpolations.
 
-`python -m tools.tabulate` writes data/spectra.json from colour-science. docs/tables.md gives every formula and the
+The same as in Kotlin. `python -m tools.tabulate` writes data/spectra.json from colour-science, `tools.surfaces`
+data/colour.json. docs/tables.md gives every formula and the
 order of its operations, so that another language reproduces the numbers to the last bit or two.
 """
 
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
 from typing import Any
 
 import numpy as np
 
-from camssf.grid import WAVELENGTHS, Floats
+from camssf.errors import InvalidArgument
+from camssf.grid import WAVELENGTHS, Floats, frozen
 
 FORMAT = "camssf-spectra/1"
 C2 = 1.4388e-2
@@ -40,7 +43,7 @@ def bundled() -> dict[str, Any]:
 @cache
 def illuminant(name: str) -> Floats:
     """A tabulated CIE illuminant on the grid, (681,); linear between its nodes."""
-    return _shared(linear(bundled()["lamps"][name]))
+    return frozen(linear(bundled()["lamps"][name]))
 
 
 @cache
@@ -48,14 +51,14 @@ def observer_1931() -> Floats:
     """The CIE 1931 observer x̄ ȳ z̄ on the grid, (681, 3); smooth between its 1-nm nodes."""
     entry = bundled()["observer"]
     functions = [sprague(entry["start"], entry["step"], np.array(entry[name])) for name in "xyz"]
-    return _shared(np.stack(functions, axis=1))
+    return frozen(np.stack(functions, axis=1))
 
 
 @cache
 def reflectances(table: str) -> Floats:
     """A bundled chart table on the grid, (n, 681); smooth between its nodes."""
     entry = bundled()["tables"][table]
-    return _shared(np.stack([sprague(entry["start"], entry["step"], np.array(row)) for row in entry["values"]]))
+    return frozen(np.stack([sprague(entry["start"], entry["step"], np.array(row)) for row in entry["values"]]))
 
 
 def planck(kelvin: float) -> Floats:
@@ -110,13 +113,90 @@ def sprague(start: float, step: float, values: Floats) -> Floats:
     return np.asarray(r[i + 2] + total)
 
 
-def _shared(values: Floats) -> Floats:
-    values.setflags(write=False)
-    return values
-
-
 def _weighted(weights: tuple[int, ...], points: Any) -> Any:
     total = weights[0] * points[0]
     for weight, point in zip(weights[1:], points[1:], strict=True):
         total = total + weight * point
     return total
+
+
+COLOUR_FORMAT = "camssf-surfaces/1"
+OBSERVERS = ("1931", "1964")
+SURFACE_NODES: Floats = np.arange(380.0, 721.0, 10.0)
+"""Wavelengths of the library's reflectances, (35,), nm; linear between them."""
+SURFACE_NODES.setflags(write=False)
+
+
+@dataclass(frozen=True)
+class SurfaceSet:
+    """Measured reflectances of one origin.
+
+    Attributes:
+        name: of the set.
+        kind: "general" or "skin".
+        origin: who measured them, and where they come from.
+        values: (n, 35) reflectances at SURFACE_NODES.
+    """
+
+    name: str
+    kind: str
+    origin: str
+    values: Floats = field(repr=False)
+
+
+@cache
+def surfaces() -> Floats:
+    """190 reflectances of real surfaces, (190, 681): rawtoaces' training data, linear between 5-nm nodes."""
+    return _rows(_colour_table()["surfaces"])
+
+
+@cache
+def surface_sets() -> tuple[SurfaceSet, ...]:
+    """The library: 760 general surfaces and 97 skins, each set with its origin."""
+    table = _colour_table()
+    library, training = table["library"], table["surfaces"]
+    thinned = np.array(training["values"])[:, :: round(library["step"] / training["step"])]
+    sets = [SurfaceSet("rawtoaces", "general", training["name"], frozen(thinned))]
+    for entry in library["sets"]:
+        values = frozen(np.array(entry["values"]) * library["unit"])
+        sets.append(SurfaceSet(entry["name"], entry["kind"], entry["origin"], values))
+    return tuple(sets)
+
+
+@cache
+def absorbers() -> dict[str, Floats]:
+    """Absorption (35,) of oxyhaemoglobin, deoxyhaemoglobin and bilirubin at SURFACE_NODES; 1 at its largest."""
+    return {name: frozen(np.array(row)) for name, row in _colour_table()["absorbers"]["values"].items()}
+
+
+@cache
+def observer(name: str) -> Floats:
+    """Colour-matching functions x̄ ȳ z̄, (681, 3): CIE 1931 (2°) or CIE 1964 (10°), linear between 1-nm nodes.
+
+    Raises:
+        InvalidArgument: unknown name.
+    """
+    if name not in OBSERVERS:
+        raise InvalidArgument(f"No observer is called {name!r}.", f"Take {' or '.join(OBSERVERS)}.")
+    table = _colour_table()["observers"]
+    return frozen(_rows(table | {"values": table["values"][name]}).T)
+
+
+def correlated_temperature(xyz: Floats) -> Floats:
+    """Correlated colour temperature of XYZ (..., 3), CIE 1931, K: McCamy (Color Res. Appl. 1992, 17, 142).
+
+    T = -449 n³ + 3525 n² - 6823.3 n + 5520.33, n = (x - 0.3320) / (y - 0.1858).
+    """
+    x, y = np.moveaxis(xyz[..., :2] / xyz.sum(axis=-1, keepdims=True), -1, 0)
+    n = (x - 0.3320) / (y - 0.1858)
+    return np.asarray(((-449.0 * n + 3525.0) * n - 6823.3) * n + 5520.33)
+
+
+@cache
+def _colour_table() -> dict[str, Any]:
+    table: dict[str, Any] = json.loads((files("camssf") / "data" / "colour.json").read_text("utf-8"))
+    return table
+
+
+def _rows(table: dict[str, Any]) -> Floats:
+    return frozen(np.stack([linear(table | {"values": row}) for row in table["values"]]))

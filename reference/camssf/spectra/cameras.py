@@ -11,16 +11,15 @@ import re
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
-from os import PathLike, fspath
+from os import PathLike
 from pathlib import Path
 from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
 from camssf.errors import InvalidArgument
-from camssf.grid import WAVELENGTHS, Floats
-from camssf.spectra.objects import Name, Pair
-from camssf.spectra.sampled import check_wavelengths, frozen, smooth, text_of
+from camssf.grid import WAVELENGTHS, Floats, frozen
+from camssf.spectra.sampled import Name, Pair, ascending, check_wavelengths, smooth, text_of
 from camssf.spectra.tables import read_curves
 from camssf.spectra.text import is_file, looks_like_file, nearest, plain
 
@@ -107,7 +106,7 @@ def read_camera(spec: CameraLike | None) -> CameraCurves:
         return spec
     if spec is not None and not isinstance(spec, str | PathLike):
         return _camera_of_object(spec)
-    text = text_of(None if spec is None else fspath(spec))
+    text = text_of(spec)
     known = {plain(name): name for name in reversed(camera_names())}
     words = plain(text)
     name = known.get(words) or known.get(f"{words}(npl)") or known.get(words.replace("nikond5100", "nikon5100"))
@@ -143,14 +142,14 @@ def _measured_camera(path: Path, name: str | None) -> CameraCurves:
     return CameraCurves(label, _checked(wavelengths, curves, path), f"{label}, file {path.name}")
 
 
-def _camera_of_object(found: Any) -> CameraCurves:
-    if isinstance(found, tuple | list) and len(found) == 2:
-        return _camera_of_arrays(*found)
-    label = str(getattr(found, "name", "") or type(found).__name__)
+def _camera_of_object(given_curves: Any) -> CameraCurves:
+    if isinstance(given_curves, tuple | list) and len(given_curves) == 2:
+        return _camera_of_arrays(*given_curves)
+    label = str(getattr(given_curves, "name", "") or type(given_curves).__name__)
     try:
-        letters = [str(each).strip().casefold()[:1] for each in found.labels]
-        wavelengths = np.asarray(found.wavelengths, dtype=np.float64)
-        curves = np.asarray(found.values, dtype=np.float64)
+        letters = [str(label).strip().casefold()[:1] for label in given_curves.labels]
+        wavelengths = np.asarray(given_curves.wavelengths, dtype=np.float64)
+        curves = np.asarray(given_curves.values, dtype=np.float64)
     except (AttributeError, TypeError, ValueError) as error:
         raise _no_object(label) from error
     if sorted(letters) != ["b", "g", "r"] or curves.shape != (wavelengths.size, 3) or wavelengths.ndim != 1:
@@ -161,7 +160,7 @@ def _camera_of_object(found: Any) -> CameraCurves:
 
 def _camera_of_arrays(*pair: Any) -> CameraCurves:
     try:
-        wavelengths, curves = (np.array(each, dtype=np.float64) for each in pair)
+        wavelengths, curves = (np.array(values, dtype=np.float64) for values in pair)
     except (TypeError, ValueError) as error:
         raise _no_object("two arrays") from error
     if wavelengths.ndim != 1 or curves.shape != (wavelengths.size, 3):
@@ -178,6 +177,7 @@ def _no_object(label: str) -> InvalidArgument:
 
 
 def _checked(wavelengths: Floats, curves: Floats, path: Path) -> Floats:
+    wavelengths, curves = ascending(wavelengths, curves)
     check_wavelengths(wavelengths, path, InvalidArgument, whole=False)
     if not np.isfinite(curves).all() or np.abs(curves).max() > 1e100:
         raise InvalidArgument(f"{path} has a sensitivity that is not a number.", "Give measured curves.")

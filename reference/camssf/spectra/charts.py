@@ -9,18 +9,30 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from os import PathLike
 from pathlib import Path
-from typing import TypeAlias
+from typing import Annotated, TypeAlias
 
 import numpy as np
 
 from camssf.errors import ChartUnfit, InvalidArgument
-from camssf.grid import WAVELENGTHS, Floats
+from camssf.grid import WAVELENGTHS, Floats, frozen
+from camssf.shapes import MOST_PATCHES, Bounds, Count, Reflectances, Share, Sizes, Text, Tolerances
 from camssf.spectra.bundled import bundled, reflectances
 from camssf.spectra.layouts import LAYOUTS, ChartLayout, read_layout
-from camssf.spectra.objects import Name, Pair, Spectra, Spectrum, sampled
-from camssf.spectra.sampled import check_wavelengths, frozen, held, smooth, text_of
+from camssf.spectra.sampled import (
+    Name,
+    Pair,
+    Spectra,
+    Spectrum,
+    ascending,
+    check_wavelengths,
+    held,
+    sampled,
+    smooth,
+    text_of,
+)
 from camssf.spectra.tables import read_spectra
 from camssf.spectra.text import looks_like_file, nearest
 
@@ -34,20 +46,32 @@ class ChartTable:
         table: name of the table, for example "BabelColor Average".
         layout: printed geometry.
         patches: (n) names in reading order from the chart's top left.
-        values: (n, 681) reflectance on the grid, 0 to 1.
+        wavelengths: (w,) nodes of the table, nm.
+        reflectance: (n, w) as the table has it, 0 to 1.
         tolerance: (n,) one standard deviation of the table's relative error for an individual chart, dimensionless.
         white: index of the white patch.
         source: description for the report.
+        fading: part v of its colour that the chart has lost, 0 to 1: R + v (R̄ - R), R̄ the mean over the grid.
     """
 
-    name: str
-    table: str
+    name: Text
+    table: Text
     layout: ChartLayout
-    patches: tuple[str, ...] = field(repr=False)
-    values: Floats = field(repr=False)
-    tolerance: Floats = field(repr=False)
-    white: int
-    source: str
+    patches: Annotated[tuple[Text, ...], Bounds(1, MOST_PATCHES)] = field(repr=False)
+    wavelengths: Sizes = field(repr=False)
+    reflectance: Reflectances = field(repr=False)
+    tolerance: Tolerances = field(repr=False)
+    white: Count
+    source: Text
+    fading: Share = 0.0
+
+    @cached_property
+    def values(self) -> Floats:
+        """(n, 681) reflectance on the grid, 0 to 1."""
+        values = self.reflectance
+        if not np.array_equal(self.wavelengths, WAVELENGTHS):
+            values = np.clip([smooth(self.wavelengths, row) for row in self.reflectance], 0.0, 1.2)
+        return frozen(faded(values, self.fading) if self.fading else values)
 
     def with_tolerance(self, tolerance: float) -> ChartTable:
         """The table with another relative error of an individual chart, one standard deviation: 0.01 for 1 %.
@@ -61,9 +85,20 @@ class ChartTable:
             )
         return replace(self, tolerance=frozen(np.full(len(self.patches), float(tolerance))))
 
+    def with_values(self, values: Floats) -> ChartTable:
+        """The chart with other reflectances (n, 681) on the grid."""
+        return replace(
+            self, wavelengths=WAVELENGTHS, reflectance=frozen(np.array(values, dtype=np.float64)), fading=0.0
+        )
+
     def faded(self, amount: float) -> ChartTable:
         """The table of a chart that has faded by `amount`."""
-        return replace(self, values=frozen(faded(self.values, amount))) if amount else self
+        return replace(self, fading=amount) if amount else self
+
+    @property
+    def public(self) -> bool:
+        """Whether the table is a published one, not measured by the user."""
+        return self.table in bundled()["charts"]["tables"].values()
 
     def other_tables(self) -> tuple[ChartTable, ...]:
         """The chart's other public tables, with the same tolerance, if this is the default one and not named."""
@@ -114,7 +149,7 @@ def read_chart(spec: ChartLike) -> ChartTable:
     """Read the reflectances of a chart by name, by file or from an object.
 
     `classic24`, `nano24`, `mini24` and `passport24` have the same 24 colours: BabelColor's average of 30 charts, or
-    Ohta's table where the signals clearly speak for it (`camssf.fit.chart_table`); `:babelcolor` or `:ohta` fixes the
+    Ohta's table where the signals clearly speak for it (`camssf.fit.solutions`); `:babelcolor` or `:ohta` fixes the
     table. A file (CSV, CGATS, CxF) holds 24 or 140 patches in reading order, unless it names them by position
     (A1 ...); `nano24:mine.csv` states its layout, `card.json:mine.csv` gives one of the user's own
     (`camssf.spectra.layouts`). If a value exceeds 2, all are read as percent. A file must cover 400 to 700 nm in
@@ -148,10 +183,19 @@ def read_chart(spec: ChartLike) -> ChartTable:
     tables: dict[str, str] = bundled()["charts"]["tables"]
     if chart in known and tail.casefold() in ("", *tables):
         table = tables[tail.casefold() or next(iter(tables))]
-        entry, values = bundled()["tables"][table], frozen(reflectances(table))
-        patches, tolerance = tuple(entry["patches"]), frozen(np.full(len(values), PUBLIC_CHART))
-        layout, source = LAYOUTS[chart], f"{table} (colour-science)"
-        return ChartTable(text, table, layout, patches, values, tolerance, entry["white"], source)
+        entry = bundled()["tables"][table]
+        values = np.array(entry["values"])
+        return ChartTable(
+            name=text,
+            table=table,
+            layout=LAYOUTS[chart],
+            patches=tuple(entry["patches"]),
+            wavelengths=frozen(entry["start"] + entry["step"] * np.arange(values.shape[1], dtype=np.float64)),
+            reflectance=frozen(values),
+            tolerance=frozen(np.full(len(values), PUBLIC_CHART)),
+            white=entry["white"],
+            source=f"{table} (colour-science)",
+        )
     if chart == "sg140" and not tail:
         raise InvalidArgument(
             "No table of the ColorChecker Digital SG ships, because its spectra are not published.",
@@ -159,9 +203,9 @@ def read_chart(spec: ChartLike) -> ChartTable:
         )
     if chart in (*known, "sg140") and tail:
         return _measured_chart(text, Path(tail), LAYOUTS[chart])
-    own = layout_file(text)
+    own, table_file = chart_parts(text)
     if own:
-        return _measured_chart(text, Path(text[len(own) + 1 :]), read_layout(Path(own)))
+        return _measured_chart(text, Path(table_file), read_layout(Path(own)))
     if text.casefold().endswith(".json"):
         layout = read_layout(Path(text))
         raise InvalidArgument(
@@ -176,21 +220,30 @@ def read_chart(spec: ChartLike) -> ChartTable:
     )
 
 
-def layout_file(text: str) -> str:
-    """The layout file of a chart given as `card.json:mine.csv`; "" if the text names none."""
-    found = re.match(r"(.+\.json):.", text, re.IGNORECASE)
-    return found[1] if found else ""
+def chart_parts(text: str) -> tuple[str, str]:
+    """Layout and file of a chart as `nano24:mine.csv`, `card.json:mine.csv`, `mine.csv`; "" where there is none.
+
+    Both are "" for a known name, which goes before a file of that name.
+    """
+    charts = bundled()["charts"]
+    head, _, tail = text.partition(":")
+    if head.casefold() in (*charts["names"], "sg140"):
+        return ("", "") if tail.casefold() in ("", *charts["tables"]) else (head, tail)
+    match = re.fullmatch(r"(.+\.json):(.+)", text, re.IGNORECASE)
+    return (match[1], match[2]) if match else ("", text)
 
 
 def _given_chart(given: Spectra | Mapping[str, Spectrum] | Pair) -> ChartTable:
     """A chart from objects or from arrays, treated like a measured file."""
-    found = sampled(
+    surfaces = sampled(
         given,
         "chart",
         f"Give a name, a ChartTable, objects with wavelengths and values, or both as arrays. {_CHART_MENU}",
     )
-    names = found.labels or tuple(str(number) for number in range(1, len(found.values) + 1))
-    return _measured(found.name, Path(found.name), (names, found.wavelengths, found.values), None, found.source)
+    names = surfaces.labels or tuple(str(number) for number in range(1, len(surfaces.values) + 1))
+    return _measured(
+        surfaces.name, Path(surfaces.name), (names, surfaces.wavelengths, surfaces.values), None, surfaces.source
+    )
 
 
 def _measured_chart(name: str, path: Path, layout: ChartLayout | None) -> ChartTable:
@@ -216,7 +269,9 @@ def _measured(
             "or the layout of another chart, as in card.json:mine.csv (docs/tables.md).",
             value=count,
         )
+    wavelengths, columns = ascending(wavelengths, table.T)
     check_wavelengths(wavelengths, path, ChartUnfit)
+    table = columns.T
     if not np.isfinite(table).all():
         raise ChartUnfit(f"{path} has a reflectance that is not a number.", "Measure that patch again.")
     if table.max() > 2.0:
@@ -229,19 +284,20 @@ def _measured(
             value=worst,
         )
     order = _reading_order(names, layout)
-    values = frozen(np.clip([smooth(wavelengths, table[i]) for i in order], 0.0, 1.2))
-    if layout.shipped and count == 24:
-        _check_order(values, path)
-    return ChartTable(
+    chart = ChartTable(
         name=name,
         table=path.name,
         layout=layout,
         patches=tuple(names[i] for i in order),
-        values=values,
+        wavelengths=frozen(wavelengths),
+        reflectance=frozen(table[order]),
         tolerance=frozen(np.full(count, MEASURED_CHART)),
-        white=_white(values, tuple(names[i] for i in order), layout, path),
+        white=0,
         source=f"{source}{held(wavelengths)}",
     )
+    if layout.shipped and count == 24:
+        _check_order(chart.values, path)
+    return replace(chart, white=_white(chart.values, chart.patches, layout, path))
 
 
 def _reading_order(names: tuple[str, ...], layout: ChartLayout) -> list[int]:

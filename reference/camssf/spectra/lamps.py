@@ -6,26 +6,76 @@ smooth interpolation would overshoot at their spectral lines.
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cache, lru_cache
+from importlib.resources import files
 from os import PathLike
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 
 from camssf.errors import InvalidArgument, LampUnfit
-from camssf.grid import STEP, WAVELENGTHS, Floats
+from camssf.grid import STEP, WAVELENGTHS, Floats, frozen
 from camssf.rules import rules
+from camssf.shapes import Modes, Power, Size, Text
 from camssf.spectra.bundled import bundled, daylight, illuminant, linear, planck
 from camssf.spectra.families import FAMILIES, DrawnKind, Temperature, principal_modes, temperature_mode
-from camssf.spectra.lamp_aliases import lamp_aliases, resolve_lamp_alias
-from camssf.spectra.objects import Name, Pair, Spectrum, sampled
-from camssf.spectra.sampled import check_wavelengths, frozen, held, text_of
+from camssf.spectra.sampled import Name, Pair, Spectrum, ascending, check_wavelengths, held, sampled, text_of
 from camssf.spectra.tables import read_spectrum
 from camssf.spectra.text import looks_like_file, nearest, plain
+
+NAMES_FORMAT = "camssf-lamp-names/1"
+
+
+@dataclass(frozen=True)
+class LampAlias:
+    """Common names with the same meaning.
+
+    Attributes:
+        names: as people write them.
+        what: their meaning.
+        lamp: the known lamp; "" if the names are refused.
+        advice: what to give instead, if the names are refused.
+    """
+
+    names: tuple[str, ...]
+    what: str
+    lamp: str
+    advice: str
+
+
+@cache
+def lamp_aliases() -> tuple[LampAlias, ...]:
+    """All entries of the file, in its order."""
+    table: dict[str, Any] = json.loads((files("camssf") / "data" / "lamp-names.json").read_text("utf-8"))
+    return tuple(
+        LampAlias(tuple(entry["names"]), entry["what"], entry.get("lamp", ""), entry.get("advice", ""))
+        for entry in table["names"]
+    )
+
+
+def resolve_lamp_alias(text: str) -> str | None:
+    """The known lamp's name for a common name; None if the file does not have it.
+
+    Raises:
+        InvalidArgument: the name is ambiguous.
+    """
+    alias = _by_name().get(plain(text))
+    if alias is None:
+        return None
+    if not alias.lamp:
+        raise InvalidArgument(f"{text!r} does not say which lamp it is. {alias.what}", alias.advice)
+    return alias.lamp
+
+
+@cache
+def _by_name() -> dict[str, LampAlias]:
+    return {plain(name): alias for alias in lamp_aliases() for name in alias.names}
 
 
 @dataclass(frozen=True)
@@ -41,12 +91,14 @@ class Lamp:
         tolerance_kelvin: one standard deviation of its colour temperature, K; None if not given. `modes` holds it.
     """
 
-    name: str
-    values: Floats = field(repr=False)
-    tolerance: float
-    modes: Floats = field(repr=False)
-    source: str
-    tolerance_kelvin: float | None = None
+    KIND: ClassVar[str] = "named"
+
+    name: Text
+    values: Power = field(repr=False)
+    tolerance: Size
+    modes: Modes = field(repr=False)
+    source: Text
+    tolerance_kelvin: Size | None = None
 
 
 AUTO = "auto"
@@ -68,12 +120,41 @@ class Unnamed:
         source: description for the report.
     """
 
+    KIND: ClassVar[str] = "unnamed"
+    PLAIN: ClassVar[dict[str, Any]] = {
+        "description": "A light that nobody named.",
+        "type": "object",
+        "additionalProperties": False,
+        "required": ["kind", "name"],
+        "properties": {
+            "kind": {"const": KIND},
+            "name": {"enum": list(UNNAMED), "description": "`torch` is the phone's own light."},
+        },
+    }
+
     name: str = AUTO
     kinds: tuple[Lamp, ...] = field(repr=False, default_factory=lambda: tuple(_family(kind) for kind in FAMILIES))
     log_prior: tuple[float, ...] = field(
         repr=False, default_factory=lambda: tuple(math.log(rules().number(f"lamp.{kind}")) for kind in FAMILIES)
     )
     source: str = "not named: daylight, bulb, white LED or fluorescent, as the signals say"
+
+    def to_plain(self) -> dict[str, str]:
+        """The light in a document: its name alone, because its kinds are the reader's."""
+        return {"name": self.name}
+
+    @staticmethod
+    def from_plain(value: dict[str, Any], place: str) -> Unnamed:
+        """The light of a document.
+
+        Raises:
+            InvalidArgument: another form.
+        """
+        if value.keys() != {"name"} or value["name"] not in UNNAMED:
+            raise InvalidArgument(
+                f"{place} is an unnamed light, which has only a name: {' or '.join(UNNAMED)}", "Give one of them."
+            )
+        return unnamed_light(value["name"])
 
 
 def unnamed_light(name: str) -> Unnamed:
@@ -103,12 +184,15 @@ MEASURED_LAMP = 0.01
 NOISE_BELOW_ZERO = 0.005
 """Negative power down to this share of the peak is accepted as noise of a dark-corrected spectrometer."""
 
+_BULB, _DAY = re.compile(r"(\d+(?:\.\d+)?) ?k"), re.compile(r"d: ?(\d+(?:\.\d+)?) ?k?")
+"""Names of lamps by their temperature."""
+
 _LAMP_MENU = (
     "Lamps: daylight B C D50 D55 D60 D65 D75, behind a window ID50 ID65, or D:5500 for any colour temperature; "
     "bulb A, or 2856K for any temperature; fluorescent FL1 to FL12, FL3.1 to FL3.15; discharge HP1 to HP5; "
     "LED-B1 to LED-B5, LED-BH1, LED-RGB1, LED-V1, LED-V2; not known but by kind: daylight, bulb, white-led, "
-    "fluorescent; flat E, equal-energy (the paper's assumption); a "
-    "file of wavelength and power (two columns, .spdx, Argyll's .sp, a Sekonic's or UPRtek's export); "
+    "fluorescent; flat E, equal-energy (the paper's assumption); a file of "
+    "wavelength and power (two columns, .spdx, Argyll's .sp, rawtoaces' JSON, a Sekonic's or UPRtek's export); "
     "torch for the phone's own; or auto for a phone's photo under whatever light."
 )
 
@@ -116,6 +200,15 @@ _LAMP_MENU = (
 def lamp_names() -> tuple[str, ...]:
     """Names that `read_lamp` accepts, in addition to `<T>K`, `D:<T>` and files."""
     return (*bundled()["lamps"], "equal-energy", *FAMILIES)
+
+
+@lru_cache(maxsize=1024)
+def is_lamp_name(text: str) -> bool:
+    """Whether a text is a known name or formula of a lamp, which goes before a file of that name."""
+    key, words = text.strip().casefold(), plain(text)
+    common = (plain(name) for alias in lamp_aliases() if alias.lamp for name in alias.names)
+    known = {*UNNAMED, "equalenergy", *map(plain, FAMILIES), *common}
+    return words in known or bool(_BULB.fullmatch(key) or _DAY.fullmatch(key) or _cie_name(text))
 
 
 def read_lamp(spec: LampLike) -> Lamp:
@@ -129,11 +222,12 @@ def read_lamp(spec: LampLike) -> Lamp:
     - A kind of lamp: `daylight`, `bulb`, `white-led`, `fluorescent` (families.py): a mean, and modes of its error.
     - A common name: `halogen`, `TL84`, `sun` ... (data/lamp-names.json). The lamp has the standard name, and `source`
       states the given one. Ambiguous names, such as `flash`, are refused with advice.
-    - A file of wavelength (nm, increasing) and power, which must cover 400 to 700 nm in steps of 20 nm at most: two
-      columns, CGATS (Argyll's .sp), IES TM-27 (.spdx), Sekonic's CSV or UPRtek's text, recognised by their content.
+    - A file of wavelength (nm) and power, which must cover 400 to 700 nm in steps of 20 nm at most: two
+      columns, CGATS (Argyll's .sp), IES TM-27 (.spdx), rawtoaces' JSON, Sekonic's CSV or UPRtek's text, recognised by
+      their content.
       Outside its range the power is held constant, which `source` states. If its steps are finer than the grid's,
       power is averaged over each step of the grid, so that no narrow line is lost. Negative noise, down to 0.5 % of
-      the peak, is set to 0.
+      the peak from 380 to 720 nm, is set to 0.
     - An object with `wavelengths` and `values`, or a pair of arrays, like a file; a Lamp is returned unchanged.
 
     The tolerance is 2 % for a name or formula, 1 % for a file or an object, `LampKind.left` for a family of tables.
@@ -172,13 +266,13 @@ def read_lamp(spec: LampLike) -> Lamp:
         return Lamp(text, frozen(np.ones_like(WAVELENGTHS)), 0.0, modes, "equal energy, by definition")
     if kind := {plain(name): name for name in FAMILIES}.get(plain(text)):
         return _family(kind)
-    if match := re.fullmatch(r"(\d+(?:\.\d+)?) ?k", key):
+    if match := _BULB.fullmatch(key):
         power, source, tolerance = _planck(float(match[1])), f"Planck's law, {match[1]} K", NAMED_LAMP
-    elif match := re.fullmatch(r"d: ?(\d+(?:\.\d+)?) ?k?", key):
+    elif match := _DAY.fullmatch(key):
         power, source, tolerance = _daylight(float(match[1])), f"CIE daylight, {match[1]} K", NAMED_LAMP
     elif name := _cie_name(text):
         power, source, tolerance = illuminant(name), f"CIE illuminant {name} (colour-science)", NAMED_LAMP
-    elif looks_like_file(text):
+    elif looks_like_file(text) and not is_lamp_name(text):
         power, source = _measured_lamp(Path(text))
         tolerance = MEASURED_LAMP
     elif meant := resolve_lamp_alias(text):
@@ -190,7 +284,7 @@ def read_lamp(spec: LampLike) -> Lamp:
                 f"The lamp {text!r} is ambiguous.", f"Write {key}K for a bulb, D:{key} for daylight."
             )
         daylight = re.fullmatch(r"d(\d{2})", key)
-        names = (*lamp_names(), *(name for each in lamp_aliases() for name in each.names))
+        names = (*lamp_names(), *(name for alias in lamp_aliases() for name in alias.names))
         near = f"Did you mean D:{daylight[1]}00? " if daylight else nearest(text, names)
         raise InvalidArgument(f"No lamp is called {text!r}.", near + _LAMP_MENU)
     return Lamp(text, frozen(power / power.mean()), tolerance, modes, source)
@@ -244,9 +338,9 @@ def with_tolerance(lamp: Lamp, text: str) -> Lamp:
 def _temperature(name: str) -> tuple[Callable[[float], Floats], float]:
     """Formula and colour temperature of a lamp; raises if it has none."""
     key = name.casefold().strip()
-    if match := re.fullmatch(r"(\d+(?:\.\d+)?) ?k", key):
+    if match := _BULB.fullmatch(key):
         return _planck, float(match[1])
-    if match := re.fullmatch(r"d: ?(\d+(?:\.\d+)?) ?k?", key):
+    if match := _DAY.fullmatch(key):
         return _daylight, float(match[1])
     cie = _cie_name(name)
     if cie in bundled()["kelvin"]:
@@ -303,39 +397,45 @@ def _measured_lamp(path: Path) -> tuple[Floats, str]:
 
 def _given_lamp(given: Spectrum | Pair, modes: Floats) -> Lamp:
     """A lamp from an object or from arrays, treated like a measured file."""
-    found = sampled(
+    spectrum = sampled(
         given, "lamp", f"Give a name, a Lamp, an object with wavelengths and values, or both as arrays. {_LAMP_MENU}"
     )
-    if len(found.values) != 1:
-        raise InvalidArgument(f"{found.name} holds {len(found.values)} spectra, a lamp is one.", "Give one of them.")
-    power = _power(found.wavelengths, found.values[0], Path(found.name))
-    source = f"{found.source}{held(found.wavelengths)}"
-    return Lamp(found.name, frozen(power / power.mean()), MEASURED_LAMP, modes, source)
+    if len(spectrum.values) != 1:
+        raise InvalidArgument(
+            f"{spectrum.name} holds {len(spectrum.values)} spectra, a lamp is one.", "Give one of them."
+        )
+    power = _power(spectrum.wavelengths, spectrum.values[0], Path(spectrum.name))
+    source = f"{spectrum.source}{held(spectrum.wavelengths)}"
+    return Lamp(spectrum.name, frozen(power / power.mean()), MEASURED_LAMP, modes, source)
 
 
 def _power(wavelengths: Floats, power: Floats, path: Path) -> Floats:
     """Check measured power (w,) and convert it to the grid, (681,); `path` is its name in messages."""
+    wavelengths, power = ascending(wavelengths, power)
     check_wavelengths(wavelengths, path, LampUnfit)
     advice = "Measure it again, or name a lamp that is like it."
-    peak = float(power.max())
+    # Nodes that the grid needs; a spectrometer's noise beyond them does not matter.
+    first = max(int(np.searchsorted(wavelengths, WAVELENGTHS[0] - STEP, side="right")) - 1, 0)
+    last = int(np.searchsorted(wavelengths, WAVELENGTHS[-1] + STEP)) + 1
+    wavelengths, power = wavelengths[first:last], power[first:last]
     if not np.isfinite(power).all():
         raise LampUnfit(f"The lamp in {path} has a power that is not a number.", advice)
+    seen = power[(wavelengths >= WAVELENGTHS[0]) & (wavelengths <= WAVELENGTHS[-1])]
+    peak = float(seen.max())
     if peak <= 0:
-        raise LampUnfit(f"The lamp in {path} has no power.", advice)
+        raise LampUnfit(f"The lamp in {path} has no power from 380 to 720 nm.", advice)
     power = power / peak
-    if power.min() < -NOISE_BELOW_ZERO:
+    least = float(seen.min()) / peak
+    if least < -NOISE_BELOW_ZERO:
         raise LampUnfit(
-            f"The lamp in {path} has negative power.",
+            f"The lamp in {path} has negative power from 380 to 720 nm.",
             "Correct the spectrometer's dark signal, or set noise below zero to 0.",
-            value=float(power.min()),
+            value=least,
             threshold=-NOISE_BELOW_ZERO,
         )
     fine = np.diff(wavelengths).min() < 0.99 * STEP
     power = np.maximum(power, 0.0)
-    values = _step_means(wavelengths, power) if fine else np.interp(WAVELENGTHS, wavelengths, power)
-    if values.max() <= 0:
-        raise LampUnfit(f"The lamp in {path} has no power from 380 to 720 nm.", advice)
-    return values
+    return _step_means(wavelengths, power) if fine else np.interp(WAVELENGTHS, wavelengths, power)
 
 
 def _step_means(wavelengths: Floats, power: Floats) -> Floats:

@@ -6,11 +6,11 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from camssf.errors import InvalidArgument
-from camssf.spectra.readers.strict_json import load
 from camssf.spectra.text import read_text
+from camssf.strict_json import parse_strict
 
 FORMAT = "camssf-layout/1"
 REQUIRED = ("format", "name", "columns", "rows", "patch", "gap")
@@ -53,6 +53,29 @@ class ChartLayout:
         """Whether it is one of LAYOUTS."""
         return self.name in LAYOUTS
 
+    PLAIN: ClassVar[dict[str, Any]] = {
+        "description": "The printed geometry of a chart: the name of one that camssf ships, or a layout as in "
+        "docs/tables.md.",
+        "type": ["string", "object"],
+    }
+
+    def to_plain(self) -> Any:
+        """The layout in a document: its name if it is shipped."""
+        return self.name if self.shipped else self.document()
+
+    @staticmethod
+    def from_plain(value: Any, place: str) -> ChartLayout:
+        """The layout of a document.
+
+        Raises:
+            InvalidArgument: neither the name of a shipped layout nor a "camssf-layout/1" document.
+        """
+        if isinstance(value, str):
+            if value not in LAYOUTS:
+                raise InvalidArgument(f"{value!r} is no shipped layout.", f"Give one of {', '.join(LAYOUTS)}.")
+            return LAYOUTS[value]
+        return layout_from(value, place)
+
     def document(self) -> dict[str, Any]:
         """The layout as a "camssf-layout/1" document, in pitches."""
         edges: dict[str, Any] = {"patch": list(self.side), "gap": [1 - edge for edge in self.side]}
@@ -86,7 +109,7 @@ def read_layout(path: Path) -> ChartLayout:
     """
     text = read_text(path)
     try:
-        document = load(text)
+        document = parse_strict(text)
     except (ValueError, RecursionError):
         raise InvalidArgument(f"{path} is not JSON.", f"A layout is a JSON object. {ADVICE}") from None
     return layout_from(document, str(path))
@@ -104,10 +127,10 @@ def layout_from(document: Any, name: str) -> ChartLayout:
             raise InvalidArgument(f"{name}: {what}.", ADVICE)
 
     def edges(field: str, least: str, right: Callable[[float], bool]) -> Point:
-        found = _pair(document[field])
-        if found is None or not all(right(each) for each in found):
+        sides = _pair(document[field])
+        if sides is None or not all(right(edge) for edge in sides):
             raise InvalidArgument(f'{name}: "{field}" must be a number {least}, or two: across and down.', ADVICE)
-        return found
+        return sides
 
     need(isinstance(document, dict) and document.get("format") == FORMAT, f'a layout has "format": "{FORMAT}"')
     for field in document:
@@ -141,20 +164,20 @@ def layout_from(document: Any, name: str) -> ChartLayout:
 def _marks(given: Any, patch: Point, gap: Point) -> list[Point] | None:
     """Marks from the outer corner of the first patch, in lattice coordinates; None if they are not four points."""
     points = (
-        [_pair(each) if isinstance(each, list) else None for each in given] if isinstance(given, list) else [None]
+        [_pair(mark) if isinstance(mark, list) else None for mark in given] if isinstance(given, list) else [None]
     )
-    found = [point for point in points if point is not None]
-    if len(found) != len(points) or len(points) not in (0, 4):
+    marks = [point for point in points if point is not None]
+    if len(marks) != len(points) or len(points) not in (0, 4):
         return None
-    return [((x - patch[0] / 2) / (patch[0] + gap[0]), (y - patch[1] / 2) / (patch[1] + gap[1])) for x, y in found]
+    return [((x - patch[0] / 2) / (patch[0] + gap[0]), (y - patch[1] / 2) / (patch[1] + gap[1])) for x, y in marks]
 
 
 def _pair(value: Any) -> Point | None:
     """A number, or two, as two floats below a million in size; None for anything else."""
     both = value if isinstance(value, list) else [value, value]
-    if len(both) != 2 or any(isinstance(each, bool) or not isinstance(each, int | float) for each in both):
+    if len(both) != 2 or any(isinstance(number, bool) or not isinstance(number, int | float) for number in both):
         return None
-    return (float(both[0]), float(both[1])) if all(abs(each) < 1e6 for each in both) else None
+    return (float(both[0]), float(both[1])) if all(abs(number) < 1e6 for number in both) else None
 
 
 def _surround(marks: list[Point], side: Point, columns: int, rows: int) -> bool:

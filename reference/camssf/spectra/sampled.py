@@ -1,25 +1,154 @@
-"""Shared functions for tables of lamps, charts and cameras: checks of wavelengths, interpolation to the grid."""
+"""Sampled spectra: checks of wavelengths, interpolation to the grid, and what objects of other libraries hold.
+
+Reading an object needs no library, only the object's attributes.
+"""
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import cache
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.files import check_local
-from camssf.fonts import prepare_matplotlib
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.libraries import library
+from camssf.libraries import library, prepare_matplotlib
 from camssf.spectra.bundled import sprague
+from camssf.spectra.text import path_text
+
+
+class Spectrum(Protocol):
+    """One spectrum, such as colour-science's SpectralDistribution or any object with these attributes."""
+
+    @property
+    def wavelengths(self) -> Any:
+        """(w,) nm, increasing."""
+
+    @property
+    def values(self) -> Any:
+        """(w,)."""
+
+
+class Spectra(Protocol):
+    """Several spectra, such as colour-science's MultiSpectralDistributions."""
+
+    @property
+    def wavelengths(self) -> Any:
+        """(w,) nm, increasing."""
+
+    @property
+    def values(self) -> Any:
+        """(w, n)."""
+
+    @property
+    def labels(self) -> Any:
+        """(n,) names of the columns."""
+
+
+Pair: TypeAlias = tuple[ArrayLike, ArrayLike]
+"""Wavelengths, nm, and the values there."""
+Name: TypeAlias = str | PathLike[str]
+"""A known name, or a file's path."""
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """n spectra at the same wavelengths.
+
+    Attributes:
+        name: for messages and results; differs from all names of tables.
+        source: description for the report.
+        labels: (n,) names of the spectra; empty if they have none.
+        wavelengths: (w,) nm.
+        values: (n, w).
+    """
+
+    name: str
+    source: str
+    labels: tuple[str, ...]
+    wavelengths: Floats
+    values: Floats
+
+
+def is_one(value: Any) -> bool:
+    """Whether this is one spectrum or one set of spectra, not a list of them."""
+    return hasattr(value, "wavelengths") or isinstance(value, Mapping) or _is_pair(value)
+
+
+def sampled(value: Any, kind: str, advice: str) -> Sampled:
+    """Read the spectra of an object, of a mapping from names to objects, or of a pair of arrays.
+
+    Args:
+        given: any value; it is checked.
+        kind: the expected kind for messages, for example "lamp".
+        advice: advice for messages.
+
+    Raises:
+        InvalidArgument: it is none of these, or the shapes of its arrays do not match.
+    """
+    if isinstance(value, Mapping) and value:
+        parts = [sampled(part, kind, advice) for part in value.values()]
+        first = parts[0].wavelengths
+        if any(len(part.values) != 1 or not np.array_equal(part.wavelengths, first) for part in parts):
+            raise InvalidArgument(f"The spectra of this {kind} differ in their wavelengths.", advice)
+        names = tuple(str(name) for name in value)
+        return Sampled(f"{kind} (given)", "given as objects", names, first, np.concatenate([p.values for p in parts]))
+    if hasattr(value, "wavelengths") and hasattr(value, "values"):
+        name, source = _name(value, kind), f"given as an object, {type(value).__name__}"
+        pair, labels = (value.wavelengths, value.values), tuple(str(part) for part in getattr(value, "labels", ()))
+        turned = True  # one spectrum per column
+    elif _is_pair(value):
+        name, source, pair, labels = f"{kind} (given)", "given as arrays", tuple(value), ()
+        turned = False
+    else:
+        raise InvalidArgument(f"A {type(value).__name__} is no {kind}.", advice)
+    try:
+        wavelengths, values = (np.array(part, dtype=np.float64) for part in pair)
+    except (TypeError, ValueError) as error:
+        raise InvalidArgument(f"The {kind} holds a value that is not a number.", advice) from error
+    if values.ndim == 2 and turned:
+        values = values.T
+    if wavelengths.ndim != 1 or values.ndim not in (1, 2) or values.shape[-1:] != wavelengths.shape:
+        shapes = f"{wavelengths.shape} and {values.shape}"
+        raise InvalidArgument(f"The {kind}'s wavelengths and values have the shapes {shapes}.", advice)
+    return Sampled(name, source, labels, wavelengths, np.atleast_2d(values))
+
+
+def _name(value: Any, kind: str) -> str:
+    """The object's own name, marked as given, so that D65 in a result always means the table."""
+    words = " ".join(str(getattr(value, "name", "") or kind).replace("/", " ").replace("\\", " ").split())
+    return f"{words[:80]} (given)"
+
+
+def _is_pair(value: Any) -> bool:
+    """Whether this is a pair of numeric arrays, not two names, two lamps or two such pairs."""
+    if isinstance(value, str | bytes) or not hasattr(value, "__len__") or len(value) != 2:
+        return False
+    try:
+        first, second = (np.asarray(part, dtype=np.float64) for part in value)
+    except (TypeError, ValueError, KeyError):
+        return False
+    return first.ndim == 1 and second.ndim in (1, 2)
+
 
 # A table must cover this range without a larger gap, nm.
 _FIRST, _LAST, _GAP = 400.0, 700.0, 20.0
+_SORTED = "Sort them, in nm, each once."
+_UNITS = {
+    "micrometres": (0.1, 3.0),
+    "metres": (1e-7, 3e-6),
+    "ångströms": (2000.0, 12_000.0),
+    "wavenumbers, 1/cm": (10_000.0, 50_000.0),
+}
+"""Range of wavelengths in other units."""
 
 
 @cache
@@ -47,6 +176,11 @@ def smooth(wavelengths: Floats, values: Floats) -> Floats:
     return np.asarray(make_interp_spline(wavelengths, values)(np.clip(WAVELENGTHS, first, last)), dtype=np.float64)
 
 
+def ascending(wavelengths: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """Wavelengths (w,) and values (w, ...), turned if the wavelengths decrease throughout."""
+    return (wavelengths[::-1], values[::-1]) if (np.diff(wavelengths) < 0).all() else (wavelengths, values)
+
+
 def check_wavelengths(wavelengths: Floats, path: Path, unfit: type[CalibrationError], *, whole: bool = True) -> None:
     """Check wavelengths: increasing, in nm, at least 6, no gap on the grid; with `whole`, covering 400 to 700 nm.
 
@@ -54,10 +188,15 @@ def check_wavelengths(wavelengths: Floats, path: Path, unfit: type[CalibrationEr
         InvalidArgument: they do not increase or are not in nm. Any other fault raises `unfit`.
     """
     steps = np.diff(wavelengths)
-    if len(wavelengths) < 2 or not np.isfinite(wavelengths).all() or steps.min() < 1e-3:
-        raise InvalidArgument(f"The wavelengths in {path} do not increase.", "Sort them, in nm, each once.")
-    if not 100 <= wavelengths[0] <= wavelengths[-1] <= 20_000:
-        raise InvalidArgument(f"The wavelengths in {path} are not in nm.", "Write 550 for green, not 0.55 or 5500.")
+    if len(wavelengths) < 2 or not np.isfinite(wavelengths).all():
+        raise InvalidArgument(f"{path} has fewer than two wavelengths, or one that is not a number.", _SORTED)
+    _check_unit(float(wavelengths.min()), float(wavelengths.max()), path)
+    if steps.min() < 1e-3:
+        at = int(steps.argmin())
+        raise InvalidArgument(
+            f"The wavelengths in {path} do not increase: {wavelengths[at]:g} is followed by {wavelengths[at + 1]:g}.",
+            _SORTED,
+        )
     span = f"{wavelengths[0]:g} to {wavelengths[-1]:g} nm"
     if whole and (wavelengths[0] > _FIRST or wavelengths[-1] < _LAST):
         raise unfit(f"{path} covers only {span}.", "It must cover 400 to 700 nm, better 380 to 720 nm.")
@@ -80,29 +219,36 @@ def check_wavelengths(wavelengths: Floats, path: Path, unfit: type[CalibrationEr
         )
 
 
+def _check_unit(first: float, last: float, path: Path) -> None:
+    """Raise if wavelengths from `first` to `last` are not in nm; name the unit that they would fit."""
+    if first >= 100 and last <= 20_000 and not (first >= 3000 and last <= 12_000):
+        return
+    fits = (unit for unit, (low, high) in _UNITS.items() if low <= first and last <= high)
+    unit = next(fits, None)
+    ends = " to ".join(f"{end:.1e}" if 0 < end < 1e-3 else f"{end:g}" for end in (first, last))
+    raise InvalidArgument(
+        f"The wavelengths in {path} are not in nm: they run from {ends}" + (f", as in {unit}." if unit else "."),
+        "Write 550 for green.",
+    )
+
+
 def held(wavelengths: Floats) -> str:
     """A note for `source` if a table does not cover the grid; else an empty text."""
-    if wavelengths[0] <= WAVELENGTHS[0] and wavelengths[-1] >= WAVELENGTHS[-1]:
+    first, last = float(wavelengths.min()), float(wavelengths.max())
+    if first <= WAVELENGTHS[0] and last >= WAVELENGTHS[-1]:
         return ""
-    return f", held constant outside {wavelengths[0]:g} to {wavelengths[-1]:g} nm"
+    return f", held constant outside {first:g} to {last:g} nm"
 
 
 def text_of(spec: str | PathLike[str] | None) -> str:
-    """The given name or path without surrounding spaces.
+    """The given name or path without surrounding spaces; a Path is never a name.
 
     Raises:
         InvalidArgument: it is a URL, or contains one as in `nano24:https://...`.
     """
     if spec is None:
         return ""
-    text = str(spec).strip()
     check_local(spec)
+    text = (spec if isinstance(spec, str) else path_text(spec)).strip()
     check_local(text.partition(":")[2])
     return text
-
-
-def frozen(values: Floats) -> Floats:
-    """A read-only copy."""
-    values = np.array(values, dtype=np.float64)
-    values.setflags(write=False)
-    return values

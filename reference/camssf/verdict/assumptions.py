@@ -16,27 +16,32 @@ SHOWN = 0.005
 def assume(capture: Capture, ssf: Ssf, level: Floats) -> tuple[Assumption, ...]:
     """The answer's assumptions, apart from the fallbacks of Eq. (5); `level` is (k, n) 1 - ĥ."""
     table = capture.chart
-    found = [
-        Assumption(
-            "chart_table", f"the chart's reflectances are {table.source} ({table.table}), not measured on this chart."
-        )
-    ]
+    public = f"{table.source} ({table.table}), not measured on this chart."
+    own = f"those of {table.source}, taken for this chart's own."
+    assumptions = [Assumption("chart_table", f"the chart's reflectances are {public if table.public else own}")]
     for j, shot in enumerate(capture.shots):
         where = f"shot {j + 1}: " if len(capture.shots) > 1 else ""
-        light = ssf.light.lights[j] if ssf.light.lights else None
-        found.append(
+        light = ssf.lights[j] if ssf.lights else None
+        assumptions.append(
             Assumption("lamp", where + (_named(shot.lamp) if light is None else _unnamed(shot.lamp.name, light)))
         )
-        found += _uneven(where, shot, ssf, level[j])
-        told = {frame.levels: frame.name for frame in (shot.photo, shot.white, shot.dark) if frame and frame.levels}
-        found += [Assumption("raw_levels", where + _levels(name, whose)) for whose, name in told.items()]
+        assumptions += _uneven(where, shot, ssf, level[j])
+        named_levels = {
+            frame.levels: frame.name for frame in (shot.photo, shot.white, shot.dark) if frame and frame.levels
+        }
+        assumptions += [
+            Assumption("raw_levels", where + _levels(name, whose)) for whose, name in named_levels.items()
+        ]
+        if shot.photo.matrices_left_out:
+            words = f"{shot.photo.name}: {shot.photo.matrices_left_out}."
+            assumptions.append(Assumption("colour_matrix", where + words))
         if shot.photo.gain_map:
-            found.append(Assumption("lens_shading", where + _shading(shot)))
+            assumptions.append(Assumption("lens_shading", where + _shading(shot)))
     if capture.shots[0].means.white is not None and capture.white_reflectance is None:
-        found.append(Assumption("white_reference", "the white frame's target has reflectance 1."))
+        assumptions.append(Assumption("white_reference", "the white frame's target has reflectance 1."))
     if ssf.std is None:
-        found.append(Assumption("no_band", "the paper's basis has no prior, so the result has no error bands."))
-    return tuple(found)
+        assumptions.append(Assumption("no_band", "the paper's basis has no prior, so the result has no error bands."))
+    return tuple(assumptions)
 
 
 def _named(lamp: Light) -> str:
@@ -50,7 +55,7 @@ def _named(lamp: Light) -> str:
 
 def _uneven(where: str, shot: MeasuredShot, ssf: Ssf, level: Floats) -> list[Assumption]:
     """Describes how even the light was, and how that was found."""
-    if not ssf.light.gain_code.size:
+    if not ssf.gain_code.size:
         flat = "the light was the same all over the chart."
         return [] if shot.means.white is not None else [Assumption("uneven_light", where + flat)]
     if shot.means.white is not None:

@@ -9,11 +9,10 @@ from camssf.photo.patches import FrameMeans, PatchMeans
 from camssf.photo.signals import Signals
 from camssf.rules import rules
 from camssf.spectra import ChartTable
-from camssf.verdict.checks import Checks
-from camssf.verdict.reasons import Reason, because
+from camssf.verdict.reasons import Checks, Reason, because
 
 _NUMBER = rules().number
-VEIL, FOG = _NUMBER("verdict.veil"), _NUMBER("verdict.fog")
+VEIL, VEIL_REFUSES = _NUMBER("verdict.veil"), _NUMBER("verdict.veil_refuses")
 FEW_PATCHES = rules().whole("verdict.few_patches")
 DARK_WHITE = _NUMBER("verdict.dark_white")
 SMOOTH, ROUGH = _NUMBER("verdict.smooth"), _NUMBER("verdict.rough")
@@ -31,7 +30,7 @@ def exposure(name: str, signals: Signals, j: int, shot: PatchMeans, checks: Chec
     veil = float(signals.values[j].min(axis=0).max())
     checks.note("veil", veil, j)
     if veil > VEIL:
-        reasons.append(because("darkest_patch", veil, {"shot": name, "share": veil}, fatal=veil > FOG))
+        reasons.append(because("darkest_patch", veil, {"shot": name, "share": veil}, fatal=veil > VEIL_REFUSES))
     return reasons
 
 

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from camssf.grid import STEP, WAVELENGTHS, Floats
+from camssf.fit.capture_fit import lamp_modes
+from camssf.grid import Floats
 from camssf.photo.find.pose import Pose
 from camssf.photo.patches import PatchMeans
 from camssf.photo.signals import Signals
-from camssf.recovery.covariance import EDGE, LinearisedSignals, Tolerances, covariance, smooth_errors
+from camssf.recovery.misfit import KINDS, JudgedSignals, Misfit, covariance_at_answer, misfit
 from camssf.recovery.sensitivity import Ssf
 from camssf.rules import rules
 from camssf.spectra import ChartTable, Lamp
@@ -23,7 +23,7 @@ GOODNESS_OF_FIT = _NUMBER("verdict.goodness_of_fit")
 EXPLANATION, SHARE = _NUMBER("verdict.explanation"), _NUMBER("verdict.share")
 BLACK = _NUMBER("verdict.black")
 FEWEST = rules().whole("verdict.fewest")
-VEIL_FAVOUR, DARKEST_TONE = _NUMBER("verdict.veil_favour"), _NUMBER("verdict.darkest_tone")
+VEIL_FAVOUR = _NUMBER("verdict.veil_favour")
 OFFSETS = ("veil", "black")
 """Explanations that add an offset to every signal; a tone curve looks similar."""
 
@@ -72,15 +72,6 @@ class GoodnessOfFit:
         return float(((self.total / self.count) ** (1.0 / 3.0) - (1.0 - u)) / np.sqrt(u))
 
 
-def directions(length: float) -> Floats:
-    """Directions Φ (681, p) of a smooth error on the grid.
-
-    Column q is √(h / (ℓ √(π/2))) exp(-((λ - t_q) / ℓ)²) with h = ℓ / 2 and t_q = 380 - 2 ℓ + q h, up to the first
-    t_q at or beyond 720 + 2 ℓ. This is smoothed white noise: Φ Φᵀ = exp(-½ (Δλ / ℓ)²).
-    """
-    return smooth_errors(length, WAVELENGTHS)
-
-
 @dataclass(frozen=True)
 class VerdictInputs:
     """The k measured shots that a verdict judges, with their chart, lamps and white reference.
@@ -119,65 +110,79 @@ class VerdictInputs:
 
 
 def _goodness_of_fit(inputs: VerdictInputs, ssf: Ssf, *, explain: bool) -> GoodnessOfFit:
-    """Rules 1 to 3; explanations are computed for inputs of one shot only.
-
-    Σ includes the gain modes, so that uneven light which they can model is weighted by its prior size.
-    """
-    signals = inputs.signals
-    used = signals.used
-    y, off = signals.values[used], (signals.values - ssf.predicted)[used]  # (rows, 3)
-    inverse = np.asarray(np.linalg.inv(signal_covariance(inputs, ssf)), dtype=np.float64)
-    e = np.asarray(inverse @ off.T.ravel(), dtype=np.float64)
-    residual = float(off.T.ravel() @ e)
-    prior = float(np.sum(ssf.code**2)) if ssf.std is not None else 0.0
-    found: list[Explanation] = []
+    """Rules 1 to 3; explanations are computed for inputs of one shot only."""
+    judged = _judged(inputs, ssf)
     if explain:
-        means = inputs.means[0]
-        X, Y = _places(inputs.poses[0], used[0])[used[0]].T[:, :, None]
-        ways: dict[str, list[NDArray[np.floating[Any]]]] = {"veil": [1.0 - y]}
-        if means.dark is None:
-            level = (signals.white - signals.dark)[used] / (means.saturation - signals.dark[used])
-            ways["black"] = [(1.0 - y) / level]
-        if means.white is not None:
-            ways["white"] = [y * np.eye(3)[c] for c in range(3)]
-        ways["light"] = [y * way for way in _falls(X, Y, solved=_solved(inputs))]
-        ways["light"] += [y] if means.white is None else []
-        ways["tone"] = [y * np.log(np.maximum(y, DARKEST_TONE))]
-        found += [Explanation(kind, None, *_gain(way, inverse, e)) for kind, way in ways.items()]
-        patches = np.flatnonzero(used[0])
-        found += [Explanation("patch", int(i), _own_gain(row, inverse, e), 0.0) for row, i in enumerate(patches)]
-    return GoodnessOfFit(residual, prior, 3 * len(y), tuple(found))
+        judged = replace(judged, level=_level(inputs), fields=_fields(inputs))
+    parts = misfit(judged, np.array(float(explain)))
+    prior = float(parts.prior) if ssf.std is not None else 0.0
+    return GoodnessOfFit(
+        float(parts.residual), prior, round(float(parts.count)), _explanations(inputs, parts) if explain else ()
+    )
+
+
+def _explanations(inputs: VerdictInputs, parts: Misfit) -> tuple[Explanation, ...]:
+    """Those that the one shot's frames leave open, patches last."""
+    means, (used,) = inputs.means[0], inputs.signals.used
+    open_kinds = {"veil", "light", "tone"}
+    open_kinds |= {"black"} if means.dark is None else set()
+    open_kinds |= {"white"} if means.white is not None else set()
+    amounts = dict(zip(("veil", "black", "tone"), parts.amount, strict=True))
+    by_kind = [
+        Explanation(kind, None, float(gain), float(amounts.get(kind, 0.0)))
+        for kind, gain in zip(KINDS, parts.gain, strict=True)
+        if kind in open_kinds
+    ]
+    return (*by_kind, *(Explanation("patch", int(i), float(parts.patch_gain[i]), 0.0) for i in np.flatnonzero(used)))
+
+
+def _judged(inputs: VerdictInputs, ssf: Ssf) -> JudgedSignals:
+    """The arrays of `misfit`, without explanations: level 1 and no fields."""
+    signals, table, lamps = inputs.signals, inputs.table, inputs.lamps
+    k, n, _ = signals.values.shape
+    gain_modes, own = (np.zeros((k, 0, n)), 0.0) if inputs.gains is None else inputs.gains
+    return JudgedSignals(
+        signals=np.where(signals.used[..., None], signals.values, 1.0),
+        standard_error=signals.standard_error,
+        predicted=ssf.predicted,
+        used=signals.used.astype(float),
+        level=np.ones((k, n, 3)),
+        fields=np.zeros((0, k, n)),
+        curves=ssf.values,
+        code=ssf.code,
+        lamp=ssf.lamp,
+        lamp_tolerance=np.array([lamp.tolerance for lamp in lamps]),
+        lamp_modes=lamp_modes(lamps),
+        reflectance=table.values,
+        chart_tolerance=table.tolerance,
+        white_reflectance=inputs.white_reflectance,
+        white_tolerance=np.array(inputs.white_tolerance),
+        gain_modes=gain_modes,
+        gain_own=np.array(own),
+    )
 
 
 def signal_covariance(inputs: VerdictInputs, ssf: Ssf) -> Floats:
-    """Covariance Σ of rule 1, (3 rows, 3 rows): rows of red, then green, then blue."""
-    signals, table, rho = inputs.signals, inputs.table, inputs.white_reflectance
-    shot, patch = np.nonzero(signals.used)
-    light = (ssf.light.lamp * STEP)[:, None] * ssf.values.T  # (k, 3, m) L s dλ
-    light = light / (light @ rho)[..., None]
-    light = np.moveaxis(light, 1, 0)[:, shot].reshape(-1, WAVELENGTHS.size)  # (3 rows, m) L s dλ / W
+    """Covariance Σ of rule 1, (3 rows, 3 rows): the used rows of red, then green, then blue."""
+    used, k = inputs.signals.used, len(inputs.lamps)
+    shot, patch = np.nonzero(used)
     channel, shot, patch = np.repeat(np.arange(3), len(shot)), np.tile(shot, 3), np.tile(patch, 3)
-    slope = np.gradient(table.values, STEP, axis=1)[patch]
-    widths = np.array([lamp.tolerance for lamp in inputs.lamps])
-    y, expected, error = (
-        each[signals.used].T.ravel() for each in (signals.values, ssf.predicted, signals.standard_error)
-    )
-    seen = LinearisedSignals(
-        channel, shot, patch, y, expected, error,
-        light * table.values[patch], EDGE * light * slope, light, light * rho, WAVELENGTHS,
-    )  # fmt: skip
-    known = Tolerances(table.tolerance[patch], inputs.white_tolerance, widths[shot])
-    sigma = np.sum(list(covariance(seen, known).values()), axis=0)
-    for j, each in enumerate(inputs.lamps):
-        if len(each.modes):
-            modes = (seen.against_white * (shot == j)[:, None]) @ each.modes.T
-            sigma = sigma + modes @ modes.T
-    if inputs.gains is not None and inputs.gains[0].size:
-        modes, own = inputs.gains
-        for j in range(len(inputs.lamps)):
-            steps = (y * (shot == j))[:, None] * modes[j].T[patch]
-            sigma = sigma + np.where(channel[:, None] == channel, 1.0 + own**2, 1.0) * (steps @ steps.T)
-    return np.asarray(sigma)
+    order = (patch * 3 + channel) * k + shot  # of the rows of `misfit`
+    return np.asarray(covariance_at_answer(_judged(inputs, ssf))[np.ix_(order, order)])
+
+
+def _level(inputs: VerdictInputs) -> Floats:
+    """The one shot's white signal over the largest one, both above dark, (1, n, 3); 1 where it is not used."""
+    signals, saturation = inputs.signals, inputs.means[0].saturation
+    level = (signals.white - signals.dark) / (saturation - signals.dark)
+    return np.where(signals.used[..., None], level, 1.0)
+
+
+def _fields(inputs: VerdictInputs) -> Floats:
+    """Uneven light over the one shot's chart, (f, 1, n), and its level if the white patch is the reference."""
+    X, Y = _places(inputs.poses[0], inputs.signals.used[0]).T
+    fields = _falls(X, Y, solved=_solved(inputs)) + ([np.ones_like(X)] if inputs.means[0].white is None else [])
+    return np.stack(fields)[:, None, :]
 
 
 def _solved(inputs: VerdictInputs) -> bool:
@@ -196,24 +201,9 @@ def _places(pose: Pose, used: NDArray[np.bool_]) -> Floats:
     return np.asarray((centres - centres[used].mean(axis=0)) / max(float(np.ptp(centres[used], axis=0).max()), 1.0))
 
 
-def _gain(ways: Sequence[NDArray[np.floating[Any]]], inverse: Floats, e: Floats) -> tuple[float, float]:
-    """Gain and amount of an explanation (rule 3); each direction in `ways` is (rows, 3)."""
-    D = np.stack([way.T.ravel() for way in ways], axis=1)
-    g, G = D.T @ e, D.T @ inverse @ D
-    amounts = np.linalg.solve(G + (1e-12 * np.trace(G) + 1e-300) * np.eye(len(G)), g)
-    return float(g @ amounts), float(amounts[0]) if len(ways) == 1 else 0.0
-
-
-def _own_gain(row: int, inverse: Floats, e: Floats) -> float:
-    """Gain of independent errors in one patch's three signals: eᵀ (Σ⁻¹)⁻¹ e of its rows."""
-    own = np.arange(3) * (len(e) // 3) + row
-    return float(e[own] @ np.linalg.solve(inverse[np.ix_(own, own)], e[own]))
-
-
 def shot_answer(answer: Ssf, j: int) -> Ssf:
     """The answer with the predictions and the lamp of shot j only."""
-    light = replace(answer.light, lamp=answer.light.lamp[j : j + 1])
-    return replace(answer, predicted=answer.predicted[j : j + 1], light=light)
+    return replace(answer, predicted=answer.predicted[j : j + 1], lamp=answer.lamp[j : j + 1])
 
 
 def strongest_explanation(one: GoodnessOfFit) -> tuple[Explanation, float]:
@@ -229,7 +219,9 @@ def offset(one: GoodnessOfFit) -> Explanation | None:
     """
     if not _may_be_black(one):
         return None
-    return max((each for each in _possible(one) if each.kind in OFFSETS), key=lambda each: each.gain)
+    return max(
+        (explanation for explanation in _possible(one) if explanation.kind in OFFSETS), key=lambda each: each.gain
+    )
 
 
 def best_explanation(one: GoodnessOfFit) -> Explanation | None:
@@ -242,18 +234,22 @@ def best_explanation(one: GoodnessOfFit) -> Explanation | None:
     if not one.explanations:
         return None
     strongest, enough = strongest_explanation(one)
-    found = offset(one)
-    if found is None or found.gain <= BLACK:
+    added = offset(one)
+    if added is None or added.gain <= BLACK:
         return strongest if strongest.gain > enough else None
-    imitated = strongest.kind in ("white", "light") and found.gain > SHARE * strongest.gain
-    return strongest if strongest.gain > enough and not imitated else found
+    imitated = strongest.kind in ("white", "light") and added.gain > SHARE * strongest.gain
+    return strongest if strongest.gain > enough and not imitated else added
 
 
 def _possible(one: GoodnessOfFit) -> list[Explanation]:
     """The physically possible explanations: stray light cannot be negative; that would be a wrong black level."""
     darker = _may_be_black(one)
-    return [each for each in one.explanations if not (darker and each.kind == "veil" and each.amount < 0)]
+    return [
+        explanation
+        for explanation in one.explanations
+        if not (darker and explanation.kind == "veil" and explanation.amount < 0)
+    ]
 
 
 def _may_be_black(one: GoodnessOfFit) -> bool:
-    return any(each.kind == "black" for each in one.explanations)
+    return any(explanation.kind == "black" for explanation in one.explanations)

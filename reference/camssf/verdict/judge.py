@@ -19,7 +19,6 @@ from camssf.recovery.sensitivity import Ssf
 from camssf.recovery.unfamiliar_camera import code_length, longest_code
 from camssf.rules import rules
 from camssf.spectra import ChartTable
-from camssf.verdict.checks import Checks
 from camssf.verdict.exposure_and_noise import (
     exposure,
     few,
@@ -44,11 +43,11 @@ from camssf.verdict.lamp import (
     rival_lamp,
     white_balance_mismatch,
 )
-from camssf.verdict.reasons import Fatal, Reason, Verdict, because
+from camssf.verdict.reasons import Checks, Fatal, Reason, Verdict, because
 
 _NUMBER = rules().number
-HOPELESS = _NUMBER("verdict.hopeless")
-POOR_POSE, VAGUE = _NUMBER("verdict.poor_pose"), _NUMBER("verdict.vague")
+MISFIT_REFUSES = _NUMBER("verdict.misfit_refuses")
+POOR_POSE, BAND_TOO_WIDE = _NUMBER("verdict.poor_pose"), _NUMBER("verdict.band_too_wide")
 OTHER_MAKERS = _NUMBER("verdict.other_makers")
 UNNAMED, UNNAMEABLE = _NUMBER("verdict.unnamed"), _NUMBER("verdict.unnameable")
 FADING = _NUMBER("verdict.chart_fading")
@@ -82,18 +81,18 @@ def judge(
         drift: `drift_probability` of the new shots against those of a previous result; None if there is none.
     """
     signals, table, lamps = inputs.signals, inputs.table, inputs.lamps
-    found = inputs.goodness_of_fit(ssf)
+    together = inputs.goodness_of_fit(ssf)
     answers = [shot_answer(answer, j) for j, answer in enumerate(alone or [ssf] * len(lamps))]
-    each = [inputs.goodness_of_fit_of_shot(j, answer) for j, answer in enumerate(answers)]
+    by_shot = [inputs.goodness_of_fit_of_shot(j, answer) for j, answer in enumerate(answers)]
     checks = Checks()
-    reasons = _unexplained(found, each, table, checks)
+    reasons = _unexplained(together, by_shot, table, checks)
     for j, means in enumerate(inputs.means):
         name = f"shot {j + 1}"
         reasons += exposure(name, signals, j, means, checks)
         reasons += few(name, signals.used[j], j, means, checks)
         reasons += samples(name, means, signals.used[j], j, table, checks)
         reasons += _disagreeing(name, signals.values[j], j, table, answers[j], checks)
-    limits = [WHITE_BALANCE_MISMATCH_UNNAMED if each else WHITE_BALANCE_MISMATCH for each in unnamed] or [
+    limits = [WHITE_BALANCE_MISMATCH_UNNAMED if light else WHITE_BALANCE_MISMATCH for light in unnamed] or [
         WHITE_BALANCE_MISMATCH
     ] * len(lamps)
     whites = [
@@ -104,12 +103,12 @@ def judge(
     ]
     reasons += [reason for white in whites for reason in white]
     reasons += _faded(ssf, checks)
-    reasons += _vague(ssf, checks)
+    reasons += _band_too_wide(ssf, checks)
     reasons += _other_makers(ssf, family, checks)
     alone_in_unnamed = any(unnamed) and drift is None  # a previous result says what camera it is
     reasons += [*_unnamed(ssf, family, checks), *_typical(ssf, checks)] if alone_in_unnamed else []
     fatal = any(isinstance(reason, Fatal) for reason in reasons)
-    if not fatal and (len(lamps) == 1 or not any(best_explanation(one) for one in each)):
+    if not fatal and (len(lamps) == 1 or not any(best_explanation(one) for one in by_shot)):
         doubted = [j for j, white in enumerate(whites) if white]
         reasons += rival_lamp(rivals() if callable(rivals) else rivals, lamps, doubted, checks)
     reasons += _unusual(ssf, unnamed, checks)
@@ -120,29 +119,29 @@ def judge(
 
 
 def _unexplained(
-    found: GoodnessOfFit, each: Sequence[GoodnessOfFit], table: ChartTable, checks: Checks
+    together: GoodnessOfFit, by_shot: Sequence[GoodnessOfFit], table: ChartTable, checks: Checks
 ) -> list[Reason]:
     """Apply the thresholds of rules 2 and 3: report each shot's best explanation, or that there is none."""
-    hopeless = found.total > HOPELESS * found.count
-    over = found.total / found.count
+    misfit_refuses = together.total > MISFIT_REFUSES * together.count
+    over = together.total / together.count
     reasons = []
-    for j, one in enumerate(each):
+    for j, one in enumerate(by_shot):
         explanation = best_explanation(one)
         if explanation is not None:
             name, words = _reason_of(explanation, table)
-            value = over if hopeless else explanation.gain
-            bound = BLACK if not hopeless and explanation.gain <= strongest_explanation(one)[1] else None
+            value = over if misfit_refuses else explanation.gain
+            bound = BLACK if not misfit_refuses and explanation.gain <= strongest_explanation(one)[1] else None
             words["shot"] = f"shot {j + 1}"
-            reasons.append(because(name, value, words, fatal=hopeless, threshold=bound))
+            reasons.append(because(name, value, words, fatal=misfit_refuses, threshold=bound))
         _note_explanations(one, j, checks)
-    worst = max(one.z for one in each)
-    largest = max(found.z, worst)
+    worst = max(one.z for one in by_shot)
+    largest = max(together.z, worst)
     checks.note("goodness_of_fit", largest)
-    checks.note("hopeless", over)
-    if not reasons and (hopeless or largest > GOODNESS_OF_FIT):
-        name = "contradiction" if len(each) > 1 and worst <= GOODNESS_OF_FIT else "unexplained"
-        value = over if hopeless else largest
-        reasons.append(because(name, value, {"size": float(np.sqrt(over))}, fatal=hopeless))
+    checks.note("misfit_refuses", over)
+    if not reasons and (misfit_refuses or largest > GOODNESS_OF_FIT):
+        name = "contradiction" if len(by_shot) > 1 and worst <= GOODNESS_OF_FIT else "unexplained"
+        value = over if misfit_refuses else largest
+        reasons.append(because(name, value, {"size": float(np.sqrt(over))}, fatal=misfit_refuses))
     return reasons
 
 
@@ -152,9 +151,9 @@ def _note_explanations(one: GoodnessOfFit, j: int, checks: Checks) -> None:
         return
     strongest, enough = strongest_explanation(one)
     checks.note("explanation", strongest.gain, j, limit=enough)
-    found = offset(one)
-    if found is not None:
-        checks.note("black", found.gain, j)
+    added = offset(one)
+    if added is not None:
+        checks.note("black", added.gain, j)
 
 
 def _reason_of(explanation: Explanation, table: ChartTable) -> tuple[str, dict[str, str | float]]:
@@ -171,7 +170,7 @@ def _reason_of(explanation: Explanation, table: ChartTable) -> tuple[str, dict[s
 
 def _unusual(ssf: Ssf, unnamed: Sequence[bool], checks: Checks) -> list[Reason]:
     """Check rule 7: whether the camera is unlike those of its basis, by its code and by its lamp."""
-    basis, test = ssf.settings.basis, ssf.family_test
+    basis, test = ssf.basis, ssf.family_test
     length = code_length(ssf) if test is None else test.length
     if length is None:
         return []
@@ -190,7 +189,7 @@ def _unusual(ssf: Ssf, unnamed: Sequence[bool], checks: Checks) -> list[Reason]:
 
 def _faded(ssf: Ssf, checks: Checks) -> list[Reason]:
     """Check whether the signals were explained by a faded chart only; it is weighed if the family test fails."""
-    amount = ssf.settings.chart_fading
+    amount = ssf.chart_fading
     if ssf.family_test is None or (ssf.family_test.passed and not amount):
         return []
     checks.note("chart_fading", amount)
@@ -203,11 +202,11 @@ def _other_makers(ssf: Ssf, family: str | None, checks: Checks) -> list[Reason]:
         return []
     other = 0.0
     if family is not None:
-        other = sum(each.probability for each in ssf.choice if MAKERS_OF.get(each.basis) != family)
+        other = sum(hypothesis.probability for hypothesis in ssf.choice if MAKERS_OF.get(hypothesis.basis) != family)
     checks.note("other_makers", other)
     if other <= OTHER_MAKERS:
         return []
-    return [because("other_makers", other, {"probability": other, "basis": ssf.settings.basis})]
+    return [because("other_makers", other, {"probability": other, "basis": ssf.basis})]
 
 
 def _unnamed(ssf: Ssf, family: str | None, checks: Checks) -> list[Reason]:
@@ -251,16 +250,16 @@ def _drifted(drift: float, unnamed: bool, checks: Checks) -> list[Reason]:
 
 def _disagreeing(name: str, values: Floats, j: int, table: ChartTable, answer: Ssf, checks: Checks) -> list[Reason]:
     """Check rule 9: the patches' colours against the chart's, for a simple camera model under the answer's lamp."""
-    score = agreement(values, plain_signals(table, answer.light.lamp[0]))
+    score = agreement(values, plain_signals(table, answer.lamp[0]))
     checks.note("poor_pose", score, j)
     return [because("pose", score, {"shot": name, "score": score})] if score < POOR_POSE else []
 
 
-def _vague(ssf: Ssf, checks: Checks) -> list[Reason]:
+def _band_too_wide(ssf: Ssf, checks: Checks) -> list[Reason]:
     """Check that the 95 % band is narrow enough to tell cameras apart; an unfamiliar camera's is wide anyway."""
     if ssf.std is None or (ssf.family_test is not None and not ssf.family_test.passed):
         return []
     width = ssf.half_width
     assert width is not None
-    checks.note("vague", width)
-    return [because("vague", width, {"width": width})] if width > VAGUE else []
+    checks.note("band_too_wide", width)
+    return [because("band_too_wide", width, {"width": width})] if width > BAND_TOO_WIDE else []

@@ -12,11 +12,10 @@ from camssf.photo.signals import Signals
 from camssf.recovery.sensitivity import Ssf
 from camssf.rules import rules
 from camssf.spectra import Lamp
-from camssf.verdict.checks import Checks
-from camssf.verdict.reasons import Reason, because
+from camssf.verdict.reasons import Checks, Reason, because
 
 _NUMBER = rules().number
-RIVAL, CONDEMNED = _NUMBER("verdict.rival"), _NUMBER("verdict.condemned")
+RIVAL, OTHER_LAMP_REFUSES = _NUMBER("verdict.rival"), _NUMBER("verdict.other_lamp_refuses")
 RIVALS = rules().rivals
 """Lamps tried in place of the named one."""
 MISNAMED = _NUMBER("verdict.misnamed")
@@ -63,9 +62,11 @@ def rival_lamp(
         checks: receives the best rival's gain.
     """
     best = max(rivals, key=lambda rival: rival.gain, default=None)
-    if best is not None:
-        checks.note("rival", best.gain, best.shot)
-    if best is None or best.gain <= RIVAL:
+    if best is None:
+        return []
+    by_white = best.shot in tinted_shots and best.gain <= OTHER_LAMP_REFUSES
+    checks.note("rival", best.gain, best.shot, refuses=RIVAL if by_white else None)
+    if best.gain <= RIVAL:
         return []
     own = np.array([rival.gain for rival in rivals if rival.shot == best.shot])
     # The best gain is subtracted because e^gain overflows if a lamp is grossly wrong.
@@ -76,8 +77,7 @@ def rival_lamp(
         "lamp": lamps[best.shot].name,
         "probability": float(1.0 / (1.0 + np.exp(-odds))),
     }
-    by_white = best.shot in tinted_shots and best.gain <= CONDEMNED
-    fatal = by_white or best.gain > CONDEMNED
+    fatal = by_white or best.gain > OTHER_LAMP_REFUSES
     return [because("rival", best.gain, words, fatal=fatal, threshold=RIVAL if by_white else None)]
 
 
@@ -95,7 +95,7 @@ def white_balance_mismatch(
     raw = (signals.white[j] - signals.dark[j])[signals.used[j]].mean(axis=0)
     offs = []
     for neutral in neutrals:
-        expected = neutral.white * (answer.light.lamp[0] @ answer.values) / (neutral.light @ answer.values)
+        expected = neutral.white * (answer.lamp[0] @ answer.values) / (neutral.light @ answer.values)
         if not (expected > 0).all():
             continue  # the curves predict no positive white; other rules catch this
         ratio = np.log(raw / expected)

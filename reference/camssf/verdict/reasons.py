@@ -1,25 +1,100 @@
-"""The reasons of a verdict, worded by data/rules.json, and the error that a refused verdict raises."""
+"""What a verdict consists of: the numbers that were compared, and its reasons, worded by data/rules.json."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Annotated
 
 from camssf import errors
 from camssf.errors import CalibrationError
 from camssf.rules import rules
-from camssf.verdict.checks import Check
+from camssf.shapes import Number, Text, Whole, Words
+
+
+@dataclass(frozen=True)
+class Check:
+    """One number of a verdict and its limits.
+
+    Attributes:
+        name: of the limit in data/rules.json, group "verdict".
+        shot: from 1; None for the capture as a whole.
+        value: the measured number.
+        limit: beyond it the verdict is not accepted.
+        refuses: beyond it the verdict is refused; None if this number never refuses.
+        beyond: "above" or "below", the side on which the limit is broken.
+    """
+
+    name: Text
+    shot: Whole | None
+    value: Number
+    limit: Number
+    refuses: Number | None
+    beyond: Annotated[str, Words(("above", "below"))]
+
+
+@dataclass
+class Checks:
+    """Collects the numbers that the rules compare."""
+
+    _seen: dict[tuple[str, int | None], Check] = field(default_factory=dict)
+
+    def note(
+        self,
+        name: str,
+        value: float,
+        shot: int | None = None,
+        *,
+        limit: float | None = None,
+        refuses: float | None = None,
+    ) -> None:
+        """Record one number; a later one of the same name and shot replaces it.
+
+        Args:
+            name: as in `Check`.
+            value: the number; ignored if it is not finite.
+            shot: from 0; None for the capture as a whole.
+            limit, refuses: replace the rule's own limits.
+        """
+        if not math.isfinite(value):
+            return
+        numbers = rules().numbers
+        rule = numbers[f"verdict.{name}"]
+        at = None if shot is None else shot + 1
+        own = rule.value if limit is None else limit
+        if refuses is None and rule.refuses is not None:
+            refuses = numbers[f"verdict.{rule.refuses}"].value
+        elif refuses is None and rule.makes == "refused":
+            refuses = own
+        self._seen[name, at] = Check(name, at, float(value), own, refuses, rule.beyond or "above")
+
+    def __iter__(self) -> Iterator[Check]:
+        """In the order in which they were first recorded."""
+        return iter(self._seen.values())
 
 
 @dataclass(frozen=True)
 class Reason:
-    """Why a verdict is not accepted: a code of `camssf.errors`, with the number that decided and its threshold."""
+    """Why a verdict is not accepted.
 
-    code: str
-    message: str
-    advice: str
-    value: float | None = None
-    threshold: float | None = None
+    Attributes:
+        code: of `camssf.errors`.
+        message: what is wrong.
+        advice: what to do next.
+        value, threshold: the number that decided and the bound that it broke; missing if there is none.
+    """
+
+    code: Text
+    message: Text
+    advice: Text
+    value: Number | None = None
+    threshold: Number | None = None
+
+
+def reason_of(error: CalibrationError) -> Reason:
+    """The reason that an error gives."""
+    return Reason(error.code, error.message, error.advice, error.value, error.threshold)
 
 
 class Fatal(Reason):
@@ -36,8 +111,8 @@ class Verdict:
         checks: every number that was compared, whether its limit holds or not; empty if an earlier stage refused.
     """
 
-    status: str
-    reasons: tuple[Reason, ...]
+    status: Annotated[str, Words(("accepted", "doubtful", "refused"))]
+    reasons: tuple[Reason, ...] = ()
     checks: tuple[Check, ...] = field(default=(), compare=False)
 
 

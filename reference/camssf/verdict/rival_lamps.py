@@ -10,10 +10,10 @@ import numpy as np
 
 from camssf.fit.capture_fit import CaptureFit
 from camssf.recovery.basis import basis_of, widened
+from camssf.recovery.evidence import log_evidences
 from camssf.recovery.hypotheses import AUTO, MAKERS_OF
 from camssf.recovery.observation import Observation
 from camssf.recovery.sensitivity import Ssf
-from camssf.recovery.solve import log_evidences
 from camssf.rules import rules
 from camssf.spectra import Lamp, read_lamp
 from camssf.verdict.goodness_of_fit import VerdictInputs
@@ -32,7 +32,7 @@ def weigh(fit: CaptureFit, ssf: Ssf, alone: Sequence[Ssf], new: int | None = Non
     `new` is the number of new shots before those of a previous result; None if there is none.
     """
     fit = fit.with_chart_of(ssf)
-    answered = fit.with_kinds(ssf.light.kinds) if any(fit.unnamed) else fit
+    answered = fit.with_kinds(ssf.kinds) if any(fit.unnamed) else fit
     shots = fit.capture.shots
     rho, tolerance = fit.white_reference()
     inputs = VerdictInputs(
@@ -47,14 +47,15 @@ def weigh(fit: CaptureFit, ssf: Ssf, alone: Sequence[Ssf], new: int | None = Non
     )
     drift = None
     if new is not None:
-        basis = ssf.settings.basis if fit.basis == AUTO else fit.basis
-        drift = drift_probability(inputs, ssf, widened(basis_of(basis), ssf.settings.prior_scale), new)
+        basis = ssf.basis if fit.basis == AUTO else fit.basis
+        drift = drift_probability(inputs, ssf, widened(basis_of(basis), ssf.prior_scale), new)
     return judge(
         inputs,
         ssf,
         rivals=lambda: weigh_rivals(fit, ssf, new),
         neutrals=[
-            [Neutral(_lamp(each.light).values, each.white) for each in shot.photo.colour_matrices] for shot in shots
+            [Neutral(_lamp(matrix.light).values, matrix.white) for matrix in shot.photo.colour_matrices]
+            for shot in shots
         ],
         alone=alone,
         family=next(iter(fit.prior_odds), None) if fit.basis == AUTO else None,
@@ -75,14 +76,14 @@ def weigh_rivals(fit: CaptureFit, ssf: Ssf, new: int | None = None) -> tuple[Riv
         ssf: the answer.
         new: as in `weigh`; the lamps of a previous result are not doubted again.
     """
-    named = [not each for each in fit.unnamed]
-    fit = fit if all(named) else fit.with_kinds(ssf.light.kinds)
+    named = [not light for light in fit.unnamed]
+    fit = fit if all(named) else fit.with_kinds(ssf.kinds)
     capture, used = fit.capture, fit.signals.used
     if ssf.std is None or len(capture.shots) > MOST_SHOTS_COMPARED:
         return ()
-    scale = NARROW if ssf.settings.prior_scale == 1.0 else 1.0  # the learned width for an unfamiliar camera
-    families = sorted({*MAKERS_OF.values(), ssf.settings.basis}) if fit.basis == AUTO else [fit.basis]
-    bases = [widened(basis_of(each), scale) for each in families]
+    scale = NARROW if ssf.prior_scale == 1.0 else 1.0  # the learned width for an unfamiliar camera
+    families = sorted({*MAKERS_OF.values(), ssf.basis}) if fit.basis == AUTO else [fit.basis]
+    bases = [widened(basis_of(family), scale) for family in families]
     beliefs = [np.log(fit.prior_odds.get(MAKERS_OF[basis.name], 1.0)) if len(bases) > 1 else 0.0 for basis in bases]
 
     rivals = [(j, name) for j in range(len(capture.shots[:new])) if named[j] for name in RIVALS]

@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.linalg import solve_triangular
-from scipy.special import expit
 
 from camssf.grid import STEP, WAVELENGTHS, Floats
+from camssf.recovery.arrays import solve_lower
 from camssf.recovery.basis import Basis
-from camssf.recovery.linear_model import anchor
+from camssf.recovery.rows import anchor
 from camssf.recovery.sensitivity import Ssf
 from camssf.rules import rules
-from camssf.verdict.checks import Check
 from camssf.verdict.goodness_of_fit import VerdictInputs, signal_covariance
-from camssf.verdict.reasons import Reason, because
+from camssf.verdict.reasons import Check, Reason, because
 
 STEPS = round(rules().number("verdict.unit_drift_size") / STEP)
 """One standard deviation of a drift, in steps of the grid."""
@@ -55,12 +53,12 @@ def drift_probability(inputs: VerdictInputs, ssf: Ssf, basis: Basis, new: int) -
     used = inputs.signals.used
     r = (inputs.signals.values - ssf.predicted)[used].T.ravel()
     root = np.linalg.cholesky(signal_covariance(inputs, ssf))
-    whitened = solve_triangular(root, np.column_stack([A, d, r]), lower=True)
+    whitened = solve_lower(root, np.column_stack([A, d, r]))
     A, d, r = whitened[:, : A.shape[1]], whitened[:, A.shape[1] : -1], whitened[:, -1]
     free = np.linalg.solve(A.T @ A + np.eye(A.shape[1]), A.T @ d)  # Woodbury: what another code would explain
     g, G = d.T @ r - free.T @ (A.T @ r), np.sum(d**2, axis=0) - np.sum(free * (A.T @ d), axis=0)
     nats = 0.5 * g**2 / (1.0 + G) - 0.5 * np.log1p(G)
-    return float(expit(np.logaddexp.reduce(nats) - np.log(len(nats))))
+    return float(np.exp(-np.logaddexp(0.0, np.log(len(nats)) - np.logaddexp.reduce(nats))))
 
 
 def moves(curve: Floats) -> Floats:
@@ -69,14 +67,14 @@ def moves(curve: Floats) -> Floats:
     whole = np.maximum(at - STEPS, 0)
     long = np.where(at > peak, np.maximum(at - STEPS, peak), at)
     short = np.where(at < peak, whole, at)
-    return np.stack([curve[each] - curve for each in (whole, long, short)])
+    return np.stack([curve[at] - curve for at in (whole, long, short)])
 
 
 def _derivatives(inputs: VerdictInputs, ssf: Ssf) -> tuple[Floats, Floats, Floats]:
     """Of each row the derivative of ŷ by its channel's curve, (R - ŷ ρ_w) L dλ / W, (N, 681); channel; shot."""
     rho, used = inputs.white_reflectance, inputs.signals.used
     shot, patch = np.nonzero(used)
-    power = ssf.light.lamp * STEP  # (k, 681)
+    power = ssf.lamp * STEP  # (k, 681)
     white = (power * rho) @ ssf.values  # (k, 3)
     predicted = ssf.predicted[used].T  # (3, rows)
     rows = (inputs.table.values[patch] - predicted[..., None] * rho) * power[shot] / white[shot].T[..., None]
@@ -89,10 +87,10 @@ def contradiction(joint: Sequence[Check], alone: Sequence[Check]) -> Reason | No
     Args:
         joint, alone: the checks of the answer to all shots, and to the new ones.
     """
-    drift, fit, own = (_check(*each) for each in ((joint, DRIFT), (joint, FIT), (alone, FIT)))
+    drift, fit, own = (_check(*pair) for pair in ((joint, DRIFT), (joint, FIT), (alone, FIT)))
     if drift is not None and _broken(drift):
         return because("drift", drift.value, {"probability": drift.value}, threshold=drift.limit)
-    over = _check(joint, "hopeless")
+    over = _check(joint, "misfit_refuses")
     if fit is None or over is None or not _broken(fit) or (own is not None and _broken(own)):
         return None
     return because("contradiction", fit.value, {"size": float(np.sqrt(over.value))})

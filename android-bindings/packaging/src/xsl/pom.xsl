@@ -23,11 +23,6 @@
   <!-- What only compiling here needs: Android's classes, the desktop's ONNX Runtime, stubs. -->
   <xsl:template match="m:dependency[m:scope = 'provided']" />
 
-  <!-- No public class of ours mentions JSON's: an app's own code is not compiled against them. -->
-  <xsl:template match="m:dependency[m:artifactId = 'kotlinx-serialization-json-jvm']/m:scope">
-    <scope>runtime</scope>
-  </xsl:template>
-
   <!-- camera2 is an AAR, and brings the phone's ONNX Runtime, which no registry of this build has. -->
   <xsl:template match="m:project[m:artifactId = 'camssf-camera2']/m:version">
     <xsl:copy-of select="." />

@@ -65,9 +65,14 @@ def _window(corner: NDArray[np.int64], reach: int) -> tuple[NDArray[np.int64], N
 
 def _shapes(mask: NDArray[np.bool_]) -> list[Blob]:
     """Components (four neighbours) that look like a patch, in reading order of their first pixels."""
-    from scipy import ndimage
+    import cv2
 
-    labels, count = ndimage.label(mask)
+    count, unordered = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4, ltype=cv2.CV_32S)
+    count -= 1
+    numbers, first = np.unique(unordered, return_index=True)
+    order = np.zeros(count + 1, np.int64)
+    order[numbers[numbers > 0][np.argsort(first[numbers > 0])]] = np.arange(1, count + 1)
+    labels = order[unordered]
     area = np.bincount(labels.ravel(), minlength=count + 1)
     fits = (area >= SMALLEST_AREA) & (area * LARGEST_SHARE <= mask.size)
     fits[0] = False  # what is not bright
@@ -78,7 +83,7 @@ def _shapes(mask: NDArray[np.bool_]) -> list[Blob]:
         for w in (np.ones(x.size), x, y, x * x, x * y, y * y)  # whole numbers below 2^53: no rounding in any order
     ]
     n, sx, sy, sxx, sxy, syy = sums
-    found = []
+    shapes = []
     for i in np.flatnonzero(n):
         a = n[i]
         # Pixels are squares, not points: each adds a variance of 1/12 along both axes.
@@ -91,8 +96,8 @@ def _shapes(mask: NDArray[np.bool_]) -> list[Blob]:
         full = a / (12 * np.sqrt(det))
         if FULL[0] <= full <= FULL[1]:
             values = (sx[i] / a, sy[i] / a, a, xx, xy, yy, det)
-            found.append(Blob(*(float(v) for v in values)))
-    return found
+            shapes.append(Blob(*(float(v) for v in values)))
+    return shapes
 
 
 def _new(blob: Blob, kept: list[Blob], cells: dict[tuple[int, int], list[int]]) -> bool:

@@ -56,7 +56,11 @@ def chart_colours() -> tuple[ChartColours, ...]:
     """All kinds of charts that the finder recognises."""
     return tuple(
         ChartColours(
-            name, each["columns"], each["rows"], (each["side"], each["side"]), np.array(each["colours"], np.float64)
+            name,
+            stored["columns"],
+            stored["rows"],
+            (stored["side"], stored["side"]),
+            np.array(stored["colours"], np.float64),
         )
-        for name, each in _stored()["kinds"].items()
+        for name, stored in _stored()["kinds"].items()
     )

@@ -135,15 +135,15 @@ def _neighbours(blobs: list[Blob], i: int) -> list[tuple[float, int]]:
     """(squared distance, index) of the nearest blobs that may be adjacent patches."""
     a = blobs[i]
     reach = NEIGHBOUR[1] * a.det
-    found = []
+    neighbours = []
     for j, b in enumerate(blobs):
         if j == i or b.area > ALIKE * a.area or a.area > ALIKE * b.area:
             continue
         dx, dy = b.x - a.x, b.y - a.y
         far = a.yy * dx * dx - 2 * a.xy * dx * dy + a.xx * dy * dy
         if NEIGHBOUR[0] * a.det <= far <= reach:
-            found.append((far / a.det, j))
-    return sorted(found)[:MOST_NEIGHBOURS]
+            neighbours.append((far / a.det, j))
+    return sorted(neighbours)[:MOST_NEIGHBOURS]
 
 
 def _basis(blobs: list[Blob], near: list[tuple[float, int]], seed: int) -> tuple[float, float, float, float] | None:

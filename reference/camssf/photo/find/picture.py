@@ -1,6 +1,7 @@
-"""Converts any picture to whole numbers from 0 to 4095 on a square-root scale, at the size that is searched.
+"""Reduces a mosaic to a thumbnail in colour, in which charts are refined, and to the picture that is searched.
 
-From these codes to the blobs all numbers are whole, so that Kotlin gives the same result to the last bit.
+The latter holds whole numbers from 0 to 4095 on a square-root scale. From these codes to the blobs all numbers are
+whole, so that Kotlin gives the same result to the last bit.
 """
 
 from __future__ import annotations
@@ -15,6 +16,81 @@ from camssf.errors import InvalidArgument
 from camssf.grid import Floats
 from camssf.photo.find.chart_colours import limit
 from camssf.photo.read.dng import Mosaic
+from camssf.spectra.layouts import ChartLayout
+
+BAND = 64
+"""Rows of the reduced picture that are made at a time."""
+PATCH = 40
+"""Largest size of a patch on the thumbnail of a chart alone, px."""
+
+
+@dataclass(frozen=True)
+class Thumbnail:
+    """A reduced picture: colours (h, w, 3) DN above black, a pixel covers `step` mosaic pixels, from `origin`."""
+
+    colours: NDArray[np.float32]
+    step: int
+    origin: tuple[int, int]
+
+    def to_mosaic(self, points: Floats) -> Floats:
+        """Points of the reduced picture in px of the mosaic."""
+        return np.asarray(self.step * points + (self.step - 1) / 2 + np.array(self.origin))
+
+    def from_mosaic(self, points: Floats) -> Floats:
+        """Points of the mosaic in px of the reduced picture."""
+        return np.asarray((points - (self.step - 1) / 2 - np.array(self.origin)) / self.step)
+
+
+def thumbnail(mosaic: Mosaic, longest: int, box: tuple[int, int, int, int] | None = None) -> Thumbnail:
+    """Mean colours of the CFA cells of `box` (left, top, right, bottom), in square blocks of cells.
+
+    Reads a band of one plane of the CFA at a time, so that little of the mosaic is copied.
+    """
+    import cv2
+
+    height, width = mosaic.samples.shape
+    left, top, right, bottom = box or (0, 0, width, height)
+    left, top = left // 2 * 2, top // 2 * 2
+    rows, columns = (bottom - top) // 2, (right - left) // 2
+    factor = max(1, -(-max(rows, columns) // longest))
+    rows, columns = rows // factor * factor, columns // factor * factor
+    colours = np.zeros((rows // factor, columns // factor, 3), dtype=np.float32)
+    for row in (0, 1):
+        for column in (0, 1):
+            plane = mosaic.samples[top + row :: 2, left + column :: 2][:rows, :columns]
+            if factor > 1:
+                plane = np.concatenate([
+                    cv2.resize(np.ascontiguousarray(band), (columns // factor, len(band) // factor),
+                               interpolation=cv2.INTER_AREA)
+                    for band in np.split(plane, range(factor * BAND, rows, factor * BAND))
+                ])  # fmt: skip
+            letter = mosaic.cfa[2 * row + column]
+            share = 0.5 if letter == "G" else 1.0
+            colours[:, :, "RGB".index(letter)] += share * (
+                plane.astype(np.float32) - np.float32(mosaic.black[row, column])
+            )
+    return Thumbnail(colours, 2 * factor, (left, top))
+
+
+def thumbnail_around(
+    mosaic: Mosaic, corners: Floats, layout: ChartLayout, *, margin: float, extra: float = 0.0
+) -> Thumbnail:
+    """The thumbnail of the corners' bounding box, widened by `margin` of its size and `extra` px on each side."""
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    wider = margin * (high - low) + extra
+    left, top = np.maximum(low - wider, 0).astype(int).tolist()
+    right, bottom = np.minimum(high + wider, np.array(mosaic.samples.shape[::-1])).astype(int).tolist()
+    return thumbnail(mosaic, PATCH * max(layout.columns, layout.rows), (left, top, right, bottom))
+
+
+def brightness(small: Thumbnail) -> Floats:
+    """(h, w) sum over channels of √(signal / its 98th percentile): even noise, and visible dark patches."""
+    tops = np.maximum(np.percentile(small.colours[::4, ::4], 98, axis=(0, 1)), 1.0)
+    total = np.zeros(small.colours.shape[:2])
+    for channel in range(3):
+        total += np.sqrt(np.maximum(small.colours[:, :, channel] / tops[channel], 0))
+    return total
+
 
 LONGEST: int = limit("longest")
 SMALLEST: int = limit("smallest")

@@ -3,20 +3,80 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from camssf.errors import Blurred, ChartNotFound, InvalidArgument
 from camssf.grid import Floats
-from camssf.photo.find.geometry import area, block_corners, convex, homography, map_points, patch_corners, pitch_of
-from camssf.photo.find.refine import refine_corners
+from camssf.photo.find.geometry import (
+    area,
+    block_corners,
+    convex,
+    homography,
+    map_points,
+    patch_corners,
+    pitch_of,
+    refine_corners,
+)
+from camssf.photo.find.picture import brightness, thumbnail_around
 from camssf.photo.find.search import ACCEPT, OWN, Match, matches_in, orient_corners, plain_signals, refine_closely
-from camssf.photo.find.sharpness import WIDEST_EDGE, edge_width
-from camssf.photo.find.thumbnail import brightness, thumbnail_around
 from camssf.photo.read.dng import Mosaic
+from camssf.photo.read.pieces import MAX_SIDE
+from camssf.photo.read.unit import Area
+from camssf.shapes import Bounds, Quad, Quads, Text, Words
 from camssf.spectra import ChartTable
 from camssf.spectra.layouts import ChartLayout
+
+WIDEST_EDGE = 3.5
+"""Standard deviation of the sharpest edges above which a photo is blurred, px. Simulated photos have at most 2.9
+when sharp, and at least 4.1 when blur prevents the search."""
+WINDOW = 33
+"""Side of the neighbourhood of an edge, green samples."""
+CONTRAST = 0.3
+"""Smallest contrast of an edge, relative to the photo's."""
+STEP = 0.3
+"""Smallest contrast of an edge, relative to its bright side above the black level; light falloff is below it."""
+MOST = 1 << 22
+"""Largest number of green samples that is searched for edges: of a larger photo its middle."""
+SIGNAL_TO_NOISE = 20.0
+"""Smallest contrast of an edge, relative to the noise."""
+
+
+def edge_width(mosaic: Mosaic) -> float | None:
+    """Standard deviation of the blur of the sharpest edges, px; None if no edge exceeds the noise.
+
+    Of a photo of more than 4 × MOST samples only the middle is looked at, so that memory is bounded.
+
+    An edge from low to high, blurred by a Gaussian, has the largest slope (high - low) / (σ √(2π)). Noise only makes
+    slopes steeper, so it never makes a sharp photo look blurred.
+    """
+    import cv2
+
+    row, column = divmod(mosaic.cfa.index("G"), 2)
+    samples = mosaic.samples[row::2, column::2]
+    share = min(1.0, (MOST / samples.size) ** 0.5)
+    (top, left), (rows, columns) = (
+        [int(side * part) for side in samples.shape] for part in ((1.0 - share) / 2, share)
+    )
+    samples = samples[top : top + rows, left : left + columns]
+    green = cv2.medianBlur(np.ascontiguousarray(samples), 3).astype(np.float32)
+    light = cv2.GaussianBlur(green, (0, 0), 1.0)
+    across = np.diff(light, axis=1, append=light[:, -1:])
+    down = np.diff(light, axis=0, append=light[-1:])
+    around = np.ones((WINDOW, WINDOW), np.uint8)
+    steepest = cv2.dilate(np.hypot(across, down), around)
+    bright = cv2.dilate(light, around)
+    contrast = bright - cv2.erode(light, around)
+    noise = 1.4826 * float(np.median(np.abs(across)))
+    clear = (contrast > CONTRAST * np.percentile(contrast, 99)) & (contrast > SIGNAL_TO_NOISE * noise)
+    clear &= contrast > STEP * (bright - mosaic.black[row, column])
+    if not clear.any():
+        return None
+    widths = contrast[clear] / steepest[clear] / np.sqrt(2 * np.pi)
+    return 2.0 * float(np.percentile(widths, 2))  # green samples are 2 px apart
+
 
 ACCEPT_BY_HAND = 0.6
 """As `ACCEPT`, for corners given by hand; lower, because the user has identified the chart."""
@@ -32,6 +92,9 @@ LOCKED = 0.6
 
 SMALLEST = 64
 """Smallest side of a photo that can be searched, px."""
+
+CORNERS = "Give four points x,y in pixels of the photo, one after the other around the block of patches."
+FILTERS = "A file may also name its colour filters wrongly: in another order, or quad Bayer (4 × 4) as 2 × 2."
 
 
 @dataclass(frozen=True)
@@ -51,13 +114,13 @@ class Pose:
         notes: messages for the user, e.g. that a second chart was in view.
     """
 
-    layout: str
-    corners: Floats
-    patches: Floats
-    quarter_turns: int
-    method: str
-    score: float
-    notes: tuple[str, ...]
+    layout: Text
+    corners: Quad
+    patches: Quads
+    quarter_turns: Annotated[int, Bounds(0, 3)]
+    method: Annotated[str, Words(("detected", "by hand", "simulated"))]
+    score: Annotated[float, Bounds(-1.0, 1.0)]
+    notes: tuple[Text, ...] = ()
 
 
 def find_chart(mosaic: Mosaic, table: ChartTable, *, corners: ArrayLike | None = None) -> Pose:
@@ -111,8 +174,7 @@ def find_chart(mosaic: Mosaic, table: ChartTable, *, corners: ArrayLike | None =
             f"{mosaic.path}: no chart {table.name!r} was found in the photo.",
             "Let the chart fill more of the frame, tilt it less than 45°, keep its black border in view, in focus "
             "and free of shadows and reflections, and hold the camera still. Check the chart's name, and that chart, "
-            "white and dark frame are not exchanged; a file may also name a wrong order of its colour filters. Else "
-            "mark the block's outer corners by hand.",
+            f"white and dark frame are not exchanged. {FILTERS} Else mark the block's outer corners by hand.",
             value=matches[0].score if matches else 0.0,
             threshold=ACCEPT,
         )
@@ -142,7 +204,8 @@ def _by_hand(mosaic: Mosaic, layout: ChartLayout, expected: Floats, corners: Flo
     if best.score < ACCEPT_BY_HAND:
         raise ChartNotFound(
             f"{mosaic.path}: the colours inside the corners given by hand do not agree with the chart.",
-            "Give the outer corners of the block of patches, one after the other, and check the chart's name.",
+            "Give the outer corners of the block of patches, one after the other, and check the chart's name. "
+            f"{FILTERS}",
             value=best.score,
             threshold=ACCEPT_BY_HAND,
         )
@@ -165,22 +228,43 @@ def _starts(around: Floats, layout: ChartLayout) -> list[Floats]:
     return starts
 
 
-def _checked(corners: ArrayLike, mosaic: Mosaic) -> Floats:
-    """Corners given by hand as an array; raises InvalidArgument if they are invalid."""
-    advice = "Give four points x,y in pixels of the photo, one after the other around the block of patches."
+def chart_area(corners: ArrayLike) -> Area:
+    """The part of a photo in which a chart with these corners is refined and measured.
+
+    The corners' bounding box, widened by 15 % and 8 px on each side; it may extend beyond the photo.
+
+    Raises:
+        InvalidArgument: not four points.
+    """
+    points = _points(corners)
+    low, high = points.min(axis=0), points.max(axis=0)
+    margin = 0.15 * (high - low) + 8.0
+    left, top = (np.clip(low - margin, 0.0, MAX_SIDE).astype(int) // 2 * 2).tolist()
+    right, bottom = np.clip(high + margin, 1.0, MAX_SIDE).astype(int).tolist()
+    return top, left, bottom, right
+
+
+def _points(corners: ArrayLike) -> Floats:
+    """Four points as an array (4, 2); raises InvalidArgument if they are not."""
     try:
         points = np.asarray(corners, dtype=np.float64)
     except (TypeError, ValueError):
-        raise InvalidArgument("The corners are not numbers.", advice) from None
+        raise InvalidArgument("The corners are not numbers.", CORNERS) from None
     if points.shape != (4, 2):
-        raise InvalidArgument(f"The corners have the shape {points.shape}, not four points of two.", advice)
+        raise InvalidArgument(f"The corners have the shape {points.shape}, not four points of two.", CORNERS)
     if not np.isfinite(points).all():
-        raise InvalidArgument("A number of the corners is not finite.", advice)
+        raise InvalidArgument("A number of the corners is not finite.", CORNERS)
+    return points
+
+
+def _checked(corners: ArrayLike, mosaic: Mosaic) -> Floats:
+    """Corners given by hand as an array; raises InvalidArgument if they are invalid."""
+    points = _points(corners)
     limit = np.array(mosaic.samples.shape[::-1]) - 1
     if np.any(points < 0) or np.any(points > limit):
-        raise InvalidArgument(f"A corner lies outside the photo of {limit[0] + 1} × {limit[1] + 1} px.", advice)
+        raise InvalidArgument(f"A corner lies outside the photo of {limit[0] + 1} × {limit[1] + 1} px.", CORNERS)
     if not convex(points):
-        raise InvalidArgument("The corners do not go around a convex quadrilateral.", advice)
+        raise InvalidArgument("The corners do not go around a convex quadrilateral.", CORNERS)
     return points
 
 

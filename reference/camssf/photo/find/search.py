@@ -1,7 +1,8 @@
 """Searches a mosaic for grids of patches that may be the chart, and orients each by its colours.
 
-camssf's own finder (`sightings`) proposes, and OpenCV's cv2.mcc (`opencv`) if the finder's best is not sure.
-`refine_corners` moves each proposal to the printed borders, and `agreement` compares its colours with the table's.
+camssf's own finder (`candidates`) proposes, and OpenCV's cv2.mcc (`opencv_proposals`) if the finder's best is not
+sure. `refine_corners` moves each proposal to the printed borders, and `agreement` compares its colours with the
+table's.
 """
 
 from __future__ import annotations
@@ -10,18 +11,71 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.photo.find.candidates import find_candidates
 from camssf.photo.find.chart_colours import ChartColours
-from camssf.photo.find.geometry import area, block_corners, homography, map_points
-from camssf.photo.find.opencv import opencv_proposals
-from camssf.photo.find.picture import codes_of_mosaic
-from camssf.photo.find.refine import WINDOWS, refine_corners
-from camssf.photo.find.sightings import find_sightings
-from camssf.photo.find.thumbnail import Thumbnail, brightness, thumbnail, thumbnail_around
+from camssf.photo.find.geometry import WINDOWS, area, block_corners, convex, homography, map_points, refine_corners
+from camssf.photo.find.picture import Thumbnail, brightness, codes_of_mosaic, thumbnail, thumbnail_around
 from camssf.photo.read.dng import Mosaic
 from camssf.spectra import ChartTable
 from camssf.spectra.layouts import ChartLayout
+
+ATTEMPTS: tuple[tuple[int, int, bool], ...] = ((1000, 0, False), (1000, 1000, False), (1600, 0, True))
+"""Longest side of the thumbnail, px; smallest picture for cv2.mcc (it enlarges others); whether contrast is
+equalised."""
+
+SMALLEST = 32
+"""Smallest side of a picture for cv2.mcc, px."""
+
+
+def opencv_proposals(
+    mosaic: Mosaic, layout: ChartLayout, _expected: Floats
+) -> Iterator[tuple[Thumbnail, list[Floats]]]:
+    """A thumbnail for each attempt, and the quadrilaterals (4, 2) in it that cv2.mcc accepts as such a chart.
+
+    cv2.mcc knows no layout of the user's own.
+    """
+    if not layout.shipped:
+        return
+    for longest, smallest, equalise in ATTEMPTS:
+        small = thumbnail(mosaic, longest)
+        yield small, _quads(_rendered(small.colours, equalise), layout, smallest)
+
+
+def _rendered(colours: NDArray[np.float32], equalise: bool) -> NDArray[np.uint8]:
+    """8-bit BGR picture: each channel relative to its 98th percentile, gamma 2.2."""
+    import cv2
+
+    tops = np.maximum(np.percentile(colours[::4, ::4], 98, axis=(0, 1)), 1.0).astype(np.float32)
+    shown = np.clip(colours / tops, 0, 1) ** np.float32(1 / 2.2)
+    picture = np.ascontiguousarray((255 * shown[:, :, ::-1]).astype(np.uint8))
+    if equalise:
+        tiles = cv2.createCLAHE(clipLimit=4.0, tileGridSize=(8, 8))
+        picture = cv2.merge([tiles.apply(plane) for plane in cv2.split(picture)])
+    return picture
+
+
+def _quads(picture: NDArray[np.uint8], layout: ChartLayout, smallest: int) -> list[Floats]:
+    import cv2
+
+    if min(picture.shape[:2]) < SMALLEST:
+        return []
+    detector = cv2.mcc.CCheckerDetector.create()
+    options = cv2.mcc.DetectorParametersMCC()
+    options.minImageSize = smallest
+    detector.setDetectionParams(options)
+    detector.setColorChartType(cv2.mcc.SG140 if layout.columns == 14 else cv2.mcc.MCC24)
+    try:
+        if not detector.process(picture, 4):
+            return []
+        checkers = detector.getListColorChecker()
+    except cv2.error:  # it fails on some pictures; the next attempt may work
+        return []
+    quads = [np.array(c.getBox(), dtype=np.float64) for c in checkers]
+    return [quad for quad in quads if quad.shape == (4, 2) and np.isfinite(quad).all() and convex(quad)]
+
 
 ACCEPT = 0.75
 """Correlation with the table's colours from which a grid of patches is accepted as the chart."""
@@ -33,7 +87,7 @@ REFINE = 0.3
 """Agreement from which a proposal is refined."""
 
 LONGEST = 1000
-"""Longest side of the thumbnail on which the finder's sightings are refined, px."""
+"""Longest side of the thumbnail on which the finder's candidates are refined, px."""
 
 
 @dataclass(frozen=True)
@@ -65,10 +119,12 @@ def own_proposals(mosaic: Mosaic, layout: ChartLayout, expected: Floats) -> Iter
     """
     kinds = None if layout.shipped else (own_kind(layout, expected),)
     size = layout.columns * layout.rows
-    corners = [s.corners for s in find_sightings(codes_of_mosaic(mosaic), kinds).sightings if len(s.patches) == size]
+    corners = [
+        s.corners for s in find_candidates(codes_of_mosaic(mosaic), kinds).candidates if len(s.patches) == size
+    ]
     if corners:
         small = thumbnail(mosaic, LONGEST)
-        yield small, [small.from_mosaic(each) for each in corners]
+        yield small, [small.from_mosaic(corner) for corner in corners]
 
 
 def own_kind(layout: ChartLayout, expected: Floats) -> ChartColours:
@@ -87,8 +143,8 @@ def matches_in(
     matches: list[Match] = []
     for detector in detectors:
         for small, quads in detector.proposals(mosaic, layout, expected):
-            found = [_refined_match(small, quad, layout, expected) for quad in quads]
-            matches += [replace(match, detector=detector.name) for match in found]
+            refined = [_refined_match(small, quad, layout, expected) for quad in quads]
+            matches += [replace(match, detector=detector.name) for match in refined]
             matches.sort(key=lambda m: -m.score)
             if matches and matches[0].score >= detector.enough:
                 return matches

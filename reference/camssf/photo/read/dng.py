@@ -20,14 +20,13 @@ from numpy.typing import NDArray
 from camssf.errors import NotSensorRaw, OutOfMemory, UnreadableRaw, UnsupportedRaw
 from camssf.files import local
 from camssf.grid import Floats
-from camssf.photo.read.colour_matrix import ColourMatrix, colour_matrix
-from camssf.photo.read.gain_maps import GainMap, read_gain_maps
+from camssf.photo.read.colour_matrix import ColourMatrix, colour_matrix, no_light
+from camssf.photo.read.gain_maps import GAIN_MAP, HARMLESS, OPCODES, GainMap, read_gain_map, read_opcodes
 from camssf.photo.read.pieces import DEFLATE, LOSSLESS_JPEG, MAX_SIDE, PLAIN, Picture, decode, picture_of
 from camssf.photo.read.tiff import CONVERT, NO_DNG, Directory, Tiff
 from camssf.photo.read.unit import Area, Unit, unit_of
 
 CFA_ORDERS = ("RGGB", "GRBG", "GBRG", "BGGR")
-MAX_SAMPLES = 1 << 29
 
 RAW_MODE = "Photograph in the camera's plain RAW (DNG) mode, without merging, and try again."
 
@@ -61,6 +60,7 @@ class Mosaic:
         as_shot_neutral: (3,) or None.
         sha256: of the file, hex; for a picture, of its bytes followed by its sidecar's.
         colour_matrices: with the camera's own calibration and gains, each with its illuminant.
+        matrices_left_out: which matrices of the file are not among them, and why; "" if none.
         unit: the physical camera and its lens, as far as the file names them.
         active_area: top, left, bottom, right in the stored picture; None if there was no file.
         levels: source of pattern, black and white level, in words; "" if they are a DNG's own tags.
@@ -87,6 +87,7 @@ class Mosaic:
     active_area: Area | None = None
     levels: str = ""
     unique_model: str = ""
+    matrices_left_out: str = ""
 
     @property
     def gain_map(self) -> bool:
@@ -94,12 +95,18 @@ class Mosaic:
         return bool(self.gain_maps)
 
 
-def read_dng(path: str | Path) -> Mosaic:
-    """Read the raw frame of a DNG file.
+def read_dng(path: str | Path, part: Area | None = None, rest: bool = False) -> Mosaic:
+    """Read the raw frame of a DNG file, or only a `part` of its active area and, if it is sound, the `rest`.
 
     The samples are those of the active area (tag 50829), after the file's LinearizationTable; black and white level
     are on that scale. A black level with a repeat pattern larger than 2 × 2, or with row and column deltas
     (tags 50713 to 50716), is averaged for each cell position.
+
+    Args:
+        path: of the file.
+        part: top, left, bottom, right: decode only the strips and tiles that this part of the active area touches.
+            Samples outside it are 0, and damage in other strips and tiles is not seen.
+        rest: decode these as well, and leave those that are damaged 0.
 
     Raises:
         UnreadableRaw: missing, empty, truncated, damaged, or not a raw file at all.
@@ -110,9 +117,9 @@ def read_dng(path: str | Path) -> Mosaic:
     file = local(path)
     try:
         with file.open("rb") as stream:
-            found = _parse(Tiff(file, stream))
+            mosaic = _parse(Tiff(file, stream), part, rest)
             stream.seek(0)
-            return replace(found, sha256=hashlib.file_digest(stream, "sha256").hexdigest())
+            return replace(mosaic, sha256=hashlib.file_digest(stream, "sha256").hexdigest())
     except IsADirectoryError as error:
         raise UnreadableRaw(f"{file} is a folder.", "Name a DNG file.") from error
     except FileNotFoundError as error:
@@ -152,14 +159,15 @@ def shading(mosaic: Mosaic, x: float, y: float) -> Floats:
     return factors
 
 
-def _parse(tiff: Tiff) -> Mosaic:
+def _parse(tiff: Tiff, part: Area | None, rest: bool) -> Mosaic:
     """The mosaic, still without its hash."""
     raw = _raw_directory(tiff)
     picture = _picture(tiff, raw)
     cfa, black, white = _cfa(tiff, raw), _black(tiff, raw, picture), _white(tiff, raw, picture)
     gain_maps = _gain_maps(tiff, raw)
-    samples = decode(tiff, picture, _linearization(tiff, raw))
+    samples = decode(tiff, picture, _linearization(tiff, raw), part, rest)
     first, exif = tiff.main[0], tiff.exif()
+    matrices, matrices_left_out = _colour_matrices(tiff, first)
     _check_others(tiff, raw, exif)
     orientation = tiff.one(first, 274, 1)
     return Mosaic(
@@ -178,7 +186,8 @@ def _parse(tiff: Tiff) -> Mosaic:
         color_matrix2=_matrix(tiff, first, 50722),
         as_shot_neutral=_neutral(tiff, first),
         sha256="",
-        colour_matrices=_colour_matrices(tiff, first),
+        colour_matrices=matrices,
+        matrices_left_out=matrices_left_out,
         unit=unit_of(tiff, exif),
         active_area=picture.area,
         unique_model=tiff.text(first, 50708),
@@ -189,18 +198,18 @@ def _raw_directory(tiff: Tiff) -> Directory:
     """The directory of the largest full-resolution mosaic."""
     version = tiff.raw_bytes(tiff.main[0], 50706)
     if not version:
-        if any(32803 in tiff.whole(each, 262)[:1] for each in tiff.all):
+        if any(32803 in tiff.whole(directory, 262)[:1] for directory in tiff.all):
             raise UnsupportedRaw(f"{tiff.file} {NO_DNG}", CONVERT)
         raise UnreadableRaw(
             f"{tiff.file} is a TIFF picture, not a DNG.", "Give the camera's RAW photo as DNG, not a picture."
         )
     if version[0] != 1:
         raise UnsupportedRaw(f"{tiff.file} has DNG version {version[0]}.", CONVERT)
-    full = [each for each in tiff.all if tiff.one(each, 254, 0) == 0]
-    mosaics = [each for each in full if tiff.one(each, 262, -1) == 32803]
+    full = [directory for directory in tiff.all if tiff.one(directory, 254, 0) == 0]
+    mosaics = [directory for directory in full if tiff.one(directory, 262, -1) == 32803]
     if mosaics:
         return max(mosaics, key=lambda each: tiff.one(each, 256, 0) * tiff.one(each, 257, 0))
-    if any(tiff.one(each, 262, -1) == 34892 for each in full):
+    if any(tiff.one(directory, 262, -1) == 34892 for directory in full):
         raise NotSensorRaw(f"{tiff.file} is a linear DNG: its samples are demosaiced, not the sensor's.", RAW_MODE)
     raise UnsupportedRaw(f"{tiff.file} holds no mosaic of sensor samples.", RAW_MODE)
 
@@ -208,7 +217,7 @@ def _raw_directory(tiff: Tiff) -> Directory:
 def _picture(tiff: Tiff, raw: Directory) -> Picture:
     """Check size, coding, active area and pieces of the stored picture."""
     width, height = tiff.one(raw, 256, 0), tiff.one(raw, 257, 0)
-    if not (2 <= width <= MAX_SIDE and 2 <= height <= MAX_SIDE and width * height <= MAX_SAMPLES):
+    if not (2 <= width <= MAX_SIDE and 2 <= height <= MAX_SIDE):
         raise tiff.damaged(f"a picture of {width} × {height} samples")
     bits, samples = tiff.whole(raw, 258) or [1], tiff.one(raw, 277, 1)
     if samples != 1 or len(bits) != 1:
@@ -296,14 +305,22 @@ def _linearization(tiff: Tiff, raw: Directory) -> NDArray[np.uint16] | None:
 
 
 def _gain_maps(tiff: Tiff, raw: Directory) -> tuple[GainMap, ...]:
-    """The gain maps of the three opcode lists."""
-    found: list[GainMap] = []
+    """The gain maps of the three opcode lists; refuses other opcodes that may not be skipped."""
+    maps: list[GainMap] = []
     for stage, tag in enumerate((51008, 51009, 51022), 1):
         try:
-            found += read_gain_maps(tiff.raw_bytes(raw, tag), stage)
+            for number, optional, data in read_opcodes(tiff.raw_bytes(raw, tag)):
+                if number == GAIN_MAP:
+                    maps.append(read_gain_map(data, stage))
+                elif number not in HARMLESS and not optional:
+                    name = f"opcode {number} ({OPCODES.get(number, 'unknown')})"
+                    raise UnsupportedRaw(
+                        f"{tiff.file} requires {name} of opcode list {stage}, which camssf does not apply.",
+                        "Without it the file's values may be wrong. Give a plain DNG, from another app or converter.",
+                    )
         except ValueError as error:
             raise tiff.damaged(f"opcode list {tag} {error}") from error
-    return tuple(found)
+    return tuple(maps)
 
 
 def _positive(tiff: Tiff, directories: tuple[Directory, ...], tag: int) -> float | None:
@@ -322,14 +339,25 @@ def _matrix(tiff: Tiff, first: Directory, tag: int) -> Floats | None:
     return values.reshape(3, 3)
 
 
-def _colour_matrices(tiff: Tiff, first: Directory) -> tuple[ColourMatrix, ...]:
-    gains = tiff.numbers(first, 50727)
+def _colour_matrices(tiff: Tiff, first: Directory) -> tuple[tuple[ColourMatrix, ...], str]:
+    """The usable colour matrices, and in words which were left out and why."""
+    gains, neutral = tiff.numbers(first, 50727), _neutral(tiff, first)
     balance = gains if gains is not None and gains.size == 3 and np.isfinite(gains).all() else None
-    found = (
-        colour_matrix(tiff.one(first, light, 0), _matrix(tiff, first, matrix), _matrix(tiff, first, own), balance)
-        for matrix, own, light in ((50721, 50723, 50778), (50722, 50724, 50779))
-    )
-    return tuple(each for each in found if each is not None)
+    matrices, why = [], []
+    for number, tag, own, light in ((1, 50721, 50723, 50778), (2, 50722, 50724, 50779)):
+        matrix = _matrix(tiff, first, tag)
+        if matrix is None:
+            continue
+        try:
+            matrices.append(colour_matrix(tiff.one(first, light, 0), matrix, _matrix(tiff, first, own), balance))
+        except ValueError as error:
+            why.append(f"ColorMatrix{number} was left out: it {error}")
+    if neutral is not None and no_light(neutral, matrices):
+        matrices, why = (
+            [],
+            [*why, "the colour matrices were left out: with them AsShotNeutral is the white of no lamp"],
+        )
+    return tuple(matrices), "; ".join(why)
 
 
 def _neutral(tiff: Tiff, first: Directory) -> Floats | None:

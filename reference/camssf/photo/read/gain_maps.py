@@ -1,4 +1,4 @@
-"""Reads the gain maps in the opcode lists of a DNG (DNG Specification 1.7, chapter 7).
+"""Reads the opcode lists of a DNG and the gain maps in them (DNG Specification 1.7, chapter 7).
 
 A gain map holds the lens shading that a phone measured but did not correct. Lists are big-endian in every file.
 """
@@ -6,6 +6,7 @@ A gain map holds the lens shading that a phone measured but did not correct. Lis
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,15 @@ import numpy as np
 from camssf.grid import Floats
 
 GAIN_MAP = 9
+OPTIONAL = 1
+"""Flag of an opcode that a reader may skip."""
+HARMLESS = frozenset((1, 2, 3, 4, 5, 6, GAIN_MAP, 14))
+"""Opcodes that may be left out even if the file requires them: docs/raw.md says why."""
+OPCODES = {
+    7: "MapTable", 8: "MapPolynomial",
+    10: "DeltaPerRow", 11: "DeltaPerColumn", 12: "ScalePerRow", 13: "ScalePerColumn",
+}  # fmt: skip
+"""Names of the opcodes that change the samples' values."""
 _HEAD = struct.Struct(">10I4dI")
 _HUGE = 1 << 24
 """A map with more points than this is treated as damaged."""
@@ -65,29 +75,32 @@ class GainMap:
         return float(first * (1.0 - q) + second * q)
 
 
-def read_gain_maps(data: bytes, stage: int) -> tuple[GainMap, ...]:
-    """The gain maps of an opcode list, in its order; other opcodes are skipped.
+def read_opcodes(data: bytes) -> Iterator[tuple[int, bool, bytes]]:
+    """The opcodes of a list, in its order: number, whether a reader may skip it, and parameters.
 
     Raises:
-        ValueError: the list ends early, or a map breaks the format; the message completes "opcode list N ...".
+        ValueError: the list ends early; the message completes "opcode list N ...".
     """
     if not data:
-        return ()
-    found, place = [], 4
+        return
+    place = 4
     try:
         for _ in range(struct.unpack_from(">I", data)[0]):
-            number, _version, _flags, length = struct.unpack_from(">4I", data, place)
+            number, _version, flags, length = struct.unpack_from(">4I", data, place)
             place += 16 + length
             if place > len(data):
                 raise ValueError("ends early")
-            if number == GAIN_MAP:
-                found.append(_gain_map(data[place - length : place], stage))
+            yield number, bool(flags & OPTIONAL), data[place - length : place]
     except struct.error:
         raise ValueError("ends early") from None
-    return tuple(found)
 
 
-def _gain_map(data: bytes, stage: int) -> GainMap:
+def read_gain_map(data: bytes, stage: int) -> GainMap:
+    """The gain map with these parameters, of opcode list `stage`.
+
+    Raises:
+        ValueError: it breaks the format; the message completes "opcode list N ...".
+    """
     if len(data) < _HEAD.size:
         raise ValueError("holds a gain map that ends early")
     *area, v, h, step_v, step_h, from_v, from_h, p = _HEAD.unpack_from(data)

@@ -17,6 +17,8 @@ from camssf.errors import UnsupportedRaw
 from camssf.photo.read.tiff import CONVERT, Tiff
 
 END = b"\xff\xd9"
+CHECKED = 1 << 20
+"""Samples that are coded again at a time."""
 LAST = 8
 """Number of last samples whose coded bits are compared."""
 
@@ -90,28 +92,40 @@ class Jpeg:
         if tiff.raw_bytes(tiff.main[0], 50706)[1:2] < b"\1" and any(16 in codes.of for codes in self.codes):
             return
         n = len(self.codes)
-        if int(samples.max()) >> self.precision:
-            raise tiff.damaged(f"its JPEG data leave {self.precision} bits")
-        guess = np.empty_like(samples)
-        guess[0, :n] = 1 << (self.precision - 1)
-        guess[0, n:] = samples[0, :-n]
-        guess[1:, :n] = samples[:-1, :n]
-        guess[1:, n:] = _predicted(self.predictor, samples[1:, :-n], samples[:-1, n:], samples[:-1, :-n])
-        differences = np.subtract(samples, guess, out=guess)  # modulo 2^16, as they are coded
-        taken = [codes.lengths[differences[:, c::n]] for c, codes in enumerate(self.codes)]
-        bits = sum(int(each.sum(dtype=np.int64)) for each in taken)
+        bits, last = 0, list[int]()
+        for start in range(0, len(samples), some := max(1, CHECKED // self.width)):
+            block = samples[start : start + some]
+            if int(block.max()) >> self.precision:
+                raise tiff.damaged(f"its JPEG data leave {self.precision} bits")
+            differences = self._differences(samples, start, start + len(block))
+            taken = [codes.lengths[differences[:, c::n]] for c, codes in enumerate(self.codes)]
+            if not all(lengths.all() for lengths in taken):
+                raise tiff.damaged("a code in its JPEG data is in no table, or they end early")
+            bits += sum(int(lengths.sum(dtype=np.int64)) for lengths in taken)
+            last = (last + differences.ravel()[-LAST:].tolist())[-LAST:]
         used = -(-bits // 8)
         coded = part.content[part.start : -len(END)].replace(b"\xff\0", b"\xff")
-        if used > len(coded) or not all(each.all() for each in taken):
+        if used > len(coded):
             raise tiff.damaged("a code in its JPEG data is in no table, or they end early")
-        last = differences.ravel()[-LAST:].tolist()
-        first = differences.size - len(last)
+        first = samples.size - len(last)
         text = "".join(self.codes[(first + i) % n].text(value) for i, value in enumerate(last))
         tail = "".join(f"{byte:08b}" for byte in coded[used - len(text) // 8 - 2 : used])[: bits - 8 * used or None]
         if not tail.endswith(text):
             raise tiff.damaged("its JPEG data end early")
         if coded[used:].strip(b"\0"):
             raise tiff.damaged("its JPEG data go on too long")
+
+    def _differences(self, samples: Samples, start: int, stop: int) -> Samples:
+        """What is coded of the lines from `start` to `stop`: the differences from their predictions, modulo 2^16."""
+        n, block, first = len(self.codes), samples[start:stop], 0 if start else 1
+        guess = np.empty_like(block)
+        if first:
+            guess[0, :n] = 1 << (self.precision - 1)
+            guess[0, n:] = block[0, :-n]
+        above = samples[start + first - 1 : stop - 1]
+        guess[first:, :n] = above[:, :n]
+        guess[first:, n:] = _predicted(self.predictor, block[first:, :-n], above[:, n:], above[:, :-n])
+        return np.subtract(block, guess, out=guess)
 
 
 def _predicted(predictor: int, a: Samples, b: Samples, c: Samples) -> Samples:
@@ -205,7 +219,7 @@ def _check_frame(tiff: Tiff, body: bytes) -> None:
 
 def _tables(tiff: Tiff, body: bytes) -> dict[int, dict[int, str]]:
     """Huffman tables of a segment, by their number: the code of each category. T.81 B.2.4.2."""
-    found = {}
+    tables = {}
     while body:
         counts = body[1:17]
         codes = sum(counts)
@@ -219,9 +233,9 @@ def _tables(tiff: Tiff, body: bytes) -> dict[int, dict[int, str]]:
             code = (code + count) << 1
         if full or len(set(categories)) < codes or max(categories, default=0) > 16:
             raise tiff.damaged("a JPEG's Huffman table")
-        found[body[0]] = dict(zip(categories, words, strict=True))
+        tables[body[0]] = dict(zip(categories, words, strict=True))
         body = body[17 + codes :]
-    return found
+    return tables
 
 
 def _scan(

@@ -11,17 +11,23 @@ import io
 import struct
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from camssf.errors import UnreadableRaw, UnsupportedRaw
+from camssf.errors import RawError, UnreadableRaw, UnsupportedRaw
 from camssf.photo.read.jpeg import Jpeg, read_jpeg
-from camssf.photo.read.tiff import CONVERT, COPY_AGAIN, Directory, Tiff
+from camssf.photo.read.tiff import CONVERT, COPY_AGAIN, Directory, Tiff, damaged
+from camssf.photo.read.unit import Area
 
 PLAIN, LOSSLESS_JPEG, DEFLATE = 1, 7, 8
 MAX_SIDE, MAX_PIECES = 65535, 1 << 16
+MAX_SAMPLES = 220_000_000
+"""Largest number of samples of a photo (SECURITY.md); phones' largest mosaics have 201 million."""
 MAX_DEFLATE = 1032
 """Largest compression ratio of deflate."""
 CHUNK = 1 << 18
@@ -30,6 +36,11 @@ STACK = 1 << 24
 """Largest number of samples that LibRaw decodes at a time, unless one JPEG has more."""
 TALLEST, SMALLEST = 60000, 22
 """Largest height and smallest side of a picture that LibRaw accepts."""
+
+MAX_TABLES = 1 << 16
+"""Bytes allowed for a JPEG's headers; its samples take less than twice their plain size."""
+PAIRS = 64
+"""Pairs of rows that are compared to tell whether rows are padded."""
 
 Samples = NDArray[np.uint16]
 
@@ -46,7 +57,8 @@ class Picture:
         area: the active area: top, left, bottom, right.
         tiled: True for tiles, padded at the edges; False for strips, of which the last may have fewer rows.
         piece_width, piece_height: samples of a piece.
-        offsets, counts: position and length of each piece in the file, bytes.
+        offsets, ends: first byte of each piece in the file, and the byte behind its last.
+        stride: bytes from row to row of an uncompressed piece.
     """
 
     width: int
@@ -54,17 +66,22 @@ class Picture:
     bits: int
     compression: int
     differences: bool
-    area: tuple[int, int, int, int]
+    area: Area
     tiled: bool
     piece_width: int
     piece_height: int
     offsets: list[int]
-    counts: list[int]
+    ends: list[int]
+    stride: int
 
     @property
     def row_bytes(self) -> int:
         """Bytes of an unpacked row of a piece."""
         return -(-self.piece_width * self.bits // 8)
+
+    def order(self, tiff: Tiff) -> str:
+        """Byte order of the samples: packed ones have the highest bit first in every file."""
+        return tiff.order if self.bits == 16 else ">"
 
     def rows(self, number: int) -> int:
         """Number of rows stored in piece `number`."""
@@ -76,16 +93,32 @@ class Picture:
         return number // across * self.piece_height, number % across * self.piece_width
 
 
-def picture_of(
-    tiff: Tiff, raw: Directory, size: tuple[int, int], coding: tuple[int, int], area: tuple[int, int, int, int]
-) -> Picture:
+def check_size(name: str | Path, width: int, height: int) -> None:
+    """Check the number of samples of a photo before they are decoded.
+
+    Raises:
+        UnreadableRaw: a side that no photo has.
+        UnsupportedRaw: more than MAX_SAMPLES.
+    """
+    if not (2 <= width <= MAX_SIDE and 2 <= height <= MAX_SIDE):
+        raise damaged(name, f"a picture of {width} × {height} samples")
+    if width * height > MAX_SAMPLES:
+        raise UnsupportedRaw(
+            f"{name} holds a picture of {width} × {height} samples; camssf reads up to "
+            f"{MAX_SAMPLES // 1_000_000} million.",
+            "Photograph at the sensor's ordinary resolution: 12 megapixels are enough.",
+        )
+
+
+def picture_of(tiff: Tiff, raw: Directory, size: tuple[int, int], coding: tuple[int, int], area: Area) -> Picture:
     """Read the layout of a picture and check it against the file's size.
 
-    `size` is (width, height), `coding` is (bits, compression).
+    `size` is (width, height), `coding` is (bits, compression). Like LibRaw, it does not trust the byte counts, which
+    some writers compute wrongly: a piece reaches to the next piece or directory, or to the file's end.
 
     Raises:
         UnreadableRaw: the pieces cannot hold the picture.
-        UnsupportedRaw: a form of deflate that camssf does not read.
+        UnsupportedRaw: a form of deflate that camssf does not read, or too many samples.
     """
     (width, height), (bits, compression) = size, coding
     tiled = 322 in raw or 323 in raw
@@ -104,9 +137,14 @@ def picture_of(
             raise tiff.damaged(f"{tiff.count(raw, tag)} pieces of data instead of {pieces}")
     differences = _differences(tiff, raw, bits, compression)
     offsets, counts = (tiff.whole(raw, tag) for tag in tags)
-    found = Picture(width, height, bits, compression, differences, area, tiled, across, down, offsets, counts)
-    _check_extent(tiff, found)
-    return found
+    row_bytes = -(-across * bits // 8)
+    picture = Picture(
+        width, height, bits, compression, differences, area, tiled, across, down, offsets, _ends(tiff, offsets),
+        row_bytes,
+    )  # fmt: skip
+    _check_extent(tiff, picture)
+    check_size(tiff.file, width, height)
+    return replace(picture, stride=_stride(tiff, picture, counts))
 
 
 def _differences(tiff: Tiff, raw: Directory, bits: int, compression: int) -> bool:
@@ -119,68 +157,165 @@ def _differences(tiff: Tiff, raw: Directory, bits: int, compression: int) -> boo
     return predictor == 2
 
 
+def _ends(tiff: Tiff, offsets: list[int]) -> list[int]:
+    """The byte behind each piece's last: the next piece or directory, or the file's end."""
+    following = dict(pairwise(sorted({*offsets, *tiff.places, tiff.size})))
+    return [following.get(at, tiff.size) for at in offsets]
+
+
 def _check_extent(tiff: Tiff, picture: Picture) -> None:
-    """Raise unless every piece lies in the file and can hold its samples, and all fit into the file together."""
-    for number, (at, count) in enumerate(zip(picture.offsets, picture.counts, strict=True)):
-        if at < 8 or count < 1 or at + count > tiff.size:
-            raise tiff.damaged(f"its samples end at byte {at + count} of {tiff.size}")
+    """Raise unless every piece can hold its samples."""
+    if len(set(picture.offsets)) < len(picture.offsets):  # otherwise a small file could request much memory
+        raise tiff.damaged("its pieces of data overlap")
+    for number, (at, end) in enumerate(zip(picture.offsets, picture.ends, strict=True)):
         rows = picture.rows(number)
         least = {
             PLAIN: rows * picture.row_bytes,
             LOSSLESS_JPEG: -(-rows * picture.piece_width // 8),  # at least one bit a sample
-            DEFLATE: rows * picture.row_bytes // MAX_DEFLATE,
+            DEFLATE: max(1, rows * picture.row_bytes // MAX_DEFLATE),
         }[picture.compression]
-        if count < least:
+        if at < 8 or at >= tiff.size:
+            raise tiff.damaged(f"its samples end at byte {at + least} of {tiff.size}")
+        if at + least > end:
             raise tiff.damaged(f"piece {number} of its data is too short")
-    if sum(picture.counts) > tiff.size:  # otherwise a small file could request much memory
-        raise tiff.damaged("its pieces of data overlap")
 
 
-def decode(tiff: Tiff, picture: Picture, table: Samples | None) -> Samples:
+def _stride(tiff: Tiff, picture: Picture, counts: list[int]) -> int:
+    """Bytes from row to row: more than a row's own if the byte counts allow for padding and the samples show it.
+
+    Neighbouring rows of one colour resemble each other if they are read with the right stride.
+    """
+    plain, rows = picture.row_bytes, picture.rows(0)
+    padded = counts[0] // rows
+    fits = all(
+        count in (picture.rows(number) * padded, picture.piece_height * padded)
+        and picture.offsets[number] + picture.rows(number) * padded <= picture.ends[number]
+        for number, count in enumerate(counts)
+    )
+    if picture.compression != PLAIN or padded <= plain or not fits or rows < 3:
+        return plain
+    steps = range(0, rows - 2, max(1, (rows - 2) // PAIRS))
+    if 10 * _unlike(tiff, picture, padded, steps) < 9 * _unlike(tiff, picture, plain, steps):
+        return padded
+    return plain
+
+
+def _unlike(tiff: Tiff, picture: Picture, stride: int, steps: range) -> int:
+    """Sum of absolute differences between rows of the first piece and the rows two below."""
+
+    def row(y: int) -> NDArray[np.int64]:
+        data = tiff.bytes_at(picture.offsets[0] + y * stride, picture.row_bytes)
+        return unpacked(data, 1, picture.piece_width, picture.bits, picture.order(tiff)).astype(np.int64)
+
+    return sum(int(np.abs(row(y + 2) - row(y)).sum()) for y in steps)
+
+
+def decode(
+    tiff: Tiff, picture: Picture, table: Samples | None, part: Area | None = None, rest: bool = False
+) -> Samples:
     """The active area's samples, through the linearization `table` (65536,) if there is one.
 
     Pieces outside the active area are not decoded.
+
+    Args:
+        part: decode only the pieces that this part of the active area touches, and keep only its samples; the others
+            are 0, and take no memory.
+        rest: with `part`, decode the other pieces as well, and leave those that are damaged 0.
+
+    Raises:
+        UnreadableRaw: a piece that was asked for is damaged.
+        UnsupportedRaw: it is no lossless JPEG.
     """
-    top, left, bottom, right = picture.area
-    samples = np.empty((bottom - top, right - left), np.uint16)
-    wanted = []
-    for number in range(len(picture.offsets)):
-        y, x = picture.corner(number)
-        if top < y + picture.rows(number) and y < bottom and left < x + picture.piece_width and x < right:
-            wanted.append(number)
-    for y, x, rows in _rows(tiff, picture, wanted):
-        first, last = max(top, y), min(bottom, y + len(rows))
-        start, end = max(left, x), min(right, x + rows.shape[1])
-        if first < last:
-            part = rows[first - y : last - y, start - x : end - x]
-            samples[first - top : last - top, start - left : end - left] = part if table is None else table[part]
+    area = picture.area
+    samples = np.zeros((area[2] - area[0], area[3] - area[1]), np.uint16)
+    wanted = area if part is None else _clipped(picture, part)
+    inside = _touched(picture, wanted)
+    kept = area if rest else wanted
+    for block in _rows(tiff, picture, inside, kept):
+        _keep(picture, samples, block, kept, table)
+    if rest:
+        others = sorted({*_touched(picture, area)} - {*inside})
+        try:
+            for block in _rows(tiff, picture, others, area):
+                _keep(picture, samples, block, area, table)
+        except RawError:
+            for number in others:
+                with suppress(RawError):
+                    for block in _rows(tiff, picture, [number], area):
+                        _keep(picture, samples, block, area, table)
     return samples
 
 
-def _rows(tiff: Tiff, picture: Picture, wanted: list[int]) -> Iterator[tuple[int, int, Samples]]:
-    """Decode the pieces in blocks of rows; yields top, left and samples of each block."""
+def _clipped(picture: Picture, part: Area) -> Area:
+    """A part of the active area, clipped to it, in samples of the stored picture."""
+    top, left, bottom, right = picture.area
+    rows = min(max(part[0], 0) + top, bottom), min(part[2] + top, bottom)
+    columns = min(max(part[1], 0) + left, right), min(part[3] + left, right)
+    return rows[0], columns[0], rows[1], columns[1]
+
+
+def _touched(picture: Picture, part: Area) -> list[int]:
+    """Numbers of the pieces that hold samples of a part of the stored picture."""
+    top, left, bottom, right = part
+    pieces = []
+    for number in range(len(picture.offsets)):
+        y, x = picture.corner(number)
+        if top < y + picture.rows(number) and y < bottom and left < x + picture.piece_width and x < right:
+            pieces.append(number)
+    return pieces
+
+
+def _keep(
+    picture: Picture, samples: Samples, block: tuple[int, int, Samples], part: Area, table: Samples | None
+) -> None:
+    """Copy those samples of a decoded block that belong to a part of the stored picture."""
+    y, x, rows = block
+    first, last = max(part[0], y), min(part[2], y + len(rows))
+    start, end = max(part[1], x), min(part[3], x + rows.shape[1])
+    if first < last and start < end:
+        piece = rows[first - y : last - y, start - x : end - x]
+        top, left = picture.area[:2]
+        samples[first - top : last - top, start - left : end - left] = piece if table is None else table[piece]
+
+
+def _rows(tiff: Tiff, picture: Picture, wanted: list[int], part: Area) -> Iterator[tuple[int, int, Samples]]:
+    """Decode the pieces in blocks of rows; yields top, left and samples of each block.
+
+    Of uncompressed pieces only the rows of `part` are read. The others are decoded to their end, so that damage in
+    them is seen wherever it is.
+    """
     if picture.compression == LOSSLESS_JPEG:
         for number, rows in _jpegs(tiff, picture, wanted):
             yield *picture.corner(number), rows
         return
     some = max(1, CHUNK // picture.piece_width)
-    order = tiff.order if picture.bits == 16 else ">"
     for number in wanted:
         y, x = picture.corner(number)
+        first, last = 0, picture.rows(number)
         stream = _Inflated(tiff, picture, number) if picture.compression == DEFLATE else None
-        for row in range(0, picture.rows(number), some):
-            count = min(some, picture.rows(number) - row)
-            length = count * picture.row_bytes
+        if stream is None:
+            first, last = max(first, part[0] - y), min(last, part[2] - y)
+        for row in range(first, last, some):
+            count = min(some, last - row)
             if stream is None:
-                data = tiff.bytes_at(picture.offsets[number] + row * picture.row_bytes, length)
+                data = _rows_of(tiff, picture, number, row, count)
             else:
-                data = stream.read(length)
-            rows = unpacked(data, count, picture.piece_width, picture.bits, order)
+                data = stream.read(count * picture.row_bytes)
+            rows = unpacked(data, count, picture.piece_width, picture.bits, picture.order(tiff))
             if picture.differences:
                 rows = np.cumsum(rows, axis=1, dtype=np.uint16) & np.uint16((1 << picture.bits) - 1)
             yield y + row, x, rows
         if stream is not None:
             stream.finish()
+
+
+def _rows_of(tiff: Tiff, picture: Picture, number: int, row: int, count: int) -> bytes:
+    """The bytes of `count` rows of an uncompressed piece from `row` on, without their padding."""
+    at, stride = picture.offsets[number] + row * picture.stride, picture.stride
+    data = tiff.bytes_at(at, (count - 1) * stride + picture.row_bytes)
+    if stride == picture.row_bytes:
+        return data
+    return b"".join(data[y * stride : y * stride + picture.row_bytes] for y in range(count))
 
 
 def unpacked(data: bytes, rows: int, width: int, bits: int, order: str) -> Samples:
@@ -200,31 +335,42 @@ def unpacked(data: bytes, rows: int, width: int, bits: int, order: str) -> Sampl
 
 
 class _Inflated:
-    """Reader of a piece's zlib stream."""
+    """Reader of a piece's zlib stream, of which little is in memory at a time."""
 
     def __init__(self, tiff: Tiff, picture: Picture, number: int) -> None:
         self.tiff = tiff
         self.stream = zlib.decompressobj()
-        self.left = tiff.bytes_at(picture.offsets[number], picture.counts[number])
+        self.at, self.end = picture.offsets[number], picture.ends[number]
+        self.left = b""
 
     def read(self, length: int) -> bytes:
         """The next `length` bytes."""
-        try:
-            data = self.stream.decompress(self.left, length)
-        except zlib.error as error:
-            raise self.tiff.damaged("its deflated samples") from error
-        self.left = self.stream.unconsumed_tail
-        if len(data) < length:
-            raise self.tiff.damaged("its deflated samples end early")
+        data = b""
+        while len(data) < length:
+            more = self._some(length - len(data))
+            if not more:
+                raise self.tiff.damaged("its deflated samples end early")
+            data += more
         return data
+
+    def _some(self, length: int) -> bytes:
+        """At least one byte; none at the end of the stream or the piece."""
+        while not self.stream.eof:
+            try:
+                data = self.stream.decompress(self.left, length)
+            except zlib.error as error:
+                raise self.tiff.damaged("its deflated samples") from error
+            self.left = self.stream.unconsumed_tail
+            if data or self.stream.eof or (not self.left and self.at == self.end):
+                return data
+            if not self.left:
+                count = min(CHUNK, self.end - self.at)
+                self.left, self.at = self.tiff.bytes_at(self.at, count), self.at + count
+        return b""
 
     def finish(self) -> None:
         """Raise unless the stream ends here with the right checksum."""
-        try:
-            more = self.stream.decompress(self.left, 1)
-        except zlib.error as error:
-            raise self.tiff.damaged("its deflated samples") from error
-        if more:
+        if self._some(1):
             raise self.tiff.damaged("its deflated samples are too many")
         if not self.stream.eof:
             raise self.tiff.damaged("its deflated samples have no end")
@@ -235,7 +381,8 @@ def _jpegs(tiff: Tiff, picture: Picture, wanted: list[int]) -> Iterator[tuple[in
     batch: list[tuple[int, Jpeg]] = []
     lines = parts = 0
     for number in wanted:
-        data = tiff.bytes_at(picture.offsets[number], picture.counts[number])
+        at, plain = picture.offsets[number], picture.rows(number) * picture.row_bytes
+        data = tiff.bytes_at(at, min(picture.ends[number] - at, 2 * plain + MAX_TABLES))
         jpeg = read_jpeg(tiff, data, picture.piece_width * picture.rows(number))
         tall = max(lines, jpeg.parts[0].lines) * (parts + len(jpeg.parts))
         if batch and (jpeg.width != batch[0][1].width or tall > TALLEST or tall * jpeg.width > STACK):

@@ -18,13 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camssf.errors import InvalidArgument, NotSensorRaw, UnreadableRaw, UnsupportedRaw
-from camssf.files import local
+from camssf.files import error_in_words, local, read_advice
 from camssf.grid import Floats
-from camssf.photo.read.colour_matrix import colour_matrix
-from camssf.photo.read.dng import CFA_ORDERS, MAX_SAMPLES, RAW_MODE, Mosaic, opened, read_dng
-from camssf.photo.read.pieces import MAX_SIDE
-from camssf.photo.read.sidecar import sidecar_of
+from camssf.photo.read.colour_matrix import ColourMatrix, colour_matrix
+from camssf.photo.read.dng import CFA_ORDERS, RAW_MODE, Mosaic, opened, read_dng
+from camssf.photo.read.pieces import check_size
 from camssf.photo.read.tiff import CONVERT, COPY_AGAIN, NO_DNG
+from camssf.photo.read.unit import Area, sidecar_of
 
 SIDECAR = "camssf-mosaic/1"
 LARGEST_SIDECAR = 100_000
@@ -35,13 +35,14 @@ ORIENTATIONS = {0: 1, 3: 3, 5: 8, 6: 6}
 _KEYS = {"format", "cfa", "black", "white", "make", "model", "exposure", "iso", "orientation"}
 
 
-def read_raw(path: str | Path) -> Mosaic:
+def read_raw(path: str | Path, part: Area | None = None, rest: bool = False) -> Mosaic:
     """Read the raw frame of a photo: a DNG, a raw file that LibRaw decodes as Bayer, or a picture with a sidecar.
 
     A picture is a PNG or TIFF of one channel, 8 or 16 bits, that holds the sensor's own linear samples. The
     sidecar of `photo.png` is `photo.png.json`, for example
     `{"format": "camssf-mosaic/1", "cfa": "RGGB", "black": 512, "white": 16383}`. `black` may also be 2 × 2 numbers,
     one for each position of the CFA cell; make, model, exposure (s), iso and orientation (TIFF's) are optional.
+    `part` and `rest` are those of `read_dng`; another file is always read whole.
 
     Raises:
         UnreadableRaw: missing, empty, truncated, damaged, or not a raw file at all.
@@ -59,7 +60,7 @@ def read_raw(path: str | Path) -> Mosaic:
             "If they are the sensor's own, linear and not demosaiced, write that sidecar as docs/raw.md shows.",
         )
     try:
-        return read_dng(file)
+        return read_dng(file, part, rest)
     except UnsupportedRaw as error:
         if not error.message.endswith(NO_DNG):
             raise
@@ -73,9 +74,9 @@ def _by_libraw(file: Path, refusal: UnsupportedRaw) -> Mosaic:
     try:
         with opened(file) as name, rawpy.RawPy() as raw:
             (raw.open_file if isinstance(name, str) else raw.open_buffer)(name)
-            _check_size(file, raw.sizes.raw_width, raw.sizes.raw_height)
+            check_size(file, raw.sizes.raw_width, raw.sizes.raw_height)
             raw.unpack()
-            found = _of_libraw(file, raw, rawpy)
+            mosaic = _of_libraw(file, raw, rawpy)
     except rawpy.LibRawFileUnsupportedError as error:
         raise UnsupportedRaw(
             f"{file} is not a DNG, and LibRaw {_version(rawpy)} does not support its format.", refusal.advice
@@ -85,7 +86,7 @@ def _by_libraw(file: Path, refusal: UnsupportedRaw) -> Mosaic:
     with file.open("rb") as stream:
         make, model = _maker(stream.read(HEAD))
         stream.seek(0)
-        return replace(found, make=make, model=model, sha256=hashlib.file_digest(stream, "sha256").hexdigest())
+        return replace(mosaic, make=make, model=model, sha256=hashlib.file_digest(stream, "sha256").hexdigest())
 
 
 def _of_libraw(file: Path, raw: Any, rawpy: Any) -> Mosaic:
@@ -113,7 +114,9 @@ def _of_libraw(file: Path, raw: Any, rawpy: Any) -> Mosaic:
     samples = np.array(raw.raw_image_visible, dtype=np.uint16, order="C")
     _check_levels(file, samples, black, white)
     # LibRaw has one matrix for each camera that it knows, made for D65.
-    known = colour_matrix(21, np.asarray(raw.rgb_xyz_matrix, dtype=np.float64)[:3])
+    known: tuple[ColourMatrix, ...] = ()
+    with suppress(ValueError):  # it has zeros for a camera that it does not know
+        known = (colour_matrix(21, np.asarray(raw.rgb_xyz_matrix, dtype=np.float64)[:3]),)
     return Mosaic(
         path=str(file),
         samples=samples,
@@ -130,7 +133,7 @@ def _of_libraw(file: Path, raw: Any, rawpy: Any) -> Mosaic:
         color_matrix2=None,
         as_shot_neutral=None,
         sha256="",
-        colour_matrices=() if known is None else (known,),
+        colour_matrices=known,
         levels=f"LibRaw {_version(rawpy)}",
     )
 
@@ -157,32 +160,32 @@ def _maker(head: bytes) -> tuple[str, str]:
 
 def _picture(file: Path, sidecar: Path) -> Mosaic:
     """Read a linear picture of the mosaic, with the metadata of its sidecar."""
-    told, words = _sidecar(sidecar)
+    values, words = _sidecar(sidecar)
     try:
         data = file.read_bytes()
     except OSError as error:
-        raise UnreadableRaw(f"{file} cannot be read: {error.strerror}.", "Check the path.") from error
+        raise UnreadableRaw(f"{file} cannot be read: {error_in_words(error)}.", read_advice(error)) from error
     samples = _png(file, data) if file.suffix.casefold() == ".png" else _tiff(file, data)
     if samples.ndim != 2 or samples.dtype not in (np.uint8, np.uint16):
         raise NotSensorRaw(
             f"{file} holds {samples.dtype} samples of shape {samples.shape}: no mosaic.",
             "Give one channel of 8 or 16 bits, the sensor's own samples, neither demosaiced nor balanced.",
         )
-    _check_size(file, samples.shape[1], samples.shape[0])
-    black = np.array(told["black"], dtype=np.float64) * np.ones((2, 2))
-    samples = np.array(samples, dtype=np.uint16, order="C")
-    _check_levels(file, samples, black, float(told["white"]))
+    check_size(file, samples.shape[1], samples.shape[0])
+    black = np.array(values["black"], dtype=np.float64) * np.ones((2, 2))
+    samples = np.ascontiguousarray(samples, dtype=np.uint16)
+    _check_levels(file, samples, black, float(values["white"]))
     return Mosaic(
         path=str(file),
         samples=samples,
-        cfa=told["cfa"],
+        cfa=values["cfa"],
         black=black,
-        white=float(told["white"]),
-        make=told.get("make", ""),
-        model=told.get("model", ""),
-        exposure=told.get("exposure"),
-        iso=told.get("iso"),
-        orientation=told.get("orientation", 1),
+        white=float(values["white"]),
+        make=values.get("make", ""),
+        model=values.get("model", ""),
+        exposure=values.get("exposure"),
+        iso=values.get("iso"),
+        orientation=values.get("orientation", 1),
         gain_maps=(),
         color_matrix1=None,
         color_matrix2=None,
@@ -195,15 +198,15 @@ def _picture(file: Path, sidecar: Path) -> Mosaic:
 def _png(file: Path, data: bytes) -> NDArray[Any]:
     if data[:8] != b"\x89PNG\r\n\x1a\n" or data[12:16] != b"IHDR":
         raise UnreadableRaw(f"{file} is no PNG.", COPY_AGAIN)
-    _check_size(file, int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big"))
+    check_size(file, int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big"))
     if data[24] not in (8, 16) or data[25] != 0:  # checked before decoding
         raise NotSensorRaw(f"{file} is not a grey PNG of 8 or 16 bits.", "Write the mosaic as one grey channel.")
     import cv2
 
-    found = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    if found is None:
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if image is None:
         raise UnreadableRaw(f"{file} cannot be decoded.", COPY_AGAIN)
-    return np.asarray(found)
+    return np.asarray(image)
 
 
 def _tiff(file: Path, data: bytes) -> NDArray[Any]:
@@ -218,7 +221,7 @@ def _tiff(file: Path, data: bytes) -> NDArray[Any]:
                 )
             if page.photometric == tifffile.PHOTOMETRIC.MINISWHITE:
                 raise UnsupportedRaw(f"{file} is a negative (MinIsWhite).", "Write it as MinIsBlack: 0 is no light.")
-            _check_size(file, page.imagewidth, page.imagelength)
+            check_size(file, page.imagewidth, page.imagelength)
             if page.samplesperpixel != 1:
                 raise NotSensorRaw(
                     f"{file} holds {page.samplesperpixel} samples a pixel, a mosaic has one.", RAW_MODE
@@ -240,7 +243,7 @@ def _sidecar(path: Path) -> tuple[dict[str, Any], bytes]:
         with path.open("rb") as stream:
             data = stream.read(LARGEST_SIDECAR + 1)
         text = data.decode("utf-8") if len(data) <= LARGEST_SIDECAR else "null"
-        told = json.loads(text, object_pairs_hook=_once)
+        values = json.loads(text, object_pairs_hook=_once)
     except (OSError, ValueError, RecursionError) as error:
         raise InvalidArgument(f"{path} cannot be read ({error}).", "Write it as docs/raw.md shows.") from error
 
@@ -248,37 +251,34 @@ def _sidecar(path: Path) -> tuple[dict[str, Any], bytes]:
         if not right:
             raise InvalidArgument(f"{path}: {what}.", "Write it as docs/raw.md shows.")
 
-    need(isinstance(told, dict) and told.get("format") == SIDECAR, f"it is no {SIDECAR}")
-    assert isinstance(told, dict)
-    need({"cfa", "black", "white"} <= told.keys() <= _KEYS, "it needs cfa, black and white, and knows no other keys")
-    need(told["cfa"] in CFA_ORDERS, f"cfa must be one of {', '.join(CFA_ORDERS)}")
-    rows = told["black"] if isinstance(told["black"], list) else [[told["black"]] * 2] * 2
+    need(isinstance(values, dict) and values.get("format") == SIDECAR, f"it is no {SIDECAR}")
+    assert isinstance(values, dict)
+    need(
+        {"cfa", "black", "white"} <= values.keys() <= _KEYS, "it needs cfa, black and white, and knows no other keys"
+    )
+    need(values["cfa"] in CFA_ORDERS, f"cfa must be one of {', '.join(CFA_ORDERS)}")
+    rows = values["black"] if isinstance(values["black"], list) else [[values["black"]] * 2] * 2
     square = len(rows) == 2 and all(isinstance(row, list) and len(row) == 2 for row in rows)
     need(square and all(_number(v) for row in rows for v in row), "black must be a number, or [[a, b], [c, d]]")
-    need(_number(told["white"]) and told["white"] > 0, "white must be a positive number")
+    need(_number(values["white"]) and values["white"] > 0, "white must be a positive number")
     for key in ("exposure", "iso"):
-        need(key not in told or (_number(told[key]) and told[key] > 0), f"{key} must be a positive number")
+        need(key not in values or (_number(values[key]) and values[key] > 0), f"{key} must be a positive number")
     for key in ("make", "model"):
-        need(isinstance(told.get(key, ""), str) and len(told.get(key, "")) <= 200, f"{key} must be a short text")
-    need(told.get("orientation", 1) in range(1, 9), "orientation must be 1 to 8")
-    return told, data
+        need(isinstance(values.get(key, ""), str) and len(values.get(key, "")) <= 200, f"{key} must be a short text")
+    need(values.get("orientation", 1) in range(1, 9), "orientation must be 1 to 8")
+    return values, data
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """A JSON object; refuses duplicate keys, whose meaning is ambiguous."""
-    found = dict(pairs)
-    if len(found) < len(pairs):
+    members = dict(pairs)
+    if len(members) < len(pairs):
         raise ValueError("a key stands twice")
-    return found
+    return members
 
 
 def _number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= 65535
-
-
-def _check_size(file: Path, width: int, height: int) -> None:
-    if not (2 <= width <= MAX_SIDE and 2 <= height <= MAX_SIDE and width * height <= MAX_SAMPLES):
-        raise UnreadableRaw(f"{file} is truncated or damaged: a picture of {width} × {height} samples.", COPY_AGAIN)
 
 
 def _check_levels(file: Path, samples: NDArray[np.uint16], black: Floats, white: float) -> None:

@@ -83,7 +83,8 @@ class Tiff:
         self.order = "<" if magic[:1] == b"I" else ">"
         self.main: list[Directory] = []
         self.all: list[Directory] = []
-        self._seen: set[int] = set()
+        self.places: set[int] = set()
+        """Offsets of the directories."""
         at = self._unpack("I", 4)[0]
         while at:
             directory, at = self._directory(at, 0)
@@ -92,18 +93,18 @@ class Tiff:
             raise self.damaged("it has no directory")
 
     def damaged(self, what: str) -> UnreadableRaw:
-        """The error for a damaged file."""
-        return UnreadableRaw(f"{self.file} is truncated or damaged: {what}.", COPY_AGAIN)
+        """The error for this file, damaged."""
+        return damaged(self.file, what)
 
     def bytes_at(self, at: int, length: int) -> bytes:
         """`length` bytes from offset `at`; raises UnreadableRaw if the file is truncated."""
         if at < 0 or length < 0 or at + length > self.size:
             raise self.damaged(f"byte {at + length} is wanted of {self.size}")
         self.stream.seek(at)
-        found = self.stream.read(length)
-        if len(found) != length:
+        content = self.stream.read(length)
+        if len(content) != length:
             raise self.damaged("it ends early")
-        return found
+        return content
 
     def _unpack(self, layout: str, at: int) -> tuple[int, ...]:
         layout = self.order + layout
@@ -111,9 +112,9 @@ class Tiff:
 
     def _directory(self, at: int, depth: int) -> tuple[Directory, int]:
         """The directory at `at`, and the offset of the next one; also reads its sub-directories into `all`."""
-        if at in self._seen or len(self._seen) == MAX_DIRECTORIES or depth > MAX_DEPTH:
+        if at in self.places or len(self.places) == MAX_DIRECTORIES or depth > MAX_DEPTH:
             raise self.damaged("its directories run in a circle or are too many")
-        self._seen.add(at)
+        self.places.add(at)
         count = self._unpack("H", at)[0]
         entries = self.bytes_at(at + 2, 12 * count)
         directory: Directory = {}
@@ -174,6 +175,11 @@ class Tiff:
     def text(self, directory: Directory, tag: int) -> str:
         """A string without its closing zero and blanks."""
         return self.raw_bytes(directory, tag).split(b"\0")[0].decode("utf-8", "replace").strip()
+
+
+def damaged(name: str | Path, what: str) -> UnreadableRaw:
+    """The error for a damaged file."""
+    return UnreadableRaw(f"{name} is truncated or damaged: {what}.", COPY_AGAIN)
 
 
 def _width(kind: int) -> int:

@@ -1,24 +1,49 @@
-"""Reads from a DNG which physical camera took it, and when."""
+"""Identifies a photo: by the hash of its files, and by the physical camera and the time that a DNG states."""
 
 from __future__ import annotations
 
+import hashlib
 import math
 import re
 from dataclasses import dataclass, fields
 from datetime import datetime
 from pathlib import Path
+from typing import Annotated, TypeAlias
 
 from camssf.errors import UnitDiffers, UnreadableRaw
-from camssf.files import local
-from camssf.photo.read.sidecar import photo_hash
-from camssf.photo.read.tiff import COPY_AGAIN, Directory, Tiff
+from camssf.files import error_in_words, local, read_advice
+from camssf.photo.read.tiff import Directory, Tiff
+from camssf.places import PICTURES
 from camssf.rules import rules
+from camssf.shapes import Apart, Count, Pattern, Positive, Text
+
+PIECE = 1 << 20
+"""Bytes read at a time."""
+
+
+def sidecar_of(path: Path) -> Path | None:
+    """The sidecar with pattern and levels of a picture; None if there is none, or `path` is no picture."""
+    if path.suffix.casefold() not in PICTURES:
+        return None
+    sidecar = path.with_name(f"{path.name}.json")
+    return sidecar if sidecar.is_file() else None
+
+
+def photo_hash(path: Path | str) -> str:
+    """SHA-256 of a photo: of its file, or of a picture followed by its sidecar (`cat photo.png photo.png.json`)."""
+    digest, sidecar = hashlib.sha256(), sidecar_of(Path(path))
+    for file in (Path(path), *(() if sidecar is None else (sidecar,))):
+        with file.open("rb") as stream:
+            while piece := stream.read(PIECE):
+                digest.update(piece)
+    return digest.hexdigest()
+
 
 _OFFSET = re.compile(r"[+-]\d\d:\d\d")
 _TIME = re.compile(r"(\d{4}):(\d\d):(\d\d) (\d\d:\d\d:\d\d)")
 
 
-Area = tuple[int, int, int, int]
+Area: TypeAlias = tuple[Count, Count, Count, Count]
 """Top, left, bottom, right of the sensor's active area, in samples of the stored picture."""
 ALIKE = rules().number("patches.alike")
 """Relative difference up to which two focal lengths or f-numbers count as equal: files round them."""
@@ -31,28 +56,31 @@ class Unit:
     Attributes:
         make, model: as its files name it.
         camera_id: the camera used, on a phone with several.
-        serial: serial number of the body.
+        serial: serial number of the body; only in a document whose app wrote it, because documents are shared.
+        serial_check: 4 hex digits of the serial number's hash, which tell two units apart and name none.
         lens: model of the lens.
         focal_length: mm.
         aperture: the f-number.
     """
 
-    make: str = ""
-    model: str = ""
-    camera_id: str = ""
-    serial: str = ""
-    lens: str = ""
-    focal_length: float | None = None
-    aperture: float | None = None
+    make: Annotated[str, Apart()] = ""
+    model: Annotated[str, Apart()] = ""
+    camera_id: Text = ""
+    serial: Text = ""
+    serial_check: Annotated[str, Pattern("([0-9a-f]{4})?", "must be 4 hex digits")] = ""
+    lens: Text = ""
+    focal_length: Positive | None = None
+    aperture: Positive | None = None
 
     def differs(self, other: Unit) -> tuple[str, ...]:
         """Names of the attributes that are known in both and differ."""
-        pairs = {each.name: (getattr(self, each.name), getattr(other, each.name)) for each in fields(self)}
-        return tuple(name for name, (a, b) in pairs.items() if a and b and a != b)
+        pairs = {field.name: (getattr(self, field.name), getattr(other, field.name)) for field in fields(self)}
+        names = (name.removesuffix("_check") for name, (a, b) in pairs.items() if a and b and a != b)
+        return tuple(dict.fromkeys(names))
 
     def filled(self, other: Unit) -> Unit:
         """A copy whose unknown attributes are taken from `other`."""
-        return Unit(**{each.name: getattr(self, each.name) or getattr(other, each.name) for each in fields(self)})
+        return Unit(**{field.name: getattr(self, field.name) or getattr(other, field.name) for field in fields(self)})
 
 
 @dataclass(frozen=True)
@@ -85,9 +113,7 @@ def read_unit(path: Path | str) -> Taken:
             exif = tiff.exif()
             return Taken(unit_of(tiff, exif), _time(tiff, exif), sha256)
     except (OSError, ValueError) as error:  # ValueError: a path with a zero byte
-        raise UnreadableRaw(
-            f"{path} cannot be read ({getattr(error, 'strerror', None) or error}).", COPY_AGAIN
-        ) from error
+        raise UnreadableRaw(f"{path} cannot be read ({error_in_words(error)}).", read_advice(error)) from error
 
 
 def check_unit(chart: str, one: tuple[Unit, Area | None], other: str, two: tuple[Unit, Area | None]) -> None:
@@ -106,7 +132,7 @@ def check_unit(chart: str, one: tuple[Unit, Area | None], other: str, two: tuple
         for word, there, here in (("camera", theirs.camera_id, ours.camera_id), ("lens", theirs.lens, ours.lens))
         if there and here and there != here
     ]
-    if theirs.serial and ours.serial and theirs.serial != ours.serial:
+    if "serial" in theirs.differs(ours):
         differ.append("another serial number")
     for there, here, form in (
         (theirs.focal_length, ours.focal_length, "focal length {:g} mm against {:g} mm"),
@@ -124,13 +150,24 @@ def check_unit(chart: str, one: tuple[Unit, Area | None], other: str, two: tuple
         )
 
 
+def serial_check(make: str, model: str, serial: str) -> str:
+    """4 hex digits of the SHA-256 of maker, model and serial number; "" without a serial number.
+
+    Of 65,536 units of a model one has the same digits, so that they tell units apart and lead to none of them.
+    """
+    return hashlib.sha256(f"camssf unit\n{make}\n{model}\n{serial}".encode()).hexdigest()[:4] if serial else ""
+
+
 def unit_of(tiff: Tiff, exif: Directory) -> Unit:
     """The physical camera that a DNG's directories describe."""
     first = tiff.main[0]
+    make, model = tiff.text(first, 271), tiff.text(first, 272) or tiff.text(first, 50708)
+    serial = tiff.text(exif, 42033) or tiff.text(first, 50735)
     return Unit(
-        make=tiff.text(first, 271),
-        model=tiff.text(first, 272) or tiff.text(first, 50708),
-        serial=tiff.text(exif, 42033) or tiff.text(first, 50735),
+        make=make,
+        model=model,
+        serial=serial,
+        serial_check=serial_check(make, model, serial),
         lens=tiff.text(exif, 42036),
         focal_length=_positive(tiff, (exif, first), 37386),
         aperture=_positive(tiff, (exif, first), 33437),
@@ -148,10 +185,10 @@ def _positive(tiff: Tiff, places: tuple[Directory, ...], tag: int) -> float | No
 
 def _time(tiff: Tiff, exif: Directory) -> str:
     """DateTimeOriginal with its offset; "" if invalid: a clock that was never set writes zeros or blanks."""
-    found = _TIME.fullmatch(tiff.text(exif, 36867))
-    if found is None:
+    match = _TIME.fullmatch(tiff.text(exif, 36867))
+    if match is None:
         return ""
-    year, month, day, clock = found.groups()
+    year, month, day, clock = match.groups()
     offset = tiff.text(exif, 36881)
     text = f"{year}-{month}-{day}T{clock}" + (offset if _OFFSET.fullmatch(offset) else "")
     try:

@@ -11,11 +11,16 @@ and its upper end is never above that of the untruncated Gaussian.
 
 from __future__ import annotations
 
+from math import erfc, log, sqrt
+from statistics import NormalDist
+
 import numpy as np
 
 from camssf.grid import Floats
 
 SHARE = 0.95
+FAR = -35.0
+"""m/σ below which the truncated Gaussian is taken for an exponential: the same within 0.1 %."""
 
 
 def possible(mean: Floats, std: Floats) -> tuple[Floats, Floats]:
@@ -25,16 +30,14 @@ def possible(mean: Floats, std: Floats) -> tuple[Floats, Floats]:
         mean: of a Gaussian; it may be negative, and then lies outside the band.
         std: its standard deviation, ≥ 0.
     """
-    from scipy.special import log_ndtr, ndtri, ndtri_exp
-
     mean, std = np.asarray(mean, dtype=np.float64), np.asarray(std, dtype=np.float64)
     safe = np.where(std > 0, std, 1.0)
     with np.errstate(over="ignore"):
         t = np.clip(mean / safe, -1e6, 1e6)
-    kept = np.exp(log_ndtr(t))  # Φ(m/σ), the mass of the Gaussian above zero
-    half = ndtri(0.5 * (1.0 + SHARE * kept))
-    # -Φ⁻¹(0.05 Φ(t)) by its logarithm: far below zero Φ(t) itself underflows.
-    upper = t - ndtri_exp(np.log1p(-SHARE) + log_ndtr(t))
+    kept = np.reshape([0.5 * erfc(-v / sqrt(2.0)) for v in np.maximum(t, FAR).ravel().tolist()], t.shape)  # Φ(m/σ)
+    half = _quantile(0.5 * (1.0 + SHARE * kept))
+    # Far below zero Φ(t) underflows, and what is left of the Gaussian is an exponential with mean σ / |t|.
+    upper = np.where(t < FAR, log(1.0 - SHARE) / np.minimum(t, FAR), t - _quantile((1.0 - SHARE) * kept))
     whole = half <= t
     # Use the mean itself: the clipped m/σ loses it where σ is almost 0, as at a curve's peak.
     low = np.where(whole, np.maximum(mean - half * safe, 0.0), 0.0)
@@ -44,3 +47,8 @@ def possible(mean: Floats, std: Floats) -> tuple[Floats, Floats]:
         np.asarray(np.where(sure, low, np.maximum(mean, 0.0))),
         np.asarray(np.where(sure, high, np.maximum(mean, 0.0))),
     )
+
+
+def _quantile(share: Floats) -> Floats:
+    """Φ⁻¹ of each share."""
+    return np.reshape([NormalDist().inv_cdf(value) for value in share.ravel().tolist()], share.shape)

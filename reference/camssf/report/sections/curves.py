@@ -1,4 +1,4 @@
-"""The curves of a document as drawn, with their bands and the positions of their labels."""
+"""The curves of a result as drawn, with their bands and the positions of their labels."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camssf.grid import CHANNELS, WAVELENGTHS, Floats, columns
+from camssf.documents.document import Document, answer_in
+from camssf.grid import CHANNELS, WAVELENGTHS, Floats
 from camssf.report.sections.bands import possible
-from camssf.report.sections.text import Json
 
 NODE = 10
 """Grid steps between the values of a learned basis: 5 nm."""
@@ -36,20 +36,20 @@ class DrawnCurves:
     truth: Floats | None
 
     def limits(self) -> tuple[float, float]:
-        """Range of the response axis: it holds all curves, bands up to 1.3, and the peaks' labels above them."""
+        """Range of the response axis: all curves from -1 to 2, bands up to 1.3, the peaks' labels above them."""
         low = min(0.0, float(self.ssf.min()))
         if self.truth is not None:
             low = min(low, float(self.truth.min()))
-        return low - 0.02, self._top() + 0.09
+        return max(low, -1.0) - 0.02, self._top() + 0.09
 
     def _top(self) -> float:
         """The largest drawn value."""
-        found = [1.0]
+        tops = [1.0]
         if self.truth is not None:
-            found.append(float(self.truth.max()))
+            tops.append(min(float(self.truth.max()), 2.0))
         if self.high is not None:
-            found.append(min(float(self.high.max()), 1.3))
-        return max(found)
+            tops.append(min(float(self.high.max()), 1.3))
+        return max(tops)
 
     def peak_labels(self) -> list[tuple[str, float, float]]:
         """(text, nm, response) of the middle of each peak's label: above the bands, and beside each other."""
@@ -69,34 +69,53 @@ class DrawnCurves:
 
         They neither overshoot nor move a peak (Fritsch and Carlson, 1980).
         """
-        from scipy.interpolate import PchipInterpolator
-
         step = _knots(self.ssf)
         if step is None:
             return self
         at = WAVELENGTHS[::step]
         ssf, low, high = (
-            None if each is None else np.asarray(PchipInterpolator(at, each[::step], axis=0)(WAVELENGTHS))
-            for each in (self.ssf, self.low, self.high)
+            None if curve is None else _monotone(at, curve[::step]) for curve in (self.ssf, self.low, self.high)
         )
         assert ssf is not None
         return DrawnCurves(ssf, low, high, self.truth)
 
 
-def curves_of(document: Json) -> DrawnCurves:
-    """A document's curves, bands and truth."""
-    ssf = columns(document["ssf"])
-    std, truth = document.get("ssf_std"), document.get("truth")
-    low, high = possible(ssf, columns(std)) if std else (None, None)
-    if std:
+def _monotone(x: Floats, y: Floats) -> Floats:
+    """Monotone cubic interpolation of y (n, 3) at even nodes x (n,) onto the grid (Fritsch and Butland, 1984)."""
+    h = x[1] - x[0]
+    d = np.diff(y, axis=0) / h
+    left, right = d[:-1], d[1:]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inner = np.where(left * right > 0, 2.0 / (1.0 / left + 1.0 / right), 0.0)
+    slope = np.concatenate([_end_slope(d[0], d[1])[None], inner, _end_slope(d[-1], d[-2])[None]])
+    i = np.minimum(((WAVELENGTHS - x[0]) / h).astype(int), len(x) - 2)
+    t = ((WAVELENGTHS - x[i]) / h)[:, None]
+    cubic = (1 + 2 * t) * (1 - t) ** 2 * y[i] + t * (1 - t) ** 2 * h * slope[i]
+    return np.asarray(cubic + t * t * (3 - 2 * t) * y[i + 1] + t * t * (t - 1) * h * slope[i + 1])
+
+
+def _end_slope(first: Floats, second: Floats) -> Floats:
+    """Slope at an end from the two nearest secants: of their parabola, limited so that it does not overshoot."""
+    slope = (3.0 * first - second) / 2.0
+    slope = np.where(np.sign(slope) != np.sign(first), 0.0, slope)
+    turns = (np.sign(first) != np.sign(second)) & (np.abs(slope) > 3.0 * np.abs(first))
+    return np.where(turns, 3.0 * first, slope)
+
+
+def curves_of(document: Document) -> DrawnCurves:
+    """A result's curves, bands and truth."""
+    answer = answer_in(document)
+    ssf, low, high = answer.curves.values, None, None
+    if answer.std is not None:
+        low, high = possible(ssf, answer.std.values)
         ssf = np.maximum(ssf, 0.0)  # a posterior mean may be negative, a sensitivity may not
-    return DrawnCurves(ssf, low, high, columns(truth["ssf"]) if truth else None)
+    return DrawnCurves(ssf, low, high, None if document.truth is None else document.truth.curves.values)
 
 
 def _knots(curves: Floats) -> int | None:
     """Grid steps between values with straight lines between them; None if there are none."""
     nodes = curves[::NODE]
-    lines = np.stack([np.interp(WAVELENGTHS, WAVELENGTHS[::NODE], each) for each in nodes.T], axis=1)
+    lines = np.stack([np.interp(WAVELENGTHS, WAVELENGTHS[::NODE], values) for values in nodes.T], axis=1)
     if np.abs(lines - curves).max() > STRAIGHT:  # a curve set to 0 where it was negative bends between two nodes
         return None
     off = np.abs(nodes[1::2] - 0.5 * (nodes[:-1:2] + nodes[2::2])).max()

@@ -5,20 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from camssf.grid import CHANNELS, Floats
 from camssf.report.sections.drawings import fitting, round_up
-from camssf.report.sections.text import BAND, Json, signed
+from camssf.report.sections.text import BAND, signed
+from camssf.report.shots import ShownPatches, ShownShot
 
 MOST_ROWS = 48
 """Largest number of patches in one table."""
 
 
-def hexed(srgb: Sequence[float]) -> str:
+def hexed(srgb: Sequence[float] | Floats) -> str:
     """A display colour in CSS notation."""
     return "#" + "".join(f"{round(255 * v):02x}" for v in srgb)
 
@@ -34,22 +34,13 @@ class Tiles:
     tiles: tuple[tuple[str, str, str], ...]
 
 
-def tiles_of(shot: Json) -> Tiles | None:
-    """The tiles of a shot; None if a patch has no colour."""
-    patches = shot["patches"]
-    if not patches or any(patch["measured_srgb"] is None or patch["synthetic_srgb"] is None for patch in patches):
+def tiles_of(shot: ShownShot, columns: int) -> Tiles | None:
+    """The tiles of a shot of a chart with so many columns; None if it has no predicted colours."""
+    patches = shot.patches
+    if patches is None or patches.measured_srgb is None or patches.synthetic_srgb is None:
         return None
-    found = ((patch["name"], hexed(patch["measured_srgb"]), hexed(patch["synthetic_srgb"])) for patch in patches)
-    return Tiles(columns(shot["pose"]["patches"]), tuple(found))
-
-
-def columns(quadrangles: Sequence[Any]) -> int:
-    """Patches in a row of the chart: the first step between neighbours that points backwards ends the row."""
-    centres = np.asarray(quadrangles, dtype=np.float64).mean(axis=1)
-    for i, (a, b) in enumerate(pairwise(centres), 1):
-        if np.dot(b - a, centres[1] - centres[0]) < 0:
-            return i if len(centres) % i == 0 else len(centres)
-    return len(centres)
+    rows = zip(patches.names, patches.measured_srgb, patches.synthetic_srgb, strict=True)
+    return Tiles(columns, tuple((name, hexed(measured), hexed(synthetic)) for name, measured, synthetic in rows))
 
 
 # Residuals
@@ -105,25 +96,24 @@ class Residuals:
     shots: tuple[tuple[tuple[PatchRow, ...], ...], ...]
 
 
-def residuals_of(document: Json) -> Residuals | None:
-    """The residuals of a document; None if nothing was predicted."""
-    shots = document["shots"]
-    found = [errors(shot) for shot in shots]
-    sizes = np.concatenate([np.abs(error[np.isfinite(error)]) for error, _ in found] or [np.empty(0)])
+def residuals_of(shots: Sequence[ShownShot]) -> Residuals | None:
+    """The residuals of a result; None if nothing was predicted."""
+    measured = [shot.patches for shot in shots if shot.patches is not None]
+    residuals = [errors(patches) for patches in measured]
+    sizes = np.concatenate([np.abs(error[np.isfinite(error)]) for error, _ in residuals] or [np.empty(0)])
     if not sizes.size:
         return None
-    patches = [patch for shot in shots for patch in shot["patches"]]
-    banded = any(patch.get("unseen_std") or patch.get("predicted_std") for patch in patches)
+    banded = any(np.isfinite(patches.predicted_std).any() for patches in measured)
     # One scale for all shots, so that they can be compared; it holds most bars, unless these are much longer.
-    bars = np.concatenate([half[np.isfinite(error)] for error, half in found])
+    bars = np.concatenate([half[np.isfinite(error)] for error, half in residuals])
     most = fitting(sizes)
     scale = round_up(1.02 * max(most, min(float(np.quantile(bars, 0.8)), 3.0 * most)))
     inside = []
-    for shot, (error, half) in zip(shots, found, strict=True):
-        unseen = np.array([patch["unseen"] is not None for patch in shot["patches"]])[:, None] & np.isfinite(error)
+    for patches, (error, half) in zip(measured, residuals, strict=True):
+        unseen = _seen(patches)[:, None] & np.isfinite(error)
         inside.append((np.abs(error) <= half)[unseen])
     held = np.concatenate(inside)
-    rows = tuple(_tables(_rows(shot, *each, scale)) for shot, each in zip(shots, found, strict=True))
+    rows = tuple(_tables(_rows(patches, *pair, scale)) for patches, pair in zip(measured, residuals, strict=True))
     return Residuals(scale, banded, held.size, float(held.mean()) if banded and held.size else None, rows)
 
 
@@ -134,32 +124,36 @@ def _tables(rows: tuple[PatchRow, ...]) -> tuple[tuple[PatchRow, ...], ...]:
     return tuple(rows[size * k : size * (k + 1)] for k in range(count))
 
 
-def errors(shot: Json) -> tuple[Floats, Floats]:
+def _seen(patches: ShownPatches) -> NDArray[np.bool_]:
+    """(n,) whether each patch has a prediction by fits without it."""
+    return np.asarray(np.isfinite(patches.unseen).all(axis=1))
+
+
+def errors(patches: ShownPatches) -> tuple[Floats, Floats]:
     """Predicted minus measured signal and the half-width of its 95 % interval, (n, 3) in % of the signal."""
-    patches = shot["patches"]
-    level = np.array([patch.get("level", 1.0) for patch in patches])[:, None]  # the signal under even light
-    signal = level * np.array([patch["signal"] for patch in patches], dtype=np.float64)
-    guess = [patch["unseen"] or patch["predicted"] or [math.nan] * 3 for patch in patches]
+    level, unseen = patches.level[:, None], _seen(patches)[:, None]
+    signal = level * patches.signal  # under even light
+    guess = np.where(unseen, patches.unseen, patches.predicted)
     # A patch without signal has no relative error.
     signal = np.where(signal > 1e-6, signal, math.nan)
-    noise = level * np.array([patch["standard_error"] for patch in patches], dtype=np.float64)
-    open_ = [patch.get("unseen_std" if patch["unseen"] else "predicted_std") or [0.0] * 3 for patch in patches]
-    half = BAND * np.hypot(noise, np.array(open_, dtype=np.float64))
-    return 100 * (np.array(guess, dtype=np.float64) - signal) / signal, 100 * half / signal
+    std = np.nan_to_num(np.where(unseen, patches.unseen_std, patches.predicted_std))
+    half = BAND * np.hypot(level * patches.standard_error, std)
+    return 100 * (guess - signal) / signal, 100 * half / signal
 
 
-def _rows(shot: Json, error: Floats, half: Floats, scale: float) -> tuple[PatchRow, ...]:
+def _rows(patches: ShownPatches, error: Floats, half: Floats, scale: float) -> tuple[PatchRow, ...]:
+    unseen = _seen(patches)
     return tuple(
         PatchRow(
-            patch["name"],
-            hexed(patch["reflectance_srgb"]),
-            patch["used"],
+            name,
+            hexed(patches.reflectance_srgb[i]),
+            bool(patches.used[i]),
             tuple(
-                _dot(float(error[i, c]), float(half[i, c]), scale, colour, in_fit=patch["unseen"] is None)
+                _dot(float(error[i, c]), float(half[i, c]), scale, colour, in_fit=not unseen[i])
                 for c, colour in enumerate(CHANNELS)
             ),
         )
-        for i, patch in enumerate(shot["patches"])
+        for i, name in enumerate(patches.names)
     )
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import math
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +12,7 @@ import numpy as np
 
 from camssf.grid import Floats
 from camssf.report.sections.patches import hexed
-from camssf.report.sections.text import Json
+from camssf.report.shots import ShownPatches, ShownShot
 
 
 @dataclass(frozen=True)
@@ -63,28 +62,25 @@ def media_type(image: bytes) -> str | None:
     return "image/png" if image.startswith(b"\x89PNG\r\n\x1a\n") else None
 
 
-def photo_of(shot: Json, preview: bytes | None) -> ShownPhoto | None:
+def photo_of(shot: ShownShot, preview: bytes | None) -> ShownPhoto | None:
     """The photo of a shot; None without a chart pose and without a picture."""
-    photo, pose = shot["photo"], shot["pose"]
-    width, height, orientation = int(photo["width"]), int(photo["height"]), int(photo["orientation"])
+    photo, pose, patches = shot.photo, shot.pose, shot.patches
+    width, height, orientation = photo.width, photo.height, photo.orientation
     data = "" if preview is None else f"data:{media_type(preview)};base64,{base64.b64encode(preview).decode()}"
     if pose is None:
         # Not rotated: corners given by hand are in these pixel coordinates.
         steps = (50, 100, 200, 500, 1000, 2000, 5000, 10_000)
         step = next(s for s in steps if max(width, height) / s <= 9 or s == 10_000)
         turn = " ".join(map(str, _turn(width, height, 1)))
-        return (
-            ShownPhoto(photo["name"], width, height, (width, height), data, turn, False, step=step) if data else None
-        )
+        return ShownPhoto(photo.name, width, height, (width, height), data, turn, False, step=step) if data else None
     shown = (height, width) if orientation >= 5 else (width, height)
-    quads = upright(pose["patches"], width, height, orientation)
-    corners = upright(pose["corners"], width, height, orientation)
+    quads = upright(pose.patches, width, height, orientation)
+    corners = upright(pose.corners, width, height, orientation)
     low, high = corners.min(axis=0), corners.max(axis=0)
     margin = max(1.0, 0.06 * (high - low).max())
-    patches = shot["patches"]  # empty if refused before the measurement
-    names, size = _names(patches, quads) if patches else ((), 0.0)
+    names, size = ((), 0.0) if patches is None else _names(patches, quads)
     return ShownPhoto(
-        photo["name"],
+        photo.name,
         *shown,
         (width, height),
         data,
@@ -92,9 +88,11 @@ def photo_of(shot: Json, preview: bytes | None) -> ShownPhoto | None:
         True,
         view=" ".join(f"{v:.1f}" for v in [*(low - margin), *(high - low + 2 * margin)]),
         chart=ring(corners),
-        outlines=tuple(
-            (patch["name"], ring(quad), hexed(patch["reflectance_srgb"]))
-            for patch, quad in zip(patches, quads, strict=bool(patches))
+        outlines=()
+        if patches is None
+        else tuple(
+            (name, ring(quad), hexed(colour))
+            for name, colour, quad in zip(patches.names, patches.reflectance_srgb, quads, strict=True)
         ),
         names=names,
         name_size=size,
@@ -128,16 +126,16 @@ def ring(points: Floats) -> str:
     return " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
 
 
-def _names(patches: Sequence[Json], quads: Floats) -> tuple[tuple[Name, ...], float]:
+def _names(patches: ShownPatches, quads: Floats) -> tuple[tuple[Name, ...], float]:
     """The patches' names, one word per line, in one size that fits all patches; "(.23 D)" is left out."""
-    words = [(re.sub(r"\(.*?\)", "", p["name"])[:40].split() or ["?"])[:3] for p in patches]
+    words = [(re.sub(r"\(.*?\)", "", name)[:40].split() or ["?"])[:3] for name in patches.names]
     diagonals = quads[:, 2:] - quads[:, :2]
     area = np.abs(diagonals[:, 0, 0] * diagonals[:, 1, 1] - diagonals[:, 0, 1] * diagonals[:, 1, 0]) / 2
     longest = max(max(map(len, lines)) for lines in words)
     size = math.sqrt(float(np.median(area))) * min(0.24, 1.5 / longest, 0.8 / max(map(len, words)))
     names = []
-    for patch, lines, (x, y) in zip(patches, words, quads.mean(axis=1), strict=True):
-        light = bool(np.dot(patch["reflectance_srgb"], (0.2126, 0.7152, 0.0722)) > 0.6)
+    for colour, lines, (x, y) in zip(patches.reflectance_srgb, words, quads.mean(axis=1), strict=True):
+        light = bool(np.dot(colour, (0.2126, 0.7152, 0.0722)) > 0.6)
         first = y - size * 1.05 * (len(lines) - 1) / 2 + size * 0.35
         names.append(Name(light, tuple((w, float(x), float(first + 1.05 * size * k)) for k, w in enumerate(lines))))
     return tuple(names), size

@@ -1,29 +1,28 @@
-"""The sections about the solution: basis, light, colour quality, proof of optimality."""
+"""The sections about the solution: basis, light, proof of optimality."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
 from markupsafe import Markup
 
-from camssf.colour.indices import quality_of
 from camssf.documents.basis_choice import choice_of
+from camssf.documents.document import Answer
 from camssf.documents.unnamed_light import cost_of, kinds_in_words, lamp_name
-from camssf.errors import CalibrationError
-from camssf.grid import CHANNELS, columns
-from camssf.report.sections.drawings import Plot, light_plot
-from camssf.report.sections.text import Json, brief, number, percent
+from camssf.grid import CHANNELS
+from camssf.recovery.sensitivity import Proof
+from camssf.report.sections.drawings import light_plot
+from camssf.report.sections.text import brief, number, percent
+from camssf.report.shots import ShownShot
+from camssf.report.svg import Plot
+from camssf.spectra import Lamp
 
-COLOUR_LAMPS = ("D65", "A")
 
-
-def proof_of(document: Json) -> Markup | None:
+def proof_of(proof: Proof) -> Markup:
     """One line about the proof of optimality: the duality gap of the layers, and the steps of exact pivoting."""
-    if "layers_gap" not in document or "finish_steps" not in document:
-        return None
-    largest, steps = max(document["layers_gap"]), document["finish_steps"]
+    largest, steps = proof.layers_gap.max(), proof.finish_steps.tolist()
     names = f" ({', '.join(CHANNELS)})" if len(steps) > 1 else ""
     counts = ", ".join(f"{count:.0f}" for count in steps)
     walked = f"took {counts} step{'' if steps == [1] else 's'} to it{names}" if any(steps) else "had nothing to do"
@@ -43,23 +42,21 @@ class Choice:
     rows: tuple[tuple[str, str, str], ...]
 
 
-def basis_of(document: Json) -> Choice | None:
+def basis_of(answer: Answer | None) -> Choice | None:
     """The choice of basis; None if the basis was given."""
-    found = choice_of(document)
-    if found is None:
+    chosen = choice_of(answer)
+    if answer is None or chosen is None:
         return None
-    weighed = document["choice"]
-    best = max(each["log_evidence"] for each in weighed)
+    best = max(hypothesis.log_evidence for hypothesis in answer.choice)
     together: dict[str, tuple[float, float]] = {}
-    for each in weighed:  # summed over kinds of unnamed light
-        nats, share = together.get(each["basis"], (-math.inf, 0.0))
-        own = max(nats, each["log_evidence"]), share + each["probability"]
-        together[each["basis"]] = own
+    for hypothesis in answer.choice:  # summed over kinds of unnamed light
+        nats, share = together.get(hypothesis.basis, (-math.inf, 0.0))
+        together[hypothesis.basis] = max(nats, hypothesis.log_evidence), share + hypothesis.probability
     rows = tuple(
         (basis, f"{nats - best:.1f}".replace("-", "\u2212"), percent(share))
         for basis, (nats, share) in together.items()
     )
-    return Choice(found.words, rows)
+    return Choice(chosen.words, rows)
 
 
 # The light
@@ -74,7 +71,7 @@ class LightStory:
         named: whether it was given; else it was estimated from the signals.
         words: its tolerance, or its kind.
         kinds: name, probability and its text for each kind, the most probable first; empty for a named lamp.
-        plot: its power with its band; None if the document does not hold it.
+        plot: its power with its band; None if it is not known.
     """
 
     shot: int
@@ -103,65 +100,30 @@ class Lights:
         return any(len(light.kinds) > 1 for light in self.shots)
 
 
-def lights_of(document: Json) -> Lights | None:
-    """The lights of a document; None if it holds no light's power."""
-    lights = tuple(_light(number, shot) for number, shot in enumerate(document["shots"], 1))
+def lights_of(answer: Answer | None, shots: Sequence[ShownShot]) -> Lights | None:
+    """The lights of a result; None if no light's power is known."""
+    lights = tuple(map(_light, shots))
     if not any(light.plot for light in lights):
         return None
-    cost = None if all(light.named for light in lights) else cost_of(document)
+    cost = None if all(light.named for light in lights) else cost_of(answer)
     words = "" if cost is None else ", ".join(f"{c} {100 * v:.0f} %" for c, v in zip(CHANNELS, cost, strict=True))
     return Lights(lights, words)
 
 
-def _light(number: int, shot: Json) -> LightStory:
-    lamp, found = shot["lamp"], shot.get("light")
-    name = f"light-{number}"
-    if found is not None:
+def _light(shot: ShownShot) -> LightStory:
+    lamp, light, name = shot.lamp, shot.light, f"light-{shot.number}"
+    if light is not None:
         words = (
-            f"{kinds_in_words(found)}. Correlated colour temperature {found['kelvin']:,.0f} ± "
-            f"{found['kelvin_std']:,.0f} K (one standard deviation)."
+            f"{kinds_in_words(light.kinds)}. Correlated colour temperature {light.kelvin:,.0f} ± "
+            f"{light.kelvin_std:,.0f} K (one standard deviation)."
         )
-        kinds = sorted(found["kinds"].items(), key=lambda each: -each[1])
+        kinds = sorted(light.kinds.items(), key=lambda kind: -kind[1])
         shares = tuple((kind, share, percent(share)) for kind, share in kinds)
-        plot = light_plot(np.array(found["power"]), np.array(found["std"]), name)
-        return LightStory(number, lamp_name(shot), False, words, shares, plot)
-    tolerance, power = lamp["tolerance"], lamp.get("power")
-    words = "" if tolerance is None else f"Taken for right to {brief(100 * tolerance)} % (one standard deviation)."
-    drawn = None if power is None else light_plot(np.array(power), np.array(power) * (tolerance or 0.0), name)
-    return LightStory(number, lamp["name"], True, words, (), drawn)
-
-
-# Colour
-
-
-@dataclass(frozen=True)
-class Colour:
-    """The colour quality of the curves in words, and the rows of the matrices."""
-
-    words: str
-    rows: tuple[tuple[str, tuple[Markup, ...]], ...]
-
-
-def colour_of(document: Json) -> Colour | None:
-    """Luther condition, SMI, and the matrices for two lamps; they depend on the curves only, not on the photos."""
-    try:
-        found = [quality_of(columns(document["ssf"]), lamp) for lamp in COLOUR_LAMPS]
-    except (CalibrationError, np.linalg.LinAlgError):  # curves of a foreign document may give no signal
-        return None
-    rows = tuple(
-        (f"{word} from {each.lamp}'s camera RGB", tuple(number(value, 5) for value in row))
-        for each in found
-        for word, row in zip("XYZ", each.matrix.coefficients.T.tolist(), strict=True)
-    )
-    misses = "; ".join(
-        f"under {each.lamp} {each.matrix.delta_e00['matrix']:.2f} by a matrix, "
-        f"{each.polynomial.delta_e00['root-polynomial']:.2f} by a root-polynomial"
-        for each in found
-    )
-    first = found[0]
-    return Colour(
-        f"Sensitivity metamerism index {first.smi:.0f} (100 is an observer's). No matrix of the curves gives "
-        f"{100 * first.luther:.0f} % of the CIE 1931 observer (Luther condition: 0 %). Mean ΔE00 of surfaces that "
-        f"the fit had not seen: {misses}.",
-        rows,
-    )
+        return LightStory(
+            shot.number, lamp_name(lamp), False, words, shares, light_plot(light.power, light.std, name)
+        )
+    if not isinstance(lamp, Lamp):
+        return LightStory(shot.number, lamp.name, True, "", (), None)
+    words = f"Taken for right to {brief(100 * lamp.tolerance)} % (one standard deviation)."
+    power = lamp.values / lamp.values.mean()
+    return LightStory(shot.number, lamp.name, True, words, (), light_plot(power, power * lamp.tolerance, name))

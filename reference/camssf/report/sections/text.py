@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 import re
-from typing import Any, TypeAlias
 
 from markupsafe import Markup, escape
 
-Json: TypeAlias = dict[str, Any]
+from camssf.documents.document import Document
 
 BAND = 1.96
 """Half-width of a 95 % band in standard deviations."""
@@ -72,9 +71,15 @@ def percent(share: float) -> str:
     return "< 0.1 %" if share < 1e-3 else "> 99.9 %" if share > 0.999 else f"{100 * share:.1f} %"
 
 
-def camera_name(document: Json) -> str:
+def camera_name(document: Document) -> str:
     """Make and model; the make is not repeated."""
-    make, model = document["camera"]["make"].strip(), document["camera"]["model"].strip()
+    photos = () if document.capture is None else document.capture.photos
+    return named(photos[0].make, photos[0].model) if photos else named("", "")
+
+
+def named(make: str, model: str) -> str:
+    """A camera's make and model; the make is not repeated."""
+    make, model = make.strip(), model.strip()
     # "NIKON CORPORATION" "NIKON D5100": many makers repeat their name in the model.
     twice = make and model.lower().startswith(make.lower().split()[0])
     return (model if twice else f"{make} {model}".strip()) or "unnamed camera"

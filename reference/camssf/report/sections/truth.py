@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from camssf.documents.document import Document
 from camssf.errors import InvalidArgument
 from camssf.fit.scores import rmse
-from camssf.grid import Floats, columns
+from camssf.grid import Floats
+from camssf.libraries import REPORT, extension
 from camssf.recovery.basis import read_basis
-from camssf.report.colour_error import true_error
-from camssf.report.notebook import lamps_of
-from camssf.report.sections.text import Json
+from camssf.report.names import lamps_of
 
 
 @dataclass(frozen=True)
@@ -37,26 +37,30 @@ class TrueError:
 HEAD = ("red", "green", "blue", "colour, ΔE00")
 
 
-def true_errors(document: Json, other: Json | None = None, other_name: str = "") -> list[TrueError]:
+def true_errors(document: Document, other: Document | None = None, other_name: str = "") -> list[TrueError]:
     """Errors without a photo, of the result, and of another result with the same truth; empty without a truth."""
-    if "ssf" not in document or not document.get("truth"):
+    answer = document.answer
+    if answer is None or document.truth is None:
         return []
-    truth = columns(document["truth"]["ssf"])
+    truth = document.truth.curves.values
     if (truth.max(axis=0) <= 0).any():  # of a foreign document: nothing can be relative to it
         return []
-    found = []
+    errors = []
     try:
-        basis = read_basis(document["basis"])
+        basis = read_basis(answer.basis)
     except InvalidArgument:  # a basis of the user's own that is not here
         basis = None
     if basis is not None and basis.prior:
         mean = basis.mean.T
-        found.append(_error(f"no photo: mean of basis {basis.name}", mean / mean.max(axis=0), truth))
-    found.append(_error(f"this result: {lamps_of(document)}", columns(document["ssf"]), truth))
-    if other is not None and other.get("truth") and np.array_equal(columns(other["truth"]["ssf"]), truth):
-        found.append(_error(other_name, columns(other["ssf"]), truth))
-    return found
+        errors.append(_error(f"no photo: mean of basis {basis.name}", mean / mean.max(axis=0), truth))
+    errors.append(_error(f"this result: {lamps_of(document)}", answer.curves.values, truth))
+    if other is None or other.answer is None or other.truth is None:
+        return errors
+    if np.array_equal(other.truth.curves.values, truth):
+        errors.append(_error(other_name, other.answer.curves.values, truth))
+    return errors
 
 
 def _error(name: str, values: Floats, truth: Floats) -> TrueError:
-    return TrueError(name, tuple(rmse(values, truth).tolist()), true_error(np.maximum(values, 0.0), truth))
+    colour = extension(REPORT, "colour").true_error(np.maximum(values, 0.0), truth)
+    return TrueError(name, tuple(rmse(values, truth).tolist()), colour)

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from camssf.report.sections.photos import ring, upright
-from camssf.report.sections.text import Json
+from camssf.report.shots import ShownShot
 
 DARKEST, BRIGHTEST = 25.0, 95.0
 """Lightness of the dimmest and the brightest patch in a drawing, %."""
 DIMMEST = 0.01
-"""Smallest level that is drawn, because a document may hold 0."""
+"""Smallest level that is drawn, because a result may hold 0."""
 EVEN = 0.005
 """Light with a smaller range is treated as even and not drawn."""
 
@@ -47,32 +47,29 @@ class Fall:
     most: str
 
 
-def falls_of(document: Json) -> list[Fall | None]:
-    """The light of each shot; None if it is even or was not estimated."""
-    return [_fall(shot) for shot in document["shots"]]
-
-
-def _fall(shot: Json) -> Fall | None:
-    patches, pose = shot["patches"], shot["pose"]
-    light = 1.0 / np.maximum([patch.get("level", 1.0) for patch in patches] or [1.0], DIMMEST)
-    if pose is None or not patches or np.ptp(light) < EVEN:
+def fall_of(shot: ShownShot) -> Fall | None:
+    """The light of a shot; None if it is even or was not estimated."""
+    patches, pose, photo = shot.patches, shot.pose, shot.photo
+    if pose is None or patches is None:
         return None
-    photo = shot["photo"]
-    quads = upright(pose["patches"], int(photo["width"]), int(photo["height"]), int(photo["orientation"]))
+    light = 1.0 / np.maximum(patches.level, DIMMEST)
+    if np.ptp(light) < EVEN:
+        return None
+    quads = upright(pose.patches, photo.width, photo.height, photo.orientation)
     low, high = quads.min(axis=(0, 1)), quads.max(axis=(0, 1))
     margin = 0.03 * float((high - low).max())
     pitch = float(np.sqrt(np.abs(np.prod(high - low)) / len(quads)))
     share = (light - light.min()) / np.ptp(light)
     drawn = tuple(
         Patch(
-            patch["name"],
+            name,
             ring(quad),
             float(quad[:, 0].mean()),
             float(quad[:, 1].mean()),
             DARKEST + (BRIGHTEST - DARKEST) * float(part),
             _words(float(value)),
         )
-        for patch, quad, part, value in zip(patches, quads, share, light, strict=True)
+        for name, quad, part, value in zip(patches.names, quads, share, light, strict=True)
     )
     view = " ".join(f"{v:.1f}" for v in [*(low - margin), *(high - low + 2 * margin)])
     return Fall(view, 0.24 * pitch, drawn, _words(float(light.min())), _words(float(light.max())))

@@ -12,11 +12,10 @@ from typing import NamedTuple
 
 import camssf.spectra.readers.camspec as camspec
 import camssf.spectra.readers.dcamprof as dcamprof
+import camssf.spectra.readers.labelled as labelled
 import camssf.spectra.readers.rawtoaces as rawtoaces
-import camssf.spectra.readers.sekonic as sekonic
 import camssf.spectra.readers.spectacle as spectacle
 import camssf.spectra.readers.tm27 as tm27
-import camssf.spectra.readers.uprtek as uprtek
 from camssf.grid import Floats
 
 
@@ -50,8 +49,8 @@ class CurvesFormat(NamedTuple):
 
 LAMPS = (
     LampFormat("IES TM-27 (.spdx)", tm27.claims, tm27.read),
-    LampFormat("Sekonic CSV", sekonic.claims, sekonic.read),
-    LampFormat("UPRtek text (.xls)", uprtek.claims, uprtek.read),
+    LampFormat("rawtoaces JSON", rawtoaces.claims, rawtoaces.read_lamp),
+    LampFormat("Sekonic CSV, UPRtek text (.xls)", labelled.claims, labelled.read),
 )
 CURVES = (
     CurvesFormat("DCamProf JSON", dcamprof.claims, dcamprof.read),

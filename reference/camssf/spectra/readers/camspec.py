@@ -30,7 +30,7 @@ def read(text: str, path: Path) -> dict[str, tuple[Floats, Floats]]:
         InvalidArgument: a camera without three rows of 33 numbers, or a camera listed twice.
     """
     lines = [line.strip() for line in text.splitlines() if line.strip()]
-    found: dict[str, tuple[Floats, Floats]] = {}
+    cameras: dict[str, tuple[Floats, Floats]] = {}
     for at in range(0, len(lines), 4):
         name, *curves = lines[at : at + 4]
         table = [numbers_of(curve.split()) for curve in curves]
@@ -38,7 +38,7 @@ def read(text: str, path: Path) -> dict[str, tuple[Floats, Floats]]:
             raise InvalidArgument(
                 f"{path} ends early at {name[:40]!r}.", "Each camera has a name and three lines of 33 numbers."
             )
-        if name in found:
+        if name in cameras:
             raise InvalidArgument(f"{path} has {name[:40]!r} twice.", "Leave one of them out.")
-        found[name] = (NM, np.array(table, dtype=np.float64).T)
-    return found
+        cameras[name] = (NM, np.array(table, dtype=np.float64).T)
+    return cameras

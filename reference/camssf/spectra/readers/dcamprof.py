@@ -14,7 +14,8 @@ import numpy as np
 
 from camssf.errors import InvalidArgument
 from camssf.grid import CHANNELS, Floats
-from camssf.spectra.readers.strict_json import UNSOUND, load, number
+from camssf.spectra.text import UNSOUND, json_number
+from camssf.strict_json import parse_strict
 
 _STRING_OR_COMMENT = re.compile(r'("(?:\\.|[^"\\])*(?:"|\Z))|//[^\n]*|/\*.*?(?:\*/|\Z)', re.DOTALL)
 _MOST_BANDS = 10_000
@@ -32,9 +33,9 @@ def read(text: str, path: Path) -> dict[str, tuple[Floats, Floats]]:
         InvalidArgument: other JSON, or lists that differ in length from the bands.
     """
     try:
-        document = load(_STRING_OR_COMMENT.sub(lambda found: found[1] or " ", text))
-        bands = _bands([number(each) for each in document["ssf_bands"]])
-        curves = [[number(each) for each in document[f"{name}_ssf"]] for name in CHANNELS]
+        document = parse_strict(_STRING_OR_COMMENT.sub(lambda match: match[1] or " ", text))
+        bands = _bands([json_number(number) for number in document["ssf_bands"]])
+        curves = [[json_number(number) for number in document[f"{name}_ssf"]] for name in CHANNELS]
         name = " ".join(_text(document["camera_name"]).split()) or path.stem
         table = np.array(curves, dtype=np.float64).T
     except UNSOUND as error:

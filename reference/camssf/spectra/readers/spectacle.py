@@ -31,6 +31,6 @@ def read(text: str, path: Path) -> dict[str, tuple[Floats, Floats]]:
         raise InvalidArgument(
             f"{path} has a line without nine numbers.", "SPECTACLE writes λ, R, G, B, G2 and four errors."
         )
-    found = np.array(table, dtype=np.float64)
-    green = 0.5 * (found[:, 2] + found[:, 4])
-    return {path.stem: (found[:, 0], np.column_stack([found[:, 1], green, found[:, 3]]))}
+    curves = np.array(table, dtype=np.float64)
+    green = 0.5 * (curves[:, 2] + curves[:, 4])
+    return {path.stem: (curves[:, 0], np.column_stack([curves[:, 1], green, curves[:, 3]]))}

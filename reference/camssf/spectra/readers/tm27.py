@@ -32,15 +32,19 @@ def read(text: str, path: Path) -> tuple[Floats, Floats]:
         root = ElementTree.fromstring(text.strip())
     except (ElementTree.ParseError, ValueError, LookupError) as error:
         raise _none(path) from error
-    spectra = [each for each in root if _name(each) == "SpectralDistribution"]
-    if not _name(root).startswith("IESTM27") or len(spectra) != 1:
-        raise _none(path)
-    quantity = next((each.text or "" for each in spectra[0] if _name(each) == "SpectralQuantity"), "").strip()
+    spectra = [element for element in root if _name(element) == "SpectralDistribution"]
+    if not _name(root).startswith("IESTM27"):
+        raise _none(path, f": its root element is {_name(root)[:40]}")
+    if len(spectra) != 1:
+        raise _none(path, f": it has {len(spectra)}")
+    quantity = next(
+        (element.text or "" for element in spectra[0] if _name(element) == "SpectralQuantity"), ""
+    ).strip()
     if quantity.casefold() in SURFACES:
         raise InvalidArgument(f"{path} holds {quantity}, not light.", "Give the lamp's own spectrum.")
-    samples = [each for each in spectra[0] if _name(each) == "SpectralData"]
+    samples = [element for element in spectra[0] if _name(element) == "SpectralData"]
     try:
-        pairs = np.array([(float(each.attrib["wavelength"]), float(each.text or "")) for each in samples])
+        pairs = np.array([(float(sample.attrib["wavelength"]), float(sample.text or "")) for sample in samples])
     except (KeyError, ValueError) as error:
         raise InvalidArgument(f"{path} has a sample that is not a number.", "Export it again.") from error
     if not len(pairs):
@@ -53,7 +57,7 @@ def _name(node: ElementTree.Element) -> str:
     return node.tag.rpartition("}")[2] if isinstance(node.tag, str) else ""
 
 
-def _none(path: Path) -> InvalidArgument:
+def _none(path: Path, why: str = "") -> InvalidArgument:
     return InvalidArgument(
-        f"{path} is not a TM-27 file with one spectrum.", "Export a lamp as .spdx, or as two columns: nm, power."
+        f"{path} is not a TM-27 file with one spectrum{why}.", "Export a lamp as .spdx, or as two columns: nm, power."
     )

@@ -19,15 +19,17 @@ internal object Assumptions {
         val table = capture.chart
         val k = capture.shots.size
         val n = table.patches.size
-        found += Assumption(
-            "chart_table",
-            "the chart's reflectances are ${table.source} (${table.table}), not measured on this chart.",
-        )
+        val public = "${table.source} (${table.table}), not measured on this chart."
+        val own = "those of ${table.source}, taken for this chart's own."
+        found += Assumption("chart_table", "the chart's reflectances are ${if (table.public) public else own}")
         for ((j, shot) in capture.shots.withIndex()) {
             val where = if (k > 1) "shot ${j + 1}: " else ""
             val light = ssf.lights.getOrNull(j)
             found += Assumption("lamp", where + (light?.let { unnamed(shot.lamp.name, it) } ?: named(shot.lamp)))
             uneven(where, shot, ssf, level.copyOfRange(j * n, (j + 1) * n))?.let { found += it }
+            if (shot.photo.matricesLeftOut.isNotEmpty()) {
+                found += Assumption("colour_matrix", "$where${shot.photo.name}: ${shot.photo.matricesLeftOut}.")
+            }
             if (shot.photo.gainMap) found += Assumption("lens_shading", where + shading(shot))
         }
         if (capture.shots[0].means.white != null && capture.whiteReflectance == null) {

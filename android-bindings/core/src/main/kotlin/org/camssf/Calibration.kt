@@ -5,8 +5,8 @@ import org.camssf.documents.ResultJson
 import org.camssf.documents.Solution
 import org.camssf.fit.Scores
 import org.camssf.photo.Assumption
-import org.camssf.photo.Begun
 import org.camssf.photo.MeasuredCapture
+import org.camssf.photo.PartialCapture
 import org.camssf.photo.Signals
 import org.camssf.recovery.Ssf
 import org.camssf.verdict.Verdict
@@ -55,8 +55,9 @@ public sealed class Calibration {
     public abstract val assumptions: List<Assumption>
 
     /**
-     * The result document, "camssf-result/1", on one line, for `camssf report` and `camssf validate`. It has no time
-     * stamp: the same capture gives the same text.
+     * The result as a document, "camssf/2", on one line: what was measured, the answer and the verdict, for
+     * `camssf report`, or `camssf solve` to solve it anew. It has no time stamp and no serial number: the same capture
+     * gives the same text.
      */
     public abstract fun toJson(): String
 }
@@ -68,24 +69,27 @@ public sealed class Calibration {
  * @property signals the measured signals, Eq. (5).
  * @property scores how well the curves predict patches that the fit did not use.
  */
-public class Calibrated internal constructor(private val solution: Solution, private val model: String) :
-    Calibration() {
+public class Calibrated internal constructor(
+    private val solution: Solution,
+    private val model: String,
+    private val basis: String?,
+) : Calibration() {
     public val ssf: Ssf get() = solution.ssf
     public val signals: Signals get() = solution.signals
     public val scores: Scores get() = solution.scores
 
     /**
      * (k, n) factor 1 - ĥ that corrects the signals to even light, 1; the product compares with [Ssf.predicted]. Ones
-     * if the fit had no gain modes, as with a white frame. A copy at each call.
+     * if the fit had no gain modes, as with a white frame. A copy.
      */
-    public val level: DoubleArray get() = solution.predictions.level.copyOf()
+    public fun copyLevel(): DoubleArray = solution.predictions.level.copyOf()
     override val verdict: Verdict get() = solution.verdict
     override val assumptions: List<Assumption> = solution.assumptions.frozen()
 
     /** The measured shots. */
     public val capture: MeasuredCapture get() = solution.capture
 
-    override fun toJson(): String = ResultJson.of(solution, model)
+    override fun toJson(): String = ResultJson.of(solution, model, basis)
 
     override fun toString(): String = "Calibrated($verdict, $ssf)"
 
@@ -101,11 +105,11 @@ public class Calibrated internal constructor(private val solution: Solution, pri
 public class Refused internal constructor(
     public val error: CalibrationException,
     override val verdict: Verdict,
-    private val begun: Begun,
+    private val partial: PartialCapture,
 ) : Calibration() {
     override val assumptions: List<Assumption> get() = emptyList()
 
-    override fun toJson(): String = ResultJson.of(begun, verdict)
+    override fun toJson(): String = ResultJson.of(partial, verdict)
 
     override fun toString(): String = "Refused($error)"
 }

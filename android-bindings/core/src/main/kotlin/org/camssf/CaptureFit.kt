@@ -88,7 +88,7 @@ internal class CaptureFit(
     fun withChartOf(ssf: Ssf): CaptureFit = if (ssf.chartFading == 0.0) this else of(table.faded(ssf.chartFading))
 
     private fun of(chart: ChartTable): CaptureFit {
-        val other = MeasuredCapture(capture.shots, chart, capture.whiteReflectance, capture.files)
+        val other = capture.with(chart = chart)
         return CaptureFit(engines, other, signals, settings, priorScale)
     }
 
@@ -131,15 +131,13 @@ internal class CaptureFit(
             val matrices = shot.photo.colourMatrices.map { it.kelvin to it.sharedValues }
             shot.under(RawWhite.given(shot.lamp, raw, matrices, white))
         }
-        val other = MeasuredCapture(shots, capture.chart, capture.whiteReflectance, capture.files)
+        val other = capture.with(shots)
         return CaptureFit(engines, other, signals, settings, priorScale)
     }
 
     /** The fit of shot j alone. */
     private fun only(j: Int): CaptureFit {
-        val own = MeasuredCapture(
-            listOf(capture.shots[j]), capture.chart, capture.whiteReflectance, capture.files,
-        )
+        val own = capture.with(listOf(capture.shots[j]))
         return CaptureFit(engines, own, signals.only(j), settings, priorScale)
     }
 
@@ -148,7 +146,7 @@ internal class CaptureFit(
 
     private fun ofKinds(kinds: List<String>): MeasuredCapture {
         val shots = capture.shots.mapIndexed { j, shot -> shot.under(light(shot.lamp, kinds[j])) }
-        return MeasuredCapture(shots, capture.chart, capture.whiteReflectance, capture.files)
+        return capture.with(shots)
     }
 
     private fun light(lamp: Lamp, kind: String): Lamp = lamp.kinds.firstOrNull { it.name == kind } ?: lamp
@@ -157,19 +155,20 @@ internal class CaptureFit(
      * The curves from the `used` patches; the result predicts all n patches.
      *
      * @param gamma (1) or (3) the l1 penalty; null takes that of the settings or of the basis.
-     * @param tell called before each run of a model if a light is unnamed, because there are many runs.
+     * @param onRun called before each run of a model if a light is unnamed, because there are many runs.
      * @throws InvalidArgument too many shots have an unnamed light, or the basis cannot estimate one.
      * @throws LampUnfit a lamp without power on the grid.
      * @throws NotConverged the duality gap is too large.
      */
-    fun curves(used: PatchMask, gamma: DoubleArray?, tell: () -> Unit = {}): Ssf {
+    fun curves(used: PatchMask, gamma: DoubleArray?, onRun: () -> Unit = {}): Ssf {
         val selected = used.selected
         val (chart, white, dark) = listOf(signals.sharedChart, signals.sharedWhite, signals.sharedDark)
             .map { rows(PatchTable(k, n, it), selected) }
         val shown = Frames(chart, white, dark)
         val penalties = Penalties(settings.l2, gamma, settings.nonnegative)
         if (lamps.any { it.unnamed }) {
-            return AnyLight(families(), shown, penalties, tell).recover(guesses(used, tell), table.sharedValues)
+            return AnyLight(families(), shown, penalties, onRun)
+                .recover(guesses(used, onRun), table.sharedValues)
         }
         val given = observation(used, lamps)
         val found = engines.singleOrNull()?.let { Recover.recover(it, given, shown, penalties, priorScale) }
@@ -185,7 +184,7 @@ internal class CaptureFit(
             ?: Choice.families(engines, priorOdds)
 
     /** All combinations of kinds for the unnamed lights. */
-    private fun guesses(used: PatchMask, tell: () -> Unit): List<LampGuess> {
+    private fun guesses(used: PatchMask, onRun: () -> Unit): List<LampGuess> {
         val unnamed = lamps.count { it.unnamed }
         if (unnamed > AnyLight.MOST) {
             throw InvalidArgument(
@@ -194,20 +193,20 @@ internal class CaptureFit(
             )
         }
         val kinds = lamps.indices.fold(listOf(emptyList<String>())) { all, j ->
-            val own = kinds(used, j, unnamed, tell)
+            val own = kinds(used, j, unnamed, onRun)
             all.flatMap { before -> own.map { before + it } }
         }
         return guesses(used, kinds)
     }
 
     /** The kinds of shot j's light that are combined with those of the other shots; "" if it was named. */
-    private fun kinds(used: PatchMask, j: Int, unnamed: Int, tell: () -> Unit): List<String> {
+    private fun kinds(used: PatchMask, j: Int, unnamed: Int, onRun: () -> Unit): List<String> {
         if (!lamps[j].unnamed) return listOf("")
         val kinds = lamps[j].kinds.map { it.name }
         if (unnamed == 1) return kinds
         val alone = only(j)
         val own = PatchMask(1, n) { _, i -> used[j, i] }
-        return AnyLight.likelyKinds(alone.families(), alone.guesses(own, kinds.map { listOf(it) }), tell)
+        return AnyLight.likelyKinds(alone.families(), alone.guesses(own, kinds.map { listOf(it) }), onRun)
     }
 
     private fun guesses(used: PatchMask, kinds: List<List<String>>): List<LampGuess> {

@@ -17,6 +17,7 @@ package org.camssf
  * ├── CaptureError                               how the photo was taken
  * │   ├── Overexposed        overexposed
  * │   ├── Underexposed       underexposed
+ * │   ├── BandsTooWide       bands_too_wide
  * │   ├── UnevenLight        uneven_light
  * │   ├── FramesDiffer       frames_differ
  * │   ├── UnitDiffers        unit_differs
@@ -150,6 +151,15 @@ public class Underexposed(
     threshold: Double? = null,
     cause: Throwable? = null,
 ) : CaptureError("underexposed", message, advice, value, threshold, cause)
+
+/** The photos leave the curves too uncertain. */
+public class BandsTooWide(
+    message: String,
+    advice: String,
+    value: Double? = null,
+    threshold: Double? = null,
+    cause: Throwable? = null,
+) : CaptureError("bands_too_wide", message, advice, value, threshold, cause)
 
 /** The light varies across the chart and no white frame corrects it. */
 public class UnevenLight(

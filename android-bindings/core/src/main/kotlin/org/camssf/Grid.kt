@@ -8,7 +8,9 @@ public object Grid {
     /** Distance between neighbouring wavelengths, nm. */
     public const val STEP: Double = 0.5
 
-    /** Wavelengths (681), nm; a new array at each call. */
+    internal val wavelengths: DoubleArray = DoubleArray(SIZE) { 380.0 + STEP * it }
+
+    /** Wavelengths (681), nm; a copy. */
     @JvmStatic
-    public val WAVELENGTHS: DoubleArray get() = DoubleArray(SIZE) { 380.0 + STEP * it }
+    public fun copyWavelengths(): DoubleArray = wavelengths.copyOf()
 }

@@ -1,12 +1,9 @@
 package org.camssf
 
-import kotlinx.serialization.json.Json
-import kotlinx.serialization.json.JsonObject
-import kotlinx.serialization.json.jsonObject
 import org.camssf.documents.PreviousShots
 import org.camssf.model.Models
+import org.camssf.photo.DocumentForm
 import org.camssf.photo.MeasuredCapture
-import org.camssf.spectra.text
 
 /**
  * A stored result of the same unit under a lamp that was named, for [Settings.previous]: its shots are solved
@@ -19,7 +16,7 @@ import org.camssf.spectra.text
 public class PreviousResult private constructor(
     public val name: String,
     public val sha256: String,
-    private val json: String,
+    private val document: DocumentForm,
 ) {
     /**
      * The capture with the named shots of this result behind its own, all relative to the chart's white patch.
@@ -28,17 +25,7 @@ public class PreviousResult private constructor(
      *   photo.
      * @throws UnitDiffers it is of another camera.
      */
-    internal fun joined(capture: MeasuredCapture): MeasuredCapture = reading {
-        PreviousShots(name, read(json)).joined(capture)
-    }
-
-    private fun <T> reading(work: () -> T): T = try {
-        work()
-    } catch (error: CalibrationException) {
-        throw error
-    } catch (error: RuntimeException) { // a missing or malformed field
-        throw damaged(name, error)
-    }
+    internal fun joined(capture: MeasuredCapture): MeasuredCapture = PreviousShots(name, document).joined(capture)
 
     override fun equals(other: Any?): Boolean =
         other is PreviousResult && sha256 == other.sha256 && name == other.name
@@ -49,27 +36,18 @@ public class PreviousResult private constructor(
 
     public companion object {
         /**
-         * Reads a result document, "camssf-result/1", as [Calibration.toJson] and Python write it.
+         * Reads a result, a document "camssf/2", as [Calibration.toJson] and Python write it.
          *
-         * @throws InvalidArgument the text is no such document.
+         * @throws InvalidArgument the text is no such document; the message names the place of the first fault.
          */
         @JvmStatic
         @JvmOverloads
         public fun parse(json: String, name: String = "(given)"): PreviousResult {
-            try {
-                check(read(json).text("format") == "camssf-result/1") { "another format" }
-            } catch (error: RuntimeException) { // thrown by the parser and for missing fields
-                throw damaged(name, error)
+            val document = DocumentForm.read(json, name)
+            if (document.verdict == null) {
+                throw InvalidArgument("$name: the document lacks verdict.", DocumentForm.ADVICE)
             }
-            return PreviousResult(name, Models.sha256(json.toByteArray()), json)
+            return PreviousResult(name, Models.sha256(json.toByteArray()), document)
         }
-
-        private fun read(json: String): JsonObject = Json.parseToJsonElement(json).jsonObject
-
-        private fun damaged(name: String, cause: RuntimeException) = InvalidArgument(
-            "The previous result $name is no result that camssf wrote (${cause.message?.lines()?.first()}).",
-            "Give the text of a \"camssf-result/1\", as Calibration.toJson has it.",
-            cause = cause,
-        )
     }
 }

@@ -57,7 +57,7 @@ public sealed class CalibrationState {
  * The steps of a run in their order, each with its work. A step's work counts as finished when a later one begins; a
  * step that was not planned adds nothing, and planned steps that are skipped count when a later one begins.
  */
-internal class Course private constructor(private val steps: List<Step>) {
+internal class ProgressPlan private constructor(private val steps: List<Step>) {
     /**
      * @param work in milliseconds; only ratios matter.
      * @param runs of a model in it, where that is reported.
@@ -111,7 +111,7 @@ internal class Course private constructor(private val steps: List<Step>) {
          *
          * @param families number of bases that the signals choose from.
          */
-        fun of(capture: Capture, settings: Settings, families: Int, prior: Boolean): Course {
+        fun of(capture: Capture, settings: Settings, families: Int, prior: Boolean): ProgressPlan {
             val measuring = capture.shots.flatMapIndexed { j, shot ->
                 val frames = 1 + listOfNotNull(shot.white, shot.dark).size
                 listOf(
@@ -120,12 +120,12 @@ internal class Course private constructor(private val steps: List<Step>) {
                     Step(Stage.MEASURING, j, MEASURE * frames),
                 )
             }
-            return Course(measuring + solving(capture.shots.map { it.lamp }, settings, families, prior))
+            return ProgressPlan(measuring + solving(capture.shots.map { it.lamp }, settings, families, prior))
         }
 
         /** The steps of solving measured shots. */
-        fun of(lamps: List<Lamp>, settings: Settings, families: Int, prior: Boolean): Course =
-            Course(solving(lamps, settings, families, prior))
+        fun of(lamps: List<Lamp>, settings: Settings, families: Int, prior: Boolean): ProgressPlan =
+            ProgressPlan(solving(lamps, settings, families, prior))
 
         private fun solving(lamps: List<Lamp>, settings: Settings, families: Int, prior: Boolean): List<Step> {
             val k = lamps.size

@@ -26,9 +26,9 @@ internal object Rivals {
      * @param fit before it is conditioned on the answer.
      * @param used the patches that entered the fit.
      * @param new number of new shots; the lamps of a previous result, behind them, are not doubted again.
-     * @param tell called before each stack of lamps.
+     * @param onRun called before each stack of lamps.
      */
-    fun of(fit: CaptureFit, ssf: Ssf, used: PatchMask, new: Int = fit.lamps.size, tell: () -> Unit): List<Rival> {
+    fun of(fit: CaptureFit, ssf: Ssf, used: PatchMask, new: Int = fit.lamps.size, onRun: () -> Unit): List<Rival> {
         if (ssf.sharedStd == null || fit.lamps.size > Light.MOST_SHOTS_COMPARED) return emptyList()
         val scale = if (ssf.priorScale == 1.0) Light.NARROW else 1.0 // the learned width for an unfamiliar camera
         val bases = Choice.MAKERS_OF.values.toSet() + ssf.basis
@@ -38,7 +38,7 @@ internal object Rivals {
         val rivals = named.flatMap { j -> Light.RIVALS.map { j to it } }
         val others = rivals.map { (j, name) -> lamps.toMutableList().also { it[j] = lamp(name) } }
         val nats = (listOf(lamps) + others).chunked(Recover.STACK).flatMap { some ->
-            tell()
+            onRun()
             fit.logEvidences(used, some, bases, scale).toList()
         }
         return rivals.mapIndexed { i, (j, name) -> Rival(j, name, nats[i + 1] - nats[0]) }

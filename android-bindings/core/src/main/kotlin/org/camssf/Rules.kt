@@ -1,11 +1,9 @@
 package org.camssf
 
-import kotlinx.serialization.SerializationException
-import kotlinx.serialization.json.Json
-import kotlinx.serialization.json.JsonArray
-import kotlinx.serialization.json.JsonElement
-import kotlinx.serialization.json.JsonObject
-import kotlinx.serialization.json.JsonPrimitive
+import org.camssf.json.JsonText
+import org.camssf.json.Members
+import org.camssf.json.NotJson
+import org.camssf.json.members
 import org.camssf.model.Models
 
 /**
@@ -96,8 +94,8 @@ internal class Rules private constructor(
          */
         fun parse(text: String): Rules {
             val parsed = try {
-                Json.parseToJsonElement(text)
-            } catch (error: SerializationException) {
+                JsonText.parse(text)
+            } catch (error: NotJson) {
                 throw damaged("it is no JSON: ${error.message}")
             }
             val file = record("the file", parsed, setOf("format", "numbers", "rivals", "makers", "reasons"))
@@ -137,7 +135,7 @@ internal class Rules private constructor(
             }
         }
 
-        private fun wording(name: String, entry: JsonObject, numbers: Map<String, String>): Wording {
+        private fun wording(name: String, entry: Members, numbers: Map<String, String>): Wording {
             val limits = texts("limits of $name", entry.getValue("limits"))
             val unknown = limits.filter { "verdict.$it" !in numbers }
             if (unknown.isNotEmpty()) throw damaged("$name has the limits $unknown, which no number is")
@@ -151,7 +149,7 @@ internal class Rules private constructor(
             return Wording(text("code of $name", entry.getValue("code")), limits, message, advice)
         }
 
-        private fun bound(name: String, entry: JsonObject): Bound? {
+        private fun bound(name: String, entry: Members): Bound? {
             val (makes, beyond, refuses) = listOf("makes", "beyond", "refuses").map { key ->
                 entry[key]?.let { text("$key of $name", it) }
             }
@@ -162,33 +160,31 @@ internal class Rules private constructor(
             return Bound(makes == "refused", beyond, refuses)
         }
 
-        private fun number(name: String, value: JsonElement): String {
-            val content = (value as? JsonPrimitive)?.takeIf { !it.isString }?.content
-            val sound = content?.toDoubleOrNull()?.let { it.isFinite() && it != 0.0 } ?: false
-            if (!sound) throw damaged("$name is $value instead of a number other than 0")
-            return content
+        private fun number(name: String, value: Any?): String {
+            val number = (value as? Number)?.toDouble() ?: Double.NaN
+            if (!number.isFinite() || number == 0.0) throw damaged("$name is $value instead of a number other than 0")
+            return value.toString()
         }
 
-        private fun text(where: String, value: JsonElement): String =
-            (value as? JsonPrimitive)?.takeIf { it.isString && it.content.isNotEmpty() }?.content
-                ?: throw damaged("$where is no text")
+        private fun text(where: String, value: Any?): String =
+            (value as? String)?.ifEmpty { null } ?: throw damaged("$where is no text")
 
-        private fun texts(where: String, value: JsonElement): List<String> =
-            (value as? JsonArray)?.takeIf { it.isNotEmpty() }?.map { text(where, it) }
+        private fun texts(where: String, value: Any?): List<String> =
+            (value as? List<*>)?.takeIf { it.isNotEmpty() }?.map { text(where, it) }
                 ?: throw damaged("$where is no list")
 
-        private fun different(where: String, value: JsonElement): List<String> =
+        private fun different(where: String, value: Any?): List<String> =
             texts(where, value).also { if (it.toSet().size < it.size) throw damaged("$where names one twice") }
 
-        private fun record(where: String, value: JsonElement): JsonObject =
-            value as? JsonObject ?: throw damaged("$where is no object")
+        private fun record(where: String, value: Any?): Members =
+            if (value is Map<*, *>) members(value) else throw damaged("$where is no object")
 
         private fun record(
             where: String,
-            value: JsonElement,
+            value: Any?,
             needed: Set<String>,
             allowed: Set<String> = emptySet(),
-        ): JsonObject {
+        ): Members {
             val found = record(where, value)
             val odd = (found.keys - needed - allowed) + (needed - found.keys)
             if (odd.isNotEmpty()) throw damaged("$where has unknown or missing keys: ${odd.joinToString()}")

@@ -28,7 +28,7 @@ internal class Solve(
     private val engines: List<Engine>,
     private val capture: MeasuredCapture,
     private val settings: Settings,
-    private val tell: Tell,
+    private val reporter: ProgressReporter,
     private val new: Int? = null,
 ) {
     private val table = capture.chart
@@ -57,8 +57,8 @@ internal class Solve(
         val ssf = curves(freeFit, Stage.SOLVING, used, gamma)
         val likeliest = freeFit.likeliestTable(ssf, used)
         if (likeliest !== table) {
-            val other = MeasuredCapture(capture.shots, likeliest, capture.whiteReflectance, capture.files)
-            return Solve(engines, other, settings, tell, new).run()
+            val other = capture.with(chart = likeliest)
+            return Solve(engines, other, settings, reporter, new).run()
         }
         val fit = freeFit.conditionedOn(ssf)
         val predictedStd = fit.bands(used, ssf)
@@ -72,7 +72,7 @@ internal class Solve(
         val drift = new?.let { UnitDrift.probability(inputs, LearnedBasis.of(ssf.basis)!!, it) }
         val verdict = Judge.judge(
             Case(inputs, capture.shots, alone, neutrals(), family, unnamed, drift) {
-                Rivals.of(freeFit.withChartOf(ssf), ssf, used, new ?: k) { tell.begin(Stage.JUDGING) }
+                Rivals.of(freeFit.withChartOf(ssf), ssf, used, new ?: k) { reporter.begin(Stage.JUDGING) }
             },
         )
         val level = fit.level(ssf)
@@ -131,8 +131,8 @@ internal class Solve(
         used: PatchMask,
         gamma: DoubleArray?,
     ): Ssf {
-        tell.begin(stage)
-        return fit.curves(used, gamma) { tell.proceed() }
+        reporter.begin(stage)
+        return fit.curves(used, gamma) { reporter.proceed() }
     }
 
     /**
@@ -200,7 +200,7 @@ internal class Solve(
 
     /** The camera's white points from each shot's file. */
     private fun neutrals(): List<List<CameraWhite>> = capture.shots.map { shot ->
-        shot.photo.colourMatrices.map { CameraWhite(Rivals.lamp(it.light).sharedValues, it.white) }
+        shot.photo.colourMatrices.map { CameraWhite(Rivals.lamp(it.light).sharedValues, it.copyWhite()) }
     }
 
     companion object {

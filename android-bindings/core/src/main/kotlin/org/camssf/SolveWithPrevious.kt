@@ -20,7 +20,7 @@ internal class SolveWithPrevious(
     private val engines: List<Engine>,
     private val capture: MeasuredCapture,
     private val settings: Settings,
-    private val tell: Tell,
+    private val reporter: ProgressReporter,
     private val previous: PreviousResult,
 ) {
     fun run(): Solution {
@@ -35,7 +35,7 @@ internal class SolveWithPrevious(
         val new = own.shots.size
         val joint = previous.joined(own)
         val (checks, refused) = try {
-            val found = Solve(engines, joint, settings, tell, new).run()
+            val found = Solve(engines, joint, settings, reporter, new).run()
             val verdict = found.verdict
             if (verdict.outcome != Status.REFUSED && UnitDrift.contradiction(verdict.checks, emptyList()) == null) {
                 return found.with(found.verdict, found.assumptions + entered(new))
@@ -46,7 +46,7 @@ internal class SolveWithPrevious(
         } catch (error: CalibrationException) {
             emptyList<Check>() to error
         }
-        val alone = Solve(engines, own, settings, tell).run()
+        val alone = Solve(engines, own, settings, reporter).run()
         if (alone.verdict.outcome == Status.REFUSED) return alone
         val why = UnitDrift.contradiction(checks, alone.verdict.checks)
             ?: refused?.let { Reason(it.code, it.message, it.advice, it.value, it.threshold) }

@@ -7,11 +7,11 @@ import kotlinx.coroutines.flow.channelFlow
 import kotlinx.coroutines.flow.conflate
 import kotlinx.coroutines.runInterruptible
 import org.camssf.documents.Solution
-import org.camssf.photo.Begun
 import org.camssf.photo.Capture
 import org.camssf.photo.MeasuredCapture
 import org.camssf.photo.MeasuredShot
 import org.camssf.photo.Measuring
+import org.camssf.photo.PartialCapture
 import org.camssf.photo.Shot
 import org.camssf.recovery.Choice
 import org.camssf.recovery.Engine
@@ -65,11 +65,14 @@ public class SsfCalibrator private constructor(
 ) : Closeable {
     override fun toString(): String = "SsfCalibrator($basis)"
 
-    private val gate = Gate { engines.forEach { it.close() } }
+    private val guard = RunGuard { engines.forEach { it.close() } }
 
     /** SHA-256 of each model file by its basis, lower-case hex; "auto" has three. */
     public val modelHashes: Map<String, String> =
         Collections.unmodifiableMap(engines.associate { it.basis to it.sha256 })
+
+    /** SHA-256 of each basis, as its model states it; the engine has checked that it is the one that is given. */
+    private val basisHashes = engines.associate { it.basis to it.metadata["basis_sha256 ${it.basis}"] }
 
     /**
      * Recovers the camera's curves from RAW photos: reads each shot's frames in turn, moves the corners to the
@@ -87,8 +90,8 @@ public class SsfCalibrator private constructor(
         capture: Capture,
         settings: Settings = Settings(),
         progress: ProgressListener? = null,
-    ): Calibration = gate.through {
-        run(capture, settings, tell(Course.of(capture, settings, engines.size, prior), progress))
+    ): Calibration = guard.through {
+        run(capture, settings, reporter(ProgressPlan.of(capture, settings, engines.size, prior), progress))
     }
 
     /**
@@ -104,7 +107,7 @@ public class SsfCalibrator private constructor(
         dispatcher: CoroutineDispatcher = Dispatchers.IO,
         progress: ProgressListener? = null,
     ): Calibration {
-        gate.check()
+        guard.check()
         return runInterruptible(dispatcher) { calibrateBlocking(capture, settings, progress) }
     }
 
@@ -128,14 +131,14 @@ public class SsfCalibrator private constructor(
      * @throws InterruptedException the thread was interrupted; all resources of the run are released.
      */
     @Throws(InterruptedException::class)
-    public fun measure(shot: Shot, chart: ChartTable): MeasuredShot = gate.through {
-        interruptible { Measuring(Capture(shot, chart), tell()).run().shots[0] }
+    public fun measure(shot: Shot, chart: ChartTable): MeasuredShot = guard.through {
+        interruptible { Measuring(Capture(shot, chart), reporter()).run().shots[0] }
     }
 
     /**
      * Computes curves, scores and verdict from measured shots.
      *
-     * @param shots of one chart with one camera, from [measure].
+     * @param shots of one chart with one camera, from [measure] or [MeasuredCapture.fromJson].
      * @param whiteReflectance of the target in the white frames, 90 % is 0.9; null for a perfect diffuser.
      * @throws InvalidArgument the call itself is wrong.
      * @throws InterruptedException the thread was interrupted.
@@ -148,47 +151,48 @@ public class SsfCalibrator private constructor(
         whiteReflectance: Double? = null,
         settings: Settings = Settings(),
         progress: ProgressListener? = null,
-    ): Calibration = gate.through {
-        val begun = Begun(chart, shots.map { it.lamp }, shots.frozen())
-        val course = Course.of(begun.lamps, settings, engines.size, prior)
-        refusing({ begun }) {
-            finish(Measuring.joined(shots, chart, whiteReflectance), settings, tell(course, progress))
+    ): Calibration = guard.through {
+        val partial = PartialCapture(chart, shots.map { it.lamp }, shots.frozen())
+        val plan = ProgressPlan.of(partial.lamps, settings, engines.size, prior)
+        refusing({ partial }) {
+            finish(Measuring.joined(shots, chart, whiteReflectance), settings, reporter(plan, progress))
         }
     }
 
-    private fun run(capture: Capture, settings: Settings, tell: Tell): Calibration {
-        val measuring = Measuring(capture, tell)
-        return refusing(measuring::begun) { finish(measuring.run(), settings, tell) }
+    private fun run(capture: Capture, settings: Settings, reporter: ProgressReporter): Calibration {
+        val measuring = Measuring(capture, reporter)
+        return refusing(measuring::partial) { finish(measuring.run(), settings, reporter) }
     }
 
-    private fun finish(capture: MeasuredCapture, settings: Settings, tell: Tell): Solution {
+    private fun finish(capture: MeasuredCapture, settings: Settings, reporter: ProgressReporter): Solution {
         val previous = settings.previous
         val solution = if (previous == null) {
-            Solve(engines, capture, settings, tell).run()
+            Solve(engines, capture, settings, reporter).run()
         } else {
-            SolveWithPrevious(engines, capture, settings, tell, previous).run()
+            SolveWithPrevious(engines, capture, settings, reporter, previous).run()
         }
-        tell.begin(Stage.DONE)
+        reporter.begin(Stage.DONE)
         return solution
     }
 
-    private fun refusing(begun: () -> Begun, work: () -> Solution): Calibration =
-        outcome(begun, work).also { found ->
+    private fun refusing(partial: () -> PartialCapture, work: () -> Solution): Calibration =
+        outcome(partial, work).also { found ->
             logger?.log("${found.verdict.outcome.word}${found.verdict.reasons.joinToString("") { ", ${it.code}" }}")
         }
 
-    private fun outcome(begun: () -> Begun, work: () -> Solution): Calibration {
+    private fun outcome(partial: () -> PartialCapture, work: () -> Solution): Calibration {
         try {
             val solution = interruptible(work)
             if (solution.verdict.outcome == Status.REFUSED) {
-                return Refused(Reasons.refusal(solution.verdict), solution.verdict, Begun(solution.capture))
+                return Refused(Reasons.refusal(solution.verdict), solution.verdict, PartialCapture(solution.capture))
             }
-            return Calibrated(solution, modelHashes.getValue(solution.ssf.basis))
+            val basis = solution.ssf.basis
+            return Calibrated(solution, modelHashes.getValue(basis), basisHashes[basis])
         } catch (error: InvalidArgument) {
             throw error
         } catch (error: CalibrationException) {
             val reason = Reason(error.code, error.message, error.advice, error.value, error.threshold)
-            return Refused(error, Verdict(Status.REFUSED, listOf(reason)), begun())
+            return Refused(error, Verdict(Status.REFUSED, listOf(reason)), partial())
         }
     }
 
@@ -199,10 +203,13 @@ public class SsfCalibrator private constructor(
      * A `progress` or a [Logger] may call it; it then returns without waiting, and its own run ends at the next step
      * and releases the models. They must not wait for a thread that is in this call.
      */
-    override fun close(): Unit = gate.close()
+    override fun close(): Unit = guard.close()
 
     /** Reports to `progress` and the logger, and ends the run if it was interrupted or closed. */
-    private fun tell(course: Course? = null, progress: ProgressListener? = null): Tell = object : Tell {
+    private fun reporter(
+        plan: ProgressPlan? = null,
+        progress: ProgressListener? = null,
+    ): ProgressReporter = object : ProgressReporter {
         private var before: Pair<Stage, Int?>? = null
         private var since = 0L
 
@@ -214,17 +221,17 @@ public class SsfCalibrator private constructor(
                 before = stage to shot
                 since = now
             }
-            course?.begin(stage, shot)?.let { progress?.report(it) }
+            plan?.begin(stage, shot)?.let { progress?.report(it) }
         }
 
         override fun proceed() {
             check()
-            course?.proceed()?.let { progress?.report(it) }
+            plan?.proceed()?.let { progress?.report(it) }
         }
 
         override fun check() {
             checkInterrupt()
-            gate.check()
+            guard.check()
         }
     }
 

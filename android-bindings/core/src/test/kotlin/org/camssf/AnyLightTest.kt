@@ -1,7 +1,6 @@
 package org.camssf
 
 import kotlinx.serialization.json.Json
-import kotlinx.serialization.json.JsonNull
 import kotlinx.serialization.json.double
 import kotlinx.serialization.json.jsonArray
 import kotlinx.serialization.json.jsonObject
@@ -42,19 +41,19 @@ class AnyLightTest {
         val light = found.ssf.lights.single()!!
         assertEquals(listOf("daylight", "bulb", "white-led", "fluorescent"), light.kinds.keys.toList())
         assertEquals(1.0, light.kinds.values.sum(), 1e-12)
-        assertEquals(1.0, light.power.average(), 1e-12)
-        assertTrue(light.std.all { it > 0 } && light.kelvinStd > 0)
-        light.power[0] = 7.0
-        assertTrue(light.power[0] < 7.0)
+        assertEquals(1.0, light.copyPower().average(), 1e-12)
+        assertTrue(light.copyStd().all { it > 0 } && light.kelvinStd > 0)
+        light.copyPower()[0] = 7.0
+        assertTrue(light.copyPower()[0] < 7.0)
         val document = Json.parseToJsonElement(found.toJson()).jsonObject
-        val shot = document.getValue("shots").jsonArray.single().jsonObject
-        val lamp = shot.getValue("lamp").jsonObject
-        assertEquals("auto" to JsonNull, lamp.getValue("name").jsonPrimitive.content to lamp["tolerance"])
-        val written = shot.getValue("light").jsonObject
+        val shot = document.getValue("capture").jsonObject.getValue("shots").jsonArray.single().jsonObject
+        assertEquals("""{"kind":"unnamed","name":"auto"}""", shot.getValue("lamp").toString())
+        val answer = document.getValue("answer").jsonObject
+        val written = answer.getValue("lights").jsonArray.single().jsonObject
         assertEquals(light.kelvin, written.getValue("kelvin").jsonPrimitive.double)
         val power = written.getValue("power").jsonArray.map { it.jsonPrimitive.double }
-        assertArrayEquals(light.power, power.toDoubleArray())
-        val kinds = document.getValue("choice").jsonArray.map {
+        assertArrayEquals(light.copyPower(), power.toDoubleArray())
+        val kinds = answer.getValue("choice").jsonArray.map {
             it.jsonObject.getValue("kinds").jsonArray.single().jsonPrimitive.content
         }
         assertEquals(light.kinds.keys.toList(), kinds)
@@ -66,8 +65,7 @@ class AnyLightTest {
     fun `a named lamp is told as ever`() = SsfCalibrator.open("phones").use { calibrator ->
         val found = calibrator.calibrateBlocking(Capture(Shot(photo, Lamp.read("E"), corners), chart)) as Calibrated
         assertEquals(emptyList<Any?>(), found.ssf.lights + found.ssf.choice)
-        val shot = Json.parseToJsonElement(found.toJson()).jsonObject.getValue("shots").jsonArray.single().jsonObject
-        assertNull(shot["light"])
+        assertNull(Json.parseToJsonElement(found.toJson()).jsonObject.getValue("answer").jsonObject["lights"])
     }
 
     @Test
@@ -114,7 +112,7 @@ class AnyLightTest {
     @Test
     fun `the colour temperature is McCamy's, and its slope that of differences`() {
         for ((name, kelvin) in listOf("A" to 2856.0, "D50" to 5003.0, "D65" to 6504.0)) {
-            val power = Lamp.read(name).values
+            val power = Lamp.read(name).copyValues()
             val (found, slope) = LampPosterior.temperature(power)
             assertEquals(kelvin, found, 0.005 * kelvin, name)
             for (at in listOf(50, 200, 340, 500)) {

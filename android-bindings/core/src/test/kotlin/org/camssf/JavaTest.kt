@@ -53,7 +53,7 @@ class JavaTest {
                         double red = ((Calibrated) found).getSsf().at(600.0, Channel.RED);
                         String word = found.getVerdict().getOutcome().getWord();
                         double end = steps.get(steps.size() - 1).getPart();
-                        return word + " " + red + " " + Grid.getWAVELENGTHS().length + " " + end;
+                        return word + " " + red + " " + Grid.copyWavelengths().length + " " + end;
                     } catch (UnreadableRaw error) {
                         throw new UnsupportedRaw("a", "b", null, null, error);
                     }

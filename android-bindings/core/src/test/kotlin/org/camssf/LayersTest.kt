@@ -71,18 +71,19 @@ class LayersTest {
         const val LONGEST = 450
         val GROUND = setOf(
             "Camssf", "Channel", "Errors", "Grid", "Interrupts", "LeastSquares", "Nodes", "Numbers", "Rules", "Stage",
-            "Tell",
+            "ProgressReporter",
         )
         val ALLOWED = linkedMapOf(
-            "ground" to emptySet(),
-            "spectra" to setOf("ground"),
-            "photo" to setOf("ground", "spectra"),
-            "recovery" to setOf("ground", "spectra"),
-            "fit" to setOf("ground", "spectra", "photo", "recovery"),
-            "verdict" to setOf("ground", "spectra", "photo", "recovery", "fit"),
-            "colour" to setOf("ground", "spectra", "photo", "recovery", "fit"),
-            "documents" to setOf("ground", "spectra", "photo", "recovery", "fit", "verdict"),
-            "face" to setOf("ground", "spectra", "photo", "recovery", "fit", "verdict", "colour", "documents"),
+            "json" to emptySet(),
+            "ground" to setOf("json"),
+            "forms" to setOf("json", "ground"),
+            "spectra" to setOf("json", "ground", "forms"),
+            "photo" to setOf("json", "ground", "forms", "spectra"),
+            "recovery" to setOf("json", "ground", "spectra"),
+            "fit" to setOf("json", "ground", "spectra", "photo", "recovery"),
+            "verdict" to setOf("json", "ground", "spectra", "photo", "recovery", "fit"),
+            "documents" to setOf("json", "ground", "forms", "spectra", "photo", "recovery", "fit", "verdict"),
+            "face" to setOf("json", "ground", "forms", "spectra", "photo", "recovery", "fit", "verdict", "documents"),
         )
     }
 }

@@ -5,6 +5,7 @@ import kotlinx.serialization.json.jsonArray
 import kotlinx.serialization.json.jsonObject
 import kotlinx.serialization.json.jsonPrimitive
 import org.camssf.photo.Corners
+import org.camssf.photo.MeasuredCapture
 import org.camssf.photo.MeasuredShot
 import org.camssf.photo.Photo
 import org.camssf.photo.PhotoSource
@@ -33,6 +34,7 @@ class PreviousResultTest {
 
     /** Accepted, whatever was thought of this flat lamp. */
     private val text = calibrator.solve(listOf(shot), chart).toJson().replace("\"doubtful\"", "\"accepted\"")
+        .replace(Regex(",\"sha256\":\"[0-9a-f]{64}\"\\}\n$"), "}")
 
     @AfterAll
     fun close() = calibrator.close()
@@ -60,7 +62,7 @@ class PreviousResultTest {
         assertEquals(listOf("1".repeat(64), shot.photo.sha256), found.capture.shots.map { it.photo.sha256 })
         assertTrue("previous_result" in found.assumptions.map { it.code })
         val document = Json.parseToJsonElement(found.toJson()).jsonObject
-        val inputs = document.getValue("hashes").jsonObject.getValue("inputs").jsonObject
+        val inputs = document.getValue("capture").jsonObject.getValue("files").jsonObject
         val sha256 = PreviousResult.parse(text).sha256
         assertEquals(sha256, inputs.getValue("previous result: first.json").jsonPrimitive.content)
         val checks = document.getValue("verdict").jsonObject.getValue("checks").jsonArray.map { it.jsonObject }
@@ -68,23 +70,42 @@ class PreviousResultTest {
     }
 
     @Test
+    fun `a table that it chose from its photo is that of the same chart`() {
+        val chosen = text.replace("\"name\":\"classic24\"", "\"name\":\"classic24:ohta\"")
+        assertNotEquals(text, chosen)
+        solved(later(), chosen)
+    }
+
+    @Test
+    fun `one photo in two roles is called that`() {
+        val source = PhotoSource.of(photo)
+        for ((white, dark) in listOf(source to null, null to source)) {
+            val error = assertThrows(InvalidArgument::class.java) {
+                calibrator.measure(Shot(source, Lamp.read("E"), corners, white, dark), chart)
+            }
+            assertTrue("The chart's photo and the ${if (dark == null) "white" else "dark"} frame" in error.message)
+        }
+    }
+
+    @Test
     fun `its signals are those that were measured`() {
         val found = solved(later(), text) as Calibrated
-        val (new, old) = List(2) { found.signals.values.copyOfRange(72 * it, 72 * it + 72) }
+        val (new, old) = List(2) { found.signals.copyValues().copyOfRange(72 * it, 72 * it + 72) }
         for (i in new.indices) assertEquals(new[i], old[i], 1e-12)
     }
 
     @Test
     fun `what cannot be a previous result`() {
-        val lamp = "\"name\":\"E\""
+        val lamp = Regex("\"lamp\":\\{.*?\\}")
         for ((changed, words) in listOf(
             text.replace("\"accepted\"", "\"doubtful\"") to "was doubtful",
-            text.replace(lamp, "\"name\":\"auto\"") to "names no lamp",
-            text.replace("\"power\"", "\"strength\"") to "older version",
+            text.replace(lamp, "\"lamp\":{\"kind\":\"unnamed\",\"name\":\"auto\"}") to "names no lamp",
             text.replace("\"classic24\"", "\"nano24\"") to "on the chart nano24",
-            text.replace("\"signal\"", "\"signals\"") to "is no result that camssf wrote",
-            "{}" to "is no result that camssf wrote",
-            "hello" to "is no result that camssf wrote",
+            text.replace("\"width\":", "\"width\":0") to "first.json is not valid JSON",
+            text.replace("\"greens\"", "\"green\"") to "capture.shots[0].means.chart has the unknown key",
+            text.replace("camssf/2", "camssf-result/1") to
+                "first.json: the document is camssf-result/1, not camssf/2",
+            MeasuredCapture.of(listOf(shot), chart).toJson() to "first.json: the document lacks verdict",
         )) {
             assertNotEquals(text, changed)
             val error = assertThrows(InvalidArgument::class.java) { solved(later(), changed) }
@@ -129,7 +150,7 @@ class PreviousResultTest {
             listOfNotNull(
                 drift?.let { check("unit_drift", it) },
                 fit?.let { check("goodness_of_fit", it) },
-                over?.let { check("hopeless", it) },
+                over?.let { check("misfit_refuses", it) },
             ),
             listOfNotNull(own?.let { check("goodness_of_fit", it) }),
         )?.let { it.code to it.value }

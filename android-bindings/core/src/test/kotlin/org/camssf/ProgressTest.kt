@@ -71,17 +71,17 @@ class ProgressTest {
     /** A run that begins again, because another table fits the chart, or another fit than was planned. */
     @Test
     fun `steps that were not planned stand where the last one did`() {
-        val course = Course.of(listOf(Lamp.auto()), Settings(listOf(1, 2, 3)), 3, true)
+        val plan = ProgressPlan.of(listOf(Lamp.auto()), Settings(listOf(1, 2, 3)), 3, true)
         val steps = ArrayList<Progress>()
-        steps += course.begin(Stage.SOLVING, null)
-        repeat(40) { steps += course.proceed() }
-        steps += course.begin(Stage.SOLVING, null)
-        repeat(3) { steps += course.proceed() }
-        steps += course.begin(Stage.VALIDATING, null)
-        steps += course.begin(Stage.JUDGING, null)
+        steps += plan.begin(Stage.SOLVING, null)
+        repeat(40) { steps += plan.proceed() }
+        steps += plan.begin(Stage.SOLVING, null)
+        repeat(3) { steps += plan.proceed() }
+        steps += plan.begin(Stage.VALIDATING, null)
+        steps += plan.begin(Stage.JUDGING, null)
         assertTrue(steps.zipWithNext().all { (one, next) -> one.part <= next.part }, "$steps")
         assertTrue(steps.last().part < 1.0 && steps.last().part > 0.5, "$steps")
-        assertEquals(1.0, course.begin(Stage.DONE, null).part)
+        assertEquals(1.0, plan.begin(Stage.DONE, null).part)
     }
 
     /** A source that fails ends the run where it stands. */
@@ -95,7 +95,7 @@ class ProgressTest {
         assertTrue(steps.last().part < 0.5)
     }
 
-    /** Prints the work of each step, the medians that [Course] holds: -Dtest=ProgressTest -Dprogress.work. */
+    /** Prints the work of each step, the medians that [ProgressPlan] holds: -Dtest=ProgressTest -Dprogress.work. */
     @Test
     @EnabledIfSystemProperty(named = "progress.work", matches = ".*")
     fun `work of each step`() {

@@ -27,7 +27,7 @@ class RulesTest {
         assertEquals(12, rules.whole("verdict.few_patches"))
         assertEquals(1.0 / 3.0, rules.number("covariance.absolute"))
         assertEquals("glare", rules.wording("veil").code)
-        assertEquals(listOf("explanation", "hopeless"), rules.wording("veil").limits)
+        assertEquals(listOf("explanation", "misfit_refuses"), rules.wording("veil").limits)
         assertEquals(
             "shot 2: dark patches are too bright. Stray light or a wrong black level adds 3.1% of white to all " +
                 "patches.",
@@ -37,7 +37,7 @@ class RulesTest {
 
     @Test
     fun `every rival is a lamp`() {
-        for (name in Light.RIVALS) assertTrue(Lamp.read(name).values.max() > 0, name)
+        for (name in Light.RIVALS) assertTrue(Lamp.read(name).copyValues().max() > 0, name)
         assertEquals(18, Light.RIVALS.toSet().size)
     }
 
@@ -59,9 +59,9 @@ class RulesTest {
     @Test
     fun `a bound knows on which side it breaks, and which one refuses`() {
         val veil = Rules.shipped.bound("verdict.veil")!!
-        assertEquals(listOf(false, "above", "fog"), listOf(veil.refused, veil.beyond, veil.graver))
-        val hopeless = Rules.shipped.bound("verdict.hopeless")!!
-        assertEquals(listOf(true, "above", null), listOf(hopeless.refused, hopeless.beyond, hopeless.graver))
+        assertEquals(listOf(false, "above", "veil_refuses"), listOf(veil.refused, veil.beyond, veil.graver))
+        val misfit = Rules.shipped.bound("verdict.misfit_refuses")!!
+        assertEquals(listOf(true, "above", null), listOf(misfit.refused, misfit.beyond, misfit.graver))
         assertEquals("below", Rules.shipped.bound("verdict.smooth")!!.beyond)
         assertEquals(null, Rules.shipped.bound("verdict.share"))
     }
@@ -81,10 +81,17 @@ class RulesTest {
         assertTrue("verdict.goodness_of_fit" in refused(text.replace("\"value\": 3.5", "\"value\": 0.0")))
         assertTrue("valu" in refused(text.replaceFirst("\"value\": 3.5", "\"valu\": 3.5")))
         assertTrue("placeholder" in refused(text.replace("{amount:percent1}", "{amount:percents}")))
-        assertTrue("limits" in refused(text.replaceFirst("[\"explanation\", \"hopeless\"]", "[\"explanations\"]")))
-        assertTrue("verdict.mist" in refused(text.replace("\"refuses\": \"fog\"", "\"refuses\": \"mist\"")))
-        assertTrue("verdict.rough" in refused(text.replace("\"refuses\": \"fog\"", "\"refuses\": \"rough\"")))
-        assertTrue("verdict.veil" in refused(text.replaceFirst("\"beyond\": \"above\", \"refuses\": \"fog\", ", "")))
+        assertTrue(
+            "limits" in refused(text.replaceFirst("[\"explanation\", \"misfit_refuses\"]", "[\"explanations\"]")),
+        )
+        assertTrue("verdict.mist" in refused(text.replace("\"refuses\": \"veil_refuses\"", "\"refuses\": \"mist\"")))
+        assertTrue(
+            "verdict.rough" in refused(text.replace("\"refuses\": \"veil_refuses\"", "\"refuses\": \"rough\"")),
+        )
+        assertTrue(
+            "verdict.veil" in
+                refused(text.replaceFirst("\"beyond\": \"above\", \"refuses\": \"veil_refuses\", ", "")),
+        )
         assertTrue("rivals" in refused(text.replace(Regex("\"rivals\": \\[[^]]*]"), "\"rivals\": []")))
         assertTrue("rivals" in refused(text.replace("\"2300K\", ", "\"2300K\", \"2300K\", ")))
         assertTrue("makers, phones" in refused(text.replace("\"google\", ", "\"google\", \"google\", ")))

@@ -7,7 +7,6 @@ import kotlinx.coroutines.flow.toList
 import kotlinx.coroutines.runBlocking
 import kotlinx.serialization.json.Json
 import kotlinx.serialization.json.JsonElement
-import kotlinx.serialization.json.JsonNull
 import kotlinx.serialization.json.JsonObject
 import kotlinx.serialization.json.double
 import kotlinx.serialization.json.int
@@ -56,13 +55,14 @@ class SsfCalibratorTest {
             val found = calibrated(calibrator.calibrateBlocking(Capture(shot(), chart)))
             for (c in 0..2) {
                 assertEquals(1.0, found.ssf.curve(c).max())
-                assertTrue(found.ssf.band(c)!!.all { it >= 0 } && found.ssf.gap[c] < 1e-6)
+                assertTrue(found.ssf.band(c)!!.all { it >= 0 } && found.ssf.copyGap()[c] < 1e-6)
             }
             assertEquals(24, found.signals.patches)
             assertTrue("white_from_patch" in found.assumptions.map { it.code })
             val document = Json.parseToJsonElement(found.toJson()).jsonObject
-            assertEquals("camssf-result/1", document.getValue("format").jsonPrimitive.content)
-            assertEquals(24, document.getValue("shots").jsonArray[0].jsonObject.getValue("patches").jsonArray.size)
+            assertEquals("camssf/2", document.getValue("format").jsonPrimitive.content)
+            val predicted = document.getValue("answer").jsonObject.getValue("predicted").jsonArray
+            assertEquals(24, predicted.single().jsonArray.size)
             assertEquals(682, found.toCsv().trim().lines().size)
             assertEquals(found.toJson(), calibrated(calibrator.calibrateBlocking(Capture(shot(), chart))).toJson())
         }
@@ -72,25 +72,26 @@ class SsfCalibratorTest {
     fun `a document holds the proof and how the codes vary together`() {
         fun document(basis: String): Pair<Calibrated, JsonObject> = SsfCalibrator.open(basis).use { calibrator ->
             val found = calibrated(calibrator.calibrateBlocking(Capture(shot(), chart)))
-            found to Json.parseToJsonElement(found.toJson()).jsonObject
+            found to Json.parseToJsonElement(found.toJson()).jsonObject.getValue("answer").jsonObject
         }
 
         fun numbers(of: JsonElement?) = of!!.jsonArray.map { it.jsonPrimitive.double }
         val (found, document) = document("cameras")
-        val spread = found.ssf.codeCovariance!!
+        val spread = found.ssf.copyCodeCovariance()!!
         val triangle = numbers(document["code_covariance"])
         assertEquals(72 * 73 / 2, triangle.size)
         for ((i, j) in listOf(0 to 0, 1 to 0, 40 to 7, 71 to 71)) {
             assertEquals(spread[72 * i + j], triangle[i * (i + 1) / 2 + j])
         }
-        assertEquals(found.ssf.layersGap.toList(), numbers(document["layers_gap"]))
-        val steps = document.getValue("finish_steps").jsonArray.map { it.jsonPrimitive.int }
-        assertEquals(found.ssf.finishSteps.toList(), steps)
+        val proof = document.getValue("proof").jsonObject
+        assertEquals(found.ssf.copyLayersGap().toList(), numbers(proof["layers_gap"]))
+        val steps = proof.getValue("finish_steps").jsonArray.map { it.jsonPrimitive.int }
+        assertEquals(found.ssf.copyFinishSteps().toList(), steps)
         assertEquals(found.ssf.logEvidence, document.getValue("evidence").jsonPrimitive.double)
         val (paper, bare) = document("gaussian")
-        assertEquals(JsonNull to JsonNull, bare["code_covariance"] to bare["evidence"])
-        assertEquals(paper.ssf.layersGap.toList(), numbers(bare["layers_gap"]))
-        assertEquals(3, bare.getValue("finish_steps").jsonArray.size)
+        assertEquals(null to null, bare["code_covariance"] to bare["evidence"])
+        assertEquals(paper.ssf.copyLayersGap().toList(), numbers(bare.getValue("proof").jsonObject["layers_gap"]))
+        assertEquals(3, bare.getValue("proof").jsonObject.getValue("finish_steps").jsonArray.size)
     }
 
     @Test
@@ -100,25 +101,28 @@ class SsfCalibratorTest {
             assertEquals("auto", calibrator.basis)
             assertEquals(setOf("phones", "cameras", "ryyb"), calibrator.modelHashes.keys)
             val found = calibrated(calibrator.calibrateBlocking(Capture(shot(), chart)))
-            val document = Json.parseToJsonElement(found.toJson()).jsonObject
-            val told = document.getValue("choice").jsonArray.map { it.jsonObject }
-            val bases = told.map { it.getValue("basis").jsonPrimitive.content }
+            val document = Json.parseToJsonElement(found.toJson()).jsonObject.getValue("answer").jsonObject
+            val choice = document.getValue("choice").jsonArray.map { it.jsonObject }
+            val bases = choice.map { it.getValue("basis").jsonPrimitive.content }
             assertEquals(listOf("phones", "cameras", "ryyb"), bases)
-            assertEquals(found.ssf.choice.map { it.logEvidence }, told.map { numbers(it, "log_evidence") })
-            assertEquals(1.0, told.sumOf { numbers(it, "probability") }, 1e-12)
+            assertEquals(found.ssf.choice.map { it.logEvidence }, choice.map { numbers(it, "log_evidence") })
+            assertEquals(1.0, choice.sumOf { numbers(it, "probability") }, 1e-12)
             assertEquals(found.ssf.basis, document.getValue("basis").jsonPrimitive.content)
-            assertEquals(found.ssf.priorScale, numbers(document, "prior_scale"))
-            val model = document.getValue("hashes").jsonObject.getValue("model").jsonPrimitive.content
+            val scale = if ("prior_scale" in document) numbers(document, "prior_scale") else 1.0
+            assertEquals(found.ssf.priorScale, scale)
+            val model = document.getValue("model").jsonPrimitive.content
             assertEquals(calibrator.modelHashes.getValue(found.ssf.basis), model)
+            assertEquals(64, document.getValue("basis_sha256").jsonPrimitive.content.length)
         }
         SsfCalibrator.open("phones").use { calibrator ->
             val found = calibrated(calibrator.calibrateBlocking(Capture(shot(), chart)))
             val document = Json.parseToJsonElement(found.toJson()).jsonObject
-            assertEquals(0, document.getValue("choice").jsonArray.size)
-            assertEquals(1.0, numbers(document, "prior_scale"))
-            assertEquals("phones", document.getValue("basis").jsonPrimitive.content)
-            val camera = document.getValue("camera").jsonObject
-            assertEquals("Maker Model 1", camera.getValue("unique_model").jsonPrimitive.content)
+            val answer = document.getValue("answer").jsonObject
+            assertTrue("choice" !in answer && "prior_scale" !in answer) // they have their defaults
+            assertEquals("phones", answer.getValue("basis").jsonPrimitive.content)
+            val shot = document.getValue("capture").jsonObject.getValue("shots").jsonArray.single().jsonObject
+            val photo = shot.getValue("photo").jsonObject
+            assertEquals("Maker Model 1", photo.getValue("unique_model").jsonPrimitive.content)
         }
     }
 
@@ -161,9 +165,9 @@ class SsfCalibratorTest {
         val whole = DngSource.of(photo).use { DngReader.read(it) }
         assertTrue(part.samples.size <= whole.samples.size)
         val poses = listOf(part, whole).map { ChartPose.refine(it, corners, chart) }
-        assertArrayEquals(poses[1].quads, poses[0].quads)
+        assertArrayEquals(poses[1].copyQuads(), poses[0].copyQuads())
         val means = listOf(part, whole).map { PatchMeans.measure(it, poses[0]) }
-        assertArrayEquals(means[1].chart.mean, means[0].chart.mean)
+        assertArrayEquals(means[1].chart.copyMean(), means[0].chart.copyMean())
     }
 
     @Test
@@ -174,8 +178,9 @@ class SsfCalibratorTest {
             assertEquals("chart_not_found", found.error.code)
             assertEquals(Status.REFUSED, found.verdict.outcome)
             val document = Json.parseToJsonElement(found.toJson()).jsonObject
-            assertNull(document["ssf"])
-            val photo = document.getValue("shots").jsonArray[0].jsonObject.getValue("photo").jsonObject
+            assertNull(document["answer"])
+            val last = document.getValue("capture").jsonObject.getValue("unfinished").jsonObject
+            val photo = last.getValue("photo").jsonObject
             assertEquals("chart-turned-0.dng", photo.getValue("name").jsonPrimitive.content)
         }
     }

@@ -27,7 +27,8 @@ class UnchangedTest {
     private var lists = 0
 
     private fun getters(type: Class<*>) = type.methods.filter {
-        it.parameterCount == 0 && it.name.startsWith("get") && '$' !in it.name && !Modifier.isStatic(it.modifiers) &&
+        it.parameterCount == 0 && (it.name.startsWith("get") || it.name.startsWith("copy")) && '$' !in it.name &&
+            !Modifier.isStatic(it.modifiers) &&
             it.declaringClass.name.startsWith("org.camssf.")
     }
 
@@ -39,6 +40,7 @@ class UnchangedTest {
             val name = "$path.${getter.name}"
             if (name.endsWith("getSamples")) continue // documented: handed over, not copied
             val before = content(get())
+            if (getter.name.startsWith("get") && get() is Collection<*> && get() !== get()) changed += "$name copies"
             overwrite(get())
             if (content(get()) != before) changed += name
             when (val value = get()) {
@@ -131,10 +133,10 @@ class UnchangedTest {
         val corrections = mosaics.map { it.corrections }
         assertTrue(corrections.any { it.gainMaps.isNotEmpty() } && corrections.any { it.badPixels.isNotEmpty() })
         mosaics.forEachIndexed { i, mosaic -> vandalise(mosaic, "mosaic $i") }
-        val given = DoubleArray(9) { if (it % 4 == 0) 1.0 else 0.0 }
+        val given = doubleArrayOf(0.5, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
         val matrix = ColourMatrix.of(21, given)!!
         given.fill(0.0)
-        assertEquals(1.0, matrix.values[8])
+        assertEquals(1.0, matrix.copyValues()[8])
         vandalise(matrix, "colour matrix")
         assertTrue(arrays >= 20 && lists >= 20, "$arrays arrays, $lists lists")
         val chart = DngSource.of(photo).use { DngReader.read(it) }

@@ -106,7 +106,7 @@ public object PreviewFrames {
 
     /**
      * The map from preview frames to the mosaic that [RawFrames] reads: `toMosaic` converts corners found in a frame
-     * ([org.camssf.finder.Sighting.corners]).
+     * ([org.camssf.finder.Candidate.corners]).
      *
      * @param camera the camera of both.
      * @param frame size of the frames, px.

@@ -20,9 +20,9 @@ internal fun androidDng(width: Int, height: Int, sample: (Int, Int) -> Int): Byt
         shorts(284, 1), rationals(33434, 10_000_000 to 1_000_000_000), shorts(33421, 2, 2), bytes(33422, 1, 0, 2, 1),
         shorts(34855, 200), bytes(50706, 1, 4, 0, 0), shorts(50713, 2, 2),
         rationals(50714, 6425 to 100, 6350 to 100, 6475 to 100, 6500 to 100), longs(50717, 1023),
-        Field(50721, 10, 9, buffer(72).apply { for (i in 1..9) putInt(i).putInt(10) }.array()),
+        Field(50721, 10, 9, buffer(72).apply { for (value in MATRIX) putInt(value).putInt(10_000) }.array()),
         Field(50723, 10, 9, own.array()), shorts(50778, 21), shorts(50779, 17),
-        rationals(50728, 1 to 2, 1 to 1, 3 to 4), longs(50829, 2, 2, 6, 8),
+        rationals(50728, 433 to 1000, 1 to 1, 1105 to 1000), longs(50829, 2, 2, 6, 8),
         bytes(51009, *gainMaps()),
         Field(51041, 12, 6, noise.array()),
     ).sortedBy { it.tag }
@@ -46,6 +46,9 @@ internal fun androidDng(width: Int, height: Int, sample: (Int, Int) -> Int): Byt
     strip.array().forEachIndexed { i, byte -> file.put(total - strip.capacity() + i, byte) }
     return file.array()
 }
+
+/** A phone's colour matrix, in 1/10,000. */
+internal val MATRIX = intArrayOf(9599, -1936, -1469, -6018, 14024, 1557, -3651, 5602, 6610)
 
 private class Field(val tag: Int, val type: Int, val count: Int, val bytes: ByteArray)
 

@@ -147,7 +147,7 @@ class PreviewFramesTest {
     @Test
     fun `the picture is the image's planes`() {
         val found = ChartFinder().find(PreviewFrames.picture(image()))
-        assertTrue(found.sightings.isEmpty())
+        assertTrue(found.candidates.isEmpty())
     }
 
     @Test

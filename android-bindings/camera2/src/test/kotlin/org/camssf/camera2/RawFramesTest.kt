@@ -143,14 +143,14 @@ class RawFramesTest {
     @Test
     fun `the frame's own levels go before the camera's`() {
         val own = read(image())
-        assertArrayEquals(doubleArrayOf(64.25, 63.5, 64.75, 65.0), own.mosaic.sensor.black, 0.0)
+        assertArrayEquals(doubleArrayOf(64.25, 63.5, 64.75, 65.0), own.mosaic.sensor.copyBlack(), 0.0)
         assertEquals(1010.0, own.mosaic.sensor.white, 0.0)
         val bare = result {
             it.remove(CaptureResult.SENSOR_DYNAMIC_BLACK_LEVEL)
             it.remove(CaptureResult.SENSOR_DYNAMIC_WHITE_LEVEL)
         }
         val static = read(image(), result = bare)
-        assertArrayEquals(doubleArrayOf(60.0, 61.0, 62.0, 63.0), static.mosaic.sensor.black, 0.0)
+        assertArrayEquals(doubleArrayOf(60.0, 61.0, 62.0, 63.0), static.mosaic.sensor.copyBlack(), 0.0)
         assertEquals(1023.0, static.mosaic.sensor.white, 0.0)
     }
 
@@ -162,11 +162,12 @@ class RawFramesTest {
         assertEquals(0.01, mosaic.origin.exposure!!, 1e-15)
         assertEquals(200.0, mosaic.origin.iso!!, 0.0)
         assertEquals(6, mosaic.origin.orientation)
-        assertArrayEquals(doubleArrayOf(0.5, 1.0, 0.75), mosaic.colours.asShotNeutral!!, 0.0)
-        assertArrayEquals(DoubleArray(9) { (it + 1) / 10.0 }, mosaic.colours.colorMatrix1!!, 1e-15)
-        assertNull(mosaic.colours.colorMatrix2)
+        assertArrayEquals(doubleArrayOf(0.433, 1.0, 1.105), mosaic.colours.copyAsShotNeutral()!!, 0.0)
+        assertArrayEquals(DoubleArray(9) { MATRIX[it] / 10_000.0 }, mosaic.colours.copyColorMatrix1()!!, 1e-15)
+        assertNull(mosaic.colours.copyColorMatrix2())
         // GRBG: R is position 1, the noisier green position 3, B position 2.
-        assertArrayEquals(doubleArrayOf(2e-4, 2e-6, 4e-4, 4e-6, 3e-4, 3e-6), mosaic.sensor.noiseProfile!!, 1e-18)
+        val noise = mosaic.sensor.copyNoiseProfile()!!
+        assertArrayEquals(doubleArrayOf(2e-4, 2e-6, 4e-4, 4e-6, 3e-4, 3e-6), noise, 1e-18)
     }
 
     /** By it the calibrator believes in phones or cameras before it looks. */
@@ -187,7 +188,7 @@ class RawFramesTest {
             assertEquals(listOf(6, 4), listOf(map.area.right, map.area.bottom))
             assertEquals(1.0, map.spacingV, 0.0)
             assertEquals(0.5, map.spacingH, 0.0)
-            assertArrayEquals(FloatArray(6) { 1f + it + channel / 10f }, map.gains, 1e-6f)
+            assertArrayEquals(FloatArray(6) { 1f + it + channel / 10f }, map.copyGains(), 1e-6f)
         }
     }
 
@@ -252,16 +253,17 @@ class RawFramesTest {
         assertEquals(file.sensor.cfa, frame.sensor.cfa)
         assertEquals(listOf(file.origin.orientation, file.region), listOf(frame.origin.orientation, frame.region))
         assertEquals(listOf(file.origin.exposure, file.origin.iso), listOf(frame.origin.exposure, frame.origin.iso))
-        assertArrayEquals(file.sensor.black, frame.sensor.black, 0.005) // written in 1/100
-        assertArrayEquals(file.colours.colorMatrix1, frame.colours.colorMatrix1, 1e-15)
-        assertArrayEquals(file.colours.asShotNeutral, frame.colours.asShotNeutral, 0.0)
-        assertArrayEquals(file.sensor.noiseProfile, frame.sensor.noiseProfile, 1e-18)
+        assertArrayEquals(file.sensor.copyBlack(), frame.sensor.copyBlack(), 0.005) // written in 1/100
+        assertArrayEquals(file.colours.copyColorMatrix1(), frame.colours.copyColorMatrix1(), 1e-15)
+        assertArrayEquals(file.colours.copyAsShotNeutral(), frame.colours.copyAsShotNeutral(), 0.0)
+        assertArrayEquals(file.sensor.copyNoiseProfile(), frame.sensor.copyNoiseProfile(), 1e-18)
         assertEquals(listOf("D65"), frame.colours.colourMatrices.map { it.light })
         assertEquals(listOf("D65"), file.colours.colourMatrices.map { it.light })
-        assertArrayEquals(file.colours.colourMatrices[0].values, frame.colours.colourMatrices[0].values, 1e-15)
+        val (known, found) = listOf(file, frame).map { it.colours.colourMatrices[0].copyValues() }
+        assertArrayEquals(known, found, 1e-15)
         assertEquals(4, file.corrections.gainMaps.size)
         for ((ours, theirs) in frame.corrections.gainMaps zip file.corrections.gainMaps) {
-            assertArrayEquals(theirs.gains, ours.gains, 0f)
+            assertArrayEquals(theirs.copyGains(), ours.copyGains(), 0f)
             assertEquals(theirs.area, ours.area)
             assertEquals(listOf(theirs.rowPitch, theirs.pointsV), listOf(ours.rowPitch, ours.pointsV))
             assertEquals(listOf(theirs.spacingV, theirs.spacingH), listOf(ours.spacingV, ours.spacingH))
@@ -325,7 +327,7 @@ internal fun camera(change: (Values<CameraCharacteristics.Key<*>>) -> Unit = {})
     values[CameraCharacteristics.SENSOR_INFO_LENS_SHADING_APPLIED] = false
     values[CameraCharacteristics.SENSOR_ORIENTATION] = 90
     values[CameraCharacteristics.SENSOR_COLOR_TRANSFORM1] =
-        ColorSpaceTransform(Array(9) { Rational(it + 1, 10) })
+        ColorSpaceTransform(Array(9) { Rational(MATRIX[it], 10_000) })
     values[CameraCharacteristics.SENSOR_CALIBRATION_TRANSFORM1] =
         ColorSpaceTransform(Array(9) { Rational(if (it % 4 == 0) 10 + it else 0, 10) })
     values[CameraCharacteristics.SENSOR_REFERENCE_ILLUMINANT1] = 21
@@ -351,7 +353,8 @@ internal fun result(change: (Values<CaptureResult.Key<*>>) -> Unit = {}): Captur
     values[CaptureResult.SENSOR_DYNAMIC_WHITE_LEVEL] = 1010
     values[CaptureResult.SENSOR_EXPOSURE_TIME] = 10_000_000L
     values[CaptureResult.SENSOR_SENSITIVITY] = 200
-    values[CaptureResult.SENSOR_NEUTRAL_COLOR_POINT] = arrayOf(Rational(1, 2), Rational(1, 1), Rational(3, 4))
+    values[CaptureResult.SENSOR_NEUTRAL_COLOR_POINT] =
+        arrayOf(Rational(433, 1000), Rational(1, 1), Rational(1105, 1000))
     values[CaptureResult.SENSOR_NOISE_PROFILE] = Array(4) { Pair(1e-4 * (it + 1), 1e-6 * (it + 1)) }
     values[CaptureResult.STATISTICS_LENS_SHADING_CORRECTION_MAP] =
         LensShadingMap(FloatArray(24) { 1f + it / 4 + (it % 4) / 10f }, 2, 3)

@@ -145,7 +145,7 @@ public class ChartCamera @Throws(CameraAccessException::class) constructor(
             }
             capture.takePicture(ImageCapture.OutputFileOptions.Builder(file).build(), Runnable::run, saved)
         }
-        val found = result?.let { CaptureRequirements.check(it, characteristics) }.orEmpty()
+        val found = result?.let { CaptureRequirements.check(it, characteristics) } ?: listOf(UNCHECKED)
         found.firstOrNull { it.fatal }?.let {
             throw NotSensorRaw("${it.key} is ${it.found}: the samples are not the sensor's own.", it.advice)
         }
@@ -165,11 +165,22 @@ public class ChartCamera @Throws(CameraAccessException::class) constructor(
         }
     }
 
+    private companion object {
+        val UNCHECKED = Shortfall(
+            "TotalCaptureResult",
+            "missing",
+            "the photo's",
+            fatal = false,
+            "Nothing shows whether noise reduction, a test pattern or the flash changed the samples. Bind the use " +
+                "case of imageCapture() and take the photo again; if it stays so, photograph with Camera2 (RawFrames).",
+        )
+    }
+
     /** A frame's guidance, and the map from the frame to the mosaic. */
     private class Frame(val guidance: Guidance, private val map: PreviewMap) {
         val ready: Boolean get() = guidance is Guidance.Measured && guidance.ready
 
-        fun corners(): Corners = map.toMosaic((guidance as Guidance.Measured).measures.sighting.corners)
+        fun corners(): Corners = map.toMosaic((guidance as Guidance.Measured).measures.candidate.corners)
     }
 
     private fun frames(analysis: ImageAnalysis): Flow<Frame> = callbackFlow {

@@ -12,7 +12,7 @@ internal object CurvesCsv {
         val names = listOf("red", "green", "blue")
         val header =
             listOf("wavelength_nm") + names + if (ssf.sharedStd == null) emptyList() else names.map { "${it}_std" }
-        val grid = Grid.WAVELENGTHS
+        val grid = Grid.wavelengths
         return buildString {
             append(header.joinToString(",")).append('\n')
             for (m in 0 until Grid.SIZE) {

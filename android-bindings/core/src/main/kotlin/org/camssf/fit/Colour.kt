@@ -42,8 +42,8 @@ internal object Colour {
 
     /** Display colours (n, 3) of reflectances under D65, 0 to 1. */
     fun reflectance(table: ChartTable): DoubleArray {
-        val light = Lamp.read("D65").values
-        return srgb(adapted(xyz(table.values, light), white(light)))
+        val light = Lamp.read("D65").sharedValues
+        return srgb(adapted(xyz(table.sharedValues, light), white(light)))
     }
 
     /** XYZ (n, 3) seen under a white (3), adapted to D65 by von Kries with CAT02. */

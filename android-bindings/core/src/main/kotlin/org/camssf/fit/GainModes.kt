@@ -11,7 +11,7 @@ import kotlin.math.max
 
 /**
  * Gain modes: uneven light on the patches without a white frame (docs/maths.md, "Light that falls unevenly").
- * Python's camssf.fit.gain_modes, in its order.
+ * Python's camssf.fit.capture_fit, in its order.
  */
 internal object GainModes {
     /** Lower limit of the factors by which gain modes change the light. */

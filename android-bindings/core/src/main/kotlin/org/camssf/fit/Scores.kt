@@ -24,8 +24,8 @@ public class Scores internal constructor(
     internal val measuredSrgb: DoubleArray,
     internal val syntheticSrgb: DoubleArray,
 ) {
-    /** (3) root mean square relative error of the signals (the paper's Eq. 13), %; a copy at each call. */
-    public val rmsrePercent: DoubleArray get() = sharedRmsre.copyOf()
+    /** (3) root mean square relative error of the signals (the paper's Eq. 13), %; a copy. */
+    public fun copyRmsrePercent(): DoubleArray = sharedRmsre.copyOf()
 
     override fun toString(): String =
         "Scores(rmsrePercent=${sharedRmsre.joinToString { short(it) }}, deltaE00=${short(deltaE00)})"

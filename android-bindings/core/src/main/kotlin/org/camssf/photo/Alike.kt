@@ -8,8 +8,9 @@ import kotlin.math.max
 
 /** Checks that all frames of a shot were taken with the same camera and settings. */
 internal object Alike {
-    /** Relative difference up to which two exposures count as equal, because files round them. */
-    private val SAME get() = Rules.shipped.number("patches.alike")
+    /** True if two exposure times or sensitivities differ by no more than files round them. */
+    fun equal(one: Double, two: Double): Boolean =
+        abs(one - two) <= Rules.shipped.number("patches.alike") * max(one, two)
 
     /**
      * Throws [FramesDiffer] or `UnitDiffers` unless the frame was taken with the chart photo's camera and settings.
@@ -29,8 +30,8 @@ internal object Alike {
                 differ += "camera $name '$its' against '$own'"
             }
         }
-        val theirs = frame.sensor.black
-        val ours = chart.sensor.black
+        val theirs = frame.sensor.sharedBlack
+        val ours = chart.sensor.sharedBlack
         if (frame.sensor.white != chart.sensor.white) {
             differ += "white level ${short(frame.sensor.white)} against ${short(chart.sensor.white)} DN"
         } else if ((0..3).any { abs(theirs[it] - ours[it]) > 0.005 * chart.sensor.white }) {
@@ -51,7 +52,7 @@ internal object Alike {
     }
 
     private fun compare(name: String, theirs: Double?, ours: Double?, unit: String): String? {
-        if (theirs == null || ours == null || abs(theirs - ours) <= SAME * max(theirs, ours)) return null
+        if (theirs == null || ours == null || equal(theirs, ours)) return null
         return "$name ${short(theirs)}$unit against ${short(ours)}$unit"
     }
 }

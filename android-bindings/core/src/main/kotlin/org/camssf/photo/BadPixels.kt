@@ -18,8 +18,8 @@ public class BadPixels(
 ) {
     private val ownPoints = points.copyOf()
 
-    /** Opcode 5: (n, 2) row and column of single samples; empty for opcode 4; a copy at each call. */
-    public val points: IntArray get() = ownPoints.copyOf()
+    /** Opcode 5: (n, 2) row and column of single samples; empty for opcode 4; a copy. */
+    public fun copyPoints(): IntArray = ownPoints.copyOf()
 
     /** Opcode 5: rectangles. */
     public val areas: List<Region> = areas.frozen()

@@ -33,14 +33,15 @@ public class ChartPose internal constructor(
     override fun toString(): String = "ChartPose($layout, $corners, score=${short(score)})"
 
     /** Outer corners of the block of patches (outer borders of the corner patches), named as on the chart. */
-    public val corners: Corners get() = Corners.of(*sharedCorners)
+    public val corners: Corners by lazy { Corners.of(*sharedCorners) }
 
-    /** Corners of each patch, on its borders, in the chart's reading order; a new list at each call. */
-    public val patches: List<Corners>
-        get() = List(sharedQuads.size / 8) { Corners.of(*sharedQuads.copyOfRange(8 * it, 8 * it + 8)) }
+    /** Corners of each patch, on its borders, in the chart's reading order. */
+    public val patches: List<Corners> by lazy {
+        List(sharedQuads.size / 8) { Corners.of(*sharedQuads.copyOfRange(8 * it, 8 * it + 8)) }.frozen()
+    }
 
-    /** (n, 4, 2) [patches] as numbers; a copy at each call. */
-    public val quads: DoubleArray get() = sharedQuads.copyOf()
+    /** (n, 4, 2) [patches] as numbers; a copy. */
+    public fun copyQuads(): DoubleArray = sharedQuads.copyOf()
 
     public companion object {
         private const val SMALLEST = 64

@@ -1,5 +1,8 @@
 package org.camssf.photo
 
+import org.camssf.Rules
+import org.camssf.fixed
+import org.camssf.spectra.Chromaticity
 import org.camssf.spectra.correlatedTemperature
 
 /**
@@ -8,11 +11,11 @@ import org.camssf.spectra.correlatedTemperature
  * @property light the CIE illuminant: "A", "B", "C", "D50", "D55", "D65" or "D75".
  */
 public class ColourMatrix internal constructor(public val light: String, internal val sharedValues: DoubleArray) {
-    /** (3, 3) row-major: analogue gains · calibration · colour matrix; a copy at each call. */
-    public val values: DoubleArray get() = sharedValues.copyOf()
+    /** (3, 3) row-major: analogue gains · calibration · colour matrix; a copy. */
+    public fun copyValues(): DoubleArray = sharedValues.copyOf()
 
     /** The camera's white (3) under [light], green 1. */
-    public val white: DoubleArray get() = whiteOf(light, sharedValues).let { white ->
+    public fun copyWhite(): DoubleArray = whiteOf(light, sharedValues).let { white ->
         DoubleArray(3) {
             white[it] /
                 white[1]
@@ -41,15 +44,21 @@ public class ColourMatrix internal constructor(public val light: String, interna
             "D50" to doubleArrayOf(0.34567, 0.35851),
         )
 
-        /** CIE illuminants by Exif's LightSource codes. */
-        private val LIGHT_SOURCES =
-            mapOf(17 to "A", 18 to "B", 19 to "C", 20 to "D55", 21 to "D65", 22 to "D75", 23 to "D50")
+        /** CIE illuminants by Exif's LightSource codes; daylight, flash and weathers as in Adobe's SDK. */
+        private val LIGHT_SOURCES = mapOf(
+            1L to "D55", 3L to "A", 4L to "D55", 9L to "D55", 10L to "D65", 11L to "D75",
+            17L to "A", 18L to "B", 19L to "C", 20L to "D55", 21L to "D65", 22L to "D75", 23L to "D50",
+        )
+
+        /** Ratio of an AsShotNeutral's numbers below which they count as equal. */
+        private const val EQUAL = 1.02
 
         /**
-         * A colour matrix with the calibration of the individual camera and its gains. Null for an illuminant that Exif
-         * does not define, or if a channel of the white is not finite or below 0.1 % of the largest.
+         * A colour matrix with the calibration of the individual camera and its gains. Null if no camera can have it, or
+         * for an illuminant whose spectrum is not known.
          *
-         * @param illuminant an Exif LightSource code: 17 A, 18 B, 19 C, 20 D55, 21 D65, 22 D75, 23 D50.
+         * @param illuminant an Exif LightSource code: 1 daylight, 4 flash and 9 fine weather count as D55, 3 tungsten
+         *   as A, 10 cloudy as D65, 11 shade as D75; 17 A, 18 B, 19 C, 20 D55, 21 D65, 22 D75, 23 D50.
          * @param matrix (3, 3) row-major XYZ to camera; copied.
          * @param calibration (3, 3) row-major calibration matrix of the individual camera; null for the identity.
          * @param gains (3) analogue gains.
@@ -61,8 +70,26 @@ public class ColourMatrix internal constructor(public val light: String, interna
             matrix: DoubleArray,
             calibration: DoubleArray? = null,
             gains: DoubleArray = doubleArrayOf(1.0, 1.0, 1.0),
-        ): ColourMatrix? {
-            val light = LIGHT_SOURCES[illuminant] ?: return null
+        ): ColourMatrix? = try {
+            checked(illuminant.toLong(), matrix, calibration, gains)
+        } catch (_: IllegalArgumentException) {
+            null
+        }
+
+        /**
+         * As [of].
+         *
+         * @throws IllegalArgumentException why it is left out; the message completes "was left out: it ...".
+         */
+        internal fun checked(
+            illuminant: Long,
+            matrix: DoubleArray,
+            calibration: DoubleArray?,
+            gains: DoubleArray,
+        ): ColourMatrix {
+            val light = requireNotNull(LIGHT_SOURCES[illuminant]) {
+                "was made for light source $illuminant, whose spectrum is not known"
+            }
             val values = DoubleArray(9) { at ->
                 val own = if (calibration == null) {
                     matrix[at]
@@ -72,8 +99,25 @@ public class ColourMatrix internal constructor(public val light: String, interna
                 gains[at / 3] * own
             }
             val white = whiteOf(light, values)
-            val sound = white.all { !it.isNaN() && !it.isInfinite() } && white.min() > 1e-3 * white.max()
-            return if (sound) ColourMatrix(light, values) else null
+            require(white.all { !it.isNaN() && !it.isInfinite() } && white.min() > 1e-3 * white.max()) {
+                "gives no white under $light"
+            }
+            val red = white[0] / white[1]
+            val most = Rules.shipped.number(if (light == "A") "lamp.most_red_bulb" else "lamp.most_red_daylight")
+            require(red <= most) {
+                "gives a white under $light whose red is ${fixed(red, 2)} of its green, as no sensor's is"
+            }
+            return ColourMatrix(light, values)
+        }
+
+        /**
+         * Whether the matrices turn a file's AsShotNeutral (3) into a white that no lamp has. A neutral of three equal
+         * numbers says nothing: some writers store it for unknown.
+         */
+        internal fun noLight(neutral: DoubleArray, matrices: List<ColourMatrix>): Boolean {
+            if (matrices.isEmpty() || neutral.max() < EQUAL * neutral.min()) return false
+            val white = Chromaticity.of(neutral, matrices.map { it.kelvin to it.sharedValues }) ?: return true
+            return Chromaticity.offLocus(white) > Rules.shipped.number("lamp.off_locus")
         }
 
         private fun xyz(light: String): DoubleArray {

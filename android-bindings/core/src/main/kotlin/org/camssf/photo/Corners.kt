@@ -1,6 +1,7 @@
 package org.camssf.photo
 
 import org.camssf.InvalidArgument
+import org.camssf.frozen
 import kotlin.math.PI
 import kotlin.math.atan2
 import kotlin.math.roundToInt
@@ -30,14 +31,14 @@ public data class Corners(
     public val bottomRight: Point,
     public val bottomLeft: Point,
 ) {
+    /** The four corners, starting at the top left. */
+    public val points: List<Point> = listOf(topLeft, topRight, bottomRight, bottomLeft).frozen()
+
     init {
         if (!points.all { it.x.isFinite() && it.y.isFinite() }) {
             throw InvalidArgument("A number of the corners is not finite.", ADVICE)
         }
     }
-
-    /** The four corners, starting at the top left. */
-    public val points: List<Point> get() = listOf(topLeft, topRight, bottomRight, bottomLeft)
 
     /** Number of 90° clockwise turns of the chart as photographed, relative to upright: 0 to 3. */
     public val quarterTurns: Int

@@ -7,32 +7,32 @@ package org.camssf.photo
 public class FrameMeans internal constructor(
     internal val sharedMean: DoubleArray,
     internal val sharedError: DoubleArray,
-    private val ownCount: LongArray,
+    internal val sharedCount: LongArray,
     internal val sharedClipped: DoubleArray,
-    private val ownDead: DoubleArray,
-    private val ownGradient: DoubleArray,
-    private val ownGreens: DoubleArray,
+    internal val sharedDead: DoubleArray,
+    internal val sharedGradient: DoubleArray,
+    internal val sharedGreens: DoubleArray,
 ) {
     /** (n, 3) DN, black level included; green is the mean of its two positions' means. */
-    public val mean: DoubleArray get() = sharedMean.copyOf()
+    public fun copyMean(): DoubleArray = sharedMean.copyOf()
 
     /** (n, 3) standard error of the mean, DN, from the scatter of the samples. */
-    public val standardError: DoubleArray get() = sharedError.copyOf()
+    public fun copyStandardError(): DoubleArray = sharedError.copyOf()
 
     /** (n, 3) number of samples used. */
-    public val count: LongArray get() = ownCount.copyOf()
+    public fun copyCount(): LongArray = sharedCount.copyOf()
 
     /** (n, 3) share of samples at or above the white level, 0 to 1. */
-    public val clipped: DoubleArray get() = sharedClipped.copyOf()
+    public fun copyClipped(): DoubleArray = sharedClipped.copyOf()
 
     /** (n, 3) share of samples rejected as dust or hot pixels, 0 to 1. */
-    public val dead: DoubleArray get() = ownDead.copyOf()
+    public fun copyDead(): DoubleArray = sharedDead.copyOf()
 
     /** (n, 3) relative change of the signal from edge to edge of the measured part, 1. */
-    public val gradient: DoubleArray get() = ownGradient.copyOf()
+    public fun copyGradient(): DoubleArray = sharedGradient.copyOf()
 
     /** (n, 2) mean of the green on R's rows and of the green on B's rows, DN. */
-    public val greens: DoubleArray get() = ownGreens.copyOf()
+    public fun copyGreens(): DoubleArray = sharedGreens.copyOf()
 
     override fun toString(): String = "FrameMeans(${sharedMean.size / 3} patches)"
 }

@@ -50,8 +50,8 @@ public class GainMap(
 
         override fun toString(): String = "Net($pointsV × $pointsH points, $mapPlanes planes)"
 
-        /** (pointsV, pointsH, mapPlanes) row-major; a copy at each call. */
-        public val gains: FloatArray get() = sharedGains.copyOf()
+        /** (pointsV, pointsH, mapPlanes) row-major; a copy. */
+        public fun copyGains(): FloatArray = sharedGains.copyOf()
     }
 
     /** Rows of the grid. */
@@ -75,8 +75,8 @@ public class GainMap(
     /** Gains per point. */
     public val mapPlanes: Int get() = net.mapPlanes
 
-    /** (pointsV, pointsH, mapPlanes) row-major; a copy at each call. */
-    public val gains: FloatArray get() = net.gains
+    /** (pointsV, pointsH, mapPlanes) row-major; a copy. */
+    public fun copyGains(): FloatArray = net.copyGains()
 
     override fun toString(): String =
         "GainMap(list=$list, plane=$plane, $area, ${net.pointsV} × ${net.pointsH} points)"

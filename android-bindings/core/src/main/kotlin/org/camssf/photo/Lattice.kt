@@ -7,7 +7,6 @@ import org.camssf.spectra.ChartLayout
 import kotlin.math.abs
 import kotlin.math.max
 import kotlin.math.min
-import kotlin.math.roundToInt
 import kotlin.math.sqrt
 
 /**
@@ -123,7 +122,7 @@ internal class Lattice(val layout: ChartLayout, val map: Homography, val side: D
 
     /** Finds the borders of all patches: rules 1 and 2. */
     private fun borders(picture: Picture, window: Double): List<Border> {
-        val reach = ((window + 0.08) / 0.02).roundToInt()
+        val reach = Math.rint((window + 0.08) / 0.02).toInt() // halves to even, as Python rounds
         val offsets = DoubleArray(2 * reach + 1) { 0.02 * (it - reach) }
         class Found(val i: Int, val axis: Int, val sign: Int, val place: Double, val height: Double)
         val found = ArrayList<Found>()

@@ -2,57 +2,27 @@ package org.camssf.photo
 
 import org.camssf.FramesDiffer
 import org.camssf.InvalidArgument
+import org.camssf.ProgressReporter
 import org.camssf.Stage
-import org.camssf.Tell
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
 
-/** A shot that is being measured: its photo has been read, but the measurement is not finished. */
-internal class InWork(val lamp: Lamp, val photo: Photo, val saturation: Double, val pose: ChartPose?)
-
-/**
- * The data of a capture so far, for the report of a refusal.
- *
- * @property lamps of all shots; the report needs the hashes of their files.
- * @property shots the finished ones.
- * @property inWork the unfinished shot; null between two shots.
- * @property files as in [MeasuredCapture].
- */
-internal class Begun(
-    val chart: ChartTable,
-    val lamps: List<Lamp>,
-    val shots: List<MeasuredShot>,
-    val inWork: InWork? = null,
-    val files: Map<String, String> = emptyMap(),
-) {
-    /** Of a finished capture. */
-    constructor(capture: MeasuredCapture) :
-        this(capture.chart, capture.shots.map { it.lamp }, capture.shots, null, capture.files)
-
-    /** Signals of each finished shot; null if they cannot be computed. */
-    val signals: List<Signals?> by lazy {
-        shots.mapIndexed { j, shot ->
-            when (val one = Normalise.one(shot.means, chart.patches, chart.white, j + 1)) {
-                is Normalised.Sound -> one.signals
-                is Normalised.Unsound -> null
-            }
-        }
-    }
-}
-
 /** Measures the photos of a capture, one shot after the other. Not thread-safe. */
-internal class Measuring(private val capture: Capture, private val tell: Tell) {
+internal class Measuring(private val capture: Capture, private val reporter: ProgressReporter) {
     private val done = ArrayList<MeasuredShot>()
-    private var inWork: InWork? = null
+    private var unfinished: PartialShot? = null
 
     /** The data so far, for the report of a refusal. */
-    fun begun(): Begun = Begun(capture.chart, capture.shots.map { it.lamp }, done.toList(), inWork)
+    fun partial(): PartialCapture =
+        PartialCapture(
+            capture.chart, capture.shots.map { it.lamp }, done.toList(), unfinished, capture.whiteReflectance,
+        )
 
     /**
      * Measures all shots.
      *
      * @throws org.camssf.CalibrationException a file, chart or frame is unusable, or the arguments are invalid;
-     *   [begun] then has the data so far.
+     *   [partial] then has the data so far.
      */
     fun run(): MeasuredCapture {
         val k = capture.shots.size
@@ -66,24 +36,26 @@ internal class Measuring(private val capture: Capture, private val tell: Tell) {
     }
 
     private fun measure(shot: Shot, j: Int): MeasuredShot {
-        tell.begin(Stage.READING, j)
+        unfinished = PartialShot()
+        reporter.begin(Stage.READING, j)
         val corners = shot.corners
         val region = ChartPose.region(corners)
-        val watch = { tell.check() }
+        val watch = { reporter.check() }
         val photo = Reading.of(shot.photo, region, true, watch)
+        val sensor = photo.facts.sensor
+        val black = DoubleArray(3) { sensor.sharedBlack[sensor.cfa.indexOf("RGB"[it])] }
+        val facts = Photo.of(photo)
+        unfinished = PartialShot(facts, black, sensor.white)
+        reporter.begin(Stage.FINDING, j)
+        val pose = ChartPose.refine(photo, corners, capture.chart)
+        unfinished = PartialShot(facts, black, sensor.white, pose)
+        reporter.begin(Stage.MEASURING, j)
         val white = shot.white?.let { Reading.of(it, region, false, watch) }
         val dark = shot.dark?.let { Reading.of(it, region, false, watch) }
-        val saturation = photo.facts.sensor.white
-        val facts = Photo.of(photo)
-        inWork = InWork(shot.lamp, facts, saturation, null)
-        tell.begin(Stage.FINDING, j)
-        val pose = ChartPose.refine(photo, corners, capture.chart)
-        inWork = InWork(shot.lamp, facts, saturation, pose)
-        tell.begin(Stage.MEASURING, j)
+        val (whiteFacts, darkFacts) = listOf(white, dark).map { it?.let(Photo::of) }
+        checkRoles(CHART to facts, WHITE to whiteFacts, DARK to darkFacts)
         val means = PatchMeans.measure(photo, pose, white, dark, shot.lensShading)
-        val whiteFacts = white?.let(Photo::of)
-        val darkFacts = dark?.let(Photo::of)
-        inWork = null
+        unfinished = null
         return MeasuredShot(shot.lamp, facts, whiteFacts, darkFacts, pose, means, shot.lensShading)
     }
 
@@ -93,9 +65,19 @@ internal class Measuring(private val capture: Capture, private val tell: Tell) {
         /** Combines shots that were measured one by one into a capture. */
         fun joined(shots: List<MeasuredShot>, chart: ChartTable, whiteReflectance: Double?): MeasuredCapture {
             if (shots.isEmpty()) throw InvalidArgument("No shot was given.", "Give at least one photo of the chart.")
+            if (shots.size >
+                MOST_SHOTS
+            ) {
+                throw InvalidArgument("there are ${shots.size} shots.", "Give at most $MOST_SHOTS.")
+            }
+            agree(shots, whiteReflectance)
+            return MeasuredCapture(shots, chart, whiteReflectance)
+        }
+
+        /** Checks that measured shots belong together. */
+        fun agree(shots: List<MeasuredShot>, whiteReflectance: Double?) {
             check(shots.map { it.means.white != null }, whiteReflectance)
             agree(shots)
-            return MeasuredCapture(shots, chart, whiteReflectance)
         }
 
         /**
@@ -134,6 +116,29 @@ internal class Measuring(private val capture: Capture, private val tell: Tell) {
             }
         }
 
+        private const val CHART = "the chart's photo"
+        private const val WHITE = "the white frame"
+        private const val DARK = "the dark frame"
+
+        /** Checks that photos of different roles, each with its name in words, are different files by their content. */
+        private fun checkRoles(vararg frames: Pair<String, Photo?>) {
+            val known = frames.filter { it.second != null }
+            for ((i, one) in known.withIndex()) {
+                for (other in known.drop(i + 1)) {
+                    if (one.second?.sha256 == other.second?.sha256) {
+                        throw InvalidArgument(
+                            "${one.first.replaceFirstChar {
+                                it.uppercase()
+                            }} and ${other.first} are the same photo " +
+                                "(${one.second?.sha256?.take(12)}).",
+                            "Give another file for one of them: the white frame shows an even white target in the " +
+                                "chart's light, the dark frame no light. Or leave it out.",
+                        )
+                    }
+                }
+            }
+        }
+
         /** Checks that the shots are different photos taken by one camera. */
         private fun agree(shots: List<MeasuredShot>) {
             val twin = shots.groupBy { it.photo.sha256 }.values.firstOrNull { it.size > 1 }
@@ -142,6 +147,13 @@ internal class Measuring(private val capture: Capture, private val tell: Tell) {
                     "${twin[0].photo.name} was given ${twin.size} times: the same photo adds no information.",
                     "Give each photo once; a second shot is another photo, best under another lamp.",
                 )
+            }
+            for ((j, shot) in shots.withIndex()) {
+                for ((k, other) in shots.withIndex()) {
+                    val chart = "$CHART of shot ${j + 1}" to shot.photo
+                    checkRoles(chart, "$WHITE of shot ${k + 1}" to other.white)
+                    checkRoles(chart, "$DARK of shot ${k + 1}" to other.dark)
+                }
             }
             val bodies = shots.map { "${it.photo.make} ${it.photo.model}" }.toSortedSet()
             if (bodies.size > 1) {

@@ -42,7 +42,7 @@ public class Mosaic(
      * @property iso sensitivity; null if unknown.
      * @property orientation the TIFF orientation of the display, 1 to 8 (pose and samples ignore it).
      * @property sha256 SHA-256 of the file, lower-case hex; "" if there was no file.
-     * @property camera the physical camera and its lens.
+     * @param camera the physical camera and its lens.
      * @property captured capture time, ISO 8601, with the offset from UTC if the file has one; "" if unknown.
      * @property uniqueModel the DNG's UniqueCameraModel, by which raw converters identify the camera; "" if unknown.
      */
@@ -54,10 +54,13 @@ public class Mosaic(
         public val iso: Double? = null,
         public val orientation: Int = 1,
         public val sha256: String = "",
-        public val camera: PhysicalCamera = PhysicalCamera(),
+        camera: PhysicalCamera = PhysicalCamera(),
         public val captured: String = "",
         public val uniqueModel: String = "",
     ) {
+        /** The physical camera and its lens. */
+        public val camera: PhysicalCamera = camera.checked(make, model)
+
         override fun toString(): String = "Origin($name, $make $model, exposure=$exposure, iso=$iso, $camera)"
     }
 
@@ -84,11 +87,11 @@ public class Mosaic(
 
         override fun toString(): String = "Sensor($cfa, black=${sharedBlack.joinToString()}, white=$white)"
 
-        /** (2, 2) row-major black level of each position of the cell, DN; a copy at each call. */
-        public val black: DoubleArray get() = sharedBlack.copyOf()
+        /** (2, 2) row-major black level of each position of the cell, DN; a copy. */
+        public fun copyBlack(): DoubleArray = sharedBlack.copyOf()
 
-        /** Pairs (S, O), or null; a copy at each call. */
-        public val noiseProfile: DoubleArray? get() = ownProfile?.copyOf()
+        /** Pairs (S, O), or null; a copy. */
+        public fun copyNoiseProfile(): DoubleArray? = ownProfile?.copyOf()
 
         /** Shielded parts of the sensor, in samples of the stored picture. */
         public val maskedAreas: List<Region> = maskedAreas.frozen()
@@ -99,24 +102,18 @@ public class Mosaic(
      *
      * @param gainMaps lens-shading maps; copied.
      * @param badPixels lists of bad samples, not repaired; copied.
-     * @param unknownOpcodes numbers of the file's other opcodes that are not marked optional; copied.
      */
     public class Corrections @JvmOverloads constructor(
         gainMaps: List<GainMap> = emptyList(),
         badPixels: List<BadPixels> = emptyList(),
-        unknownOpcodes: List<Int> = emptyList(),
     ) {
-        override fun toString(): String =
-            "Corrections(gainMaps=$gainMaps, badPixels=$badPixels, unknownOpcodes=$unknownOpcodes)"
+        override fun toString(): String = "Corrections(gainMaps=$gainMaps, badPixels=$badPixels)"
 
         /** Lens-shading maps of the file. */
         public val gainMaps: List<GainMap> = gainMaps.frozen()
 
         /** Lists of bad samples. */
         public val badPixels: List<BadPixels> = badPixels.frozen()
-
-        /** Numbers of the file's other opcodes that are not marked optional. */
-        public val unknownOpcodes: List<Int> = unknownOpcodes.frozen()
     }
 
     /**
@@ -127,6 +124,7 @@ public class Mosaic(
      * @param asShotNeutral (3) the camera's white, or null.
      * @param asShotWhiteXY (2) the same as chromaticity x, y, or null.
      * @param colourMatrices the matrices with the camera's own calibration and gains, each with its illuminant.
+     * @param matricesLeftOut which matrices of the file are not among them, and why; "" if none.
      */
     public class Colours @JvmOverloads constructor(
         colorMatrix1: DoubleArray? = null,
@@ -134,6 +132,7 @@ public class Mosaic(
         asShotNeutral: DoubleArray? = null,
         asShotWhiteXY: DoubleArray? = null,
         colourMatrices: List<ColourMatrix> = emptyList(),
+        matricesLeftOut: String = "",
     ) {
         private val ownMatrices = listOf(colorMatrix1?.copyOf(), colorMatrix2?.copyOf())
         private val ownNeutral = asShotNeutral?.copyOf()
@@ -142,20 +141,35 @@ public class Mosaic(
         override fun toString(): String =
             "Colours(asShotNeutral=${ownNeutral?.joinToString()}, colourMatrices=${this.colourMatrices})"
 
-        /** (3, 3) row-major XYZ to camera, or null; a copy at each call. */
-        public val colorMatrix1: DoubleArray? get() = ownMatrices[0]?.copyOf()
+        /** (3, 3) row-major XYZ to camera, or null; a copy. */
+        public fun copyColorMatrix1(): DoubleArray? = ownMatrices[0]?.copyOf()
 
-        /** (3, 3) row-major XYZ to camera, or null; a copy at each call. */
-        public val colorMatrix2: DoubleArray? get() = ownMatrices[1]?.copyOf()
+        /** (3, 3) row-major XYZ to camera, or null; a copy. */
+        public fun copyColorMatrix2(): DoubleArray? = ownMatrices[1]?.copyOf()
 
-        /** (3) the camera's white, or null; a copy at each call. */
-        public val asShotNeutral: DoubleArray? get() = ownNeutral?.copyOf()
+        /** (3) the camera's white, or null; a copy. */
+        public fun copyAsShotNeutral(): DoubleArray? = ownNeutral?.copyOf()
 
-        /** (2) the same as chromaticity x, y, or null; a copy at each call. */
-        public val asShotWhiteXY: DoubleArray? get() = ownWhite?.copyOf()
+        /** (2) the same as chromaticity x, y, or null; a copy. */
+        public fun copyAsShotWhiteXY(): DoubleArray? = ownWhite?.copyOf()
 
-        /** The matrices with the camera's own calibration and gains, each with its illuminant. */
-        public val colourMatrices: List<ColourMatrix> = colourMatrices.frozen()
+        private val contradicted =
+            asShotNeutral != null && asShotNeutral.all { it > 0 } &&
+                ColourMatrix.noLight(asShotNeutral, colourMatrices)
+
+        /**
+         * The matrices with the camera's own calibration and gains, each with its illuminant; none if they make
+         * AsShotNeutral the white of no lamp.
+         */
+        public val colourMatrices: List<ColourMatrix> = if (contradicted) emptyList() else colourMatrices.frozen()
+
+        /** Which matrices of the file are not among [colourMatrices], and why; "" if none. */
+        public val matricesLeftOut: String = listOfNotNull(
+            matricesLeftOut.ifEmpty { null },
+            "the colour matrices were left out: with them AsShotNeutral is the white of no lamp".takeIf {
+                contradicted
+            },
+        ).joinToString("; ")
     }
 
     /** The metadata, without the samples. */

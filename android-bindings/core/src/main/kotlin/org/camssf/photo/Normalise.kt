@@ -14,10 +14,10 @@ import kotlin.math.sqrt
 /** Result of normalising one shot's patch means. */
 internal sealed class Normalised {
     /** The signals of this shot, k = 1. */
-    class Sound(val signals: Signals) : Normalised()
+    class Usable(val signals: Signals) : Normalised()
 
     /** The error because of which there are no signals. */
-    class Unsound(val error: CalibrationException) : Normalised()
+    class Unusable(val error: CalibrationException) : Normalised()
 }
 
 /** Computes signals from patch means: every patch signal is divided by the white signal at its place, Eq. (5). */
@@ -55,8 +55,8 @@ internal object Normalise {
         if (shots.isEmpty()) throw InvalidArgument("No shot was given.", "Give at least one photo of the chart.")
         val found = shots.mapIndexed { j, shot ->
             when (val one = one(shot, names, white, j + 1)) {
-                is Normalised.Sound -> one.signals
-                is Normalised.Unsound -> throw one.error
+                is Normalised.Usable -> one.signals
+                is Normalised.Unusable -> throw one.error
             }
         }
         fun joined(of: (Signals) -> DoubleArray) = found.map(of).flatten()
@@ -79,7 +79,7 @@ internal object Normalise {
         val size = 3 * patches
         val c = means.chart.sharedMean
         if (c.size != size) {
-            return Normalised.Unsound(
+            return Normalised.Unusable(
                 InvalidArgument(
                     "Shot $number has ${c.size / 3} patches, the table has $patches.",
                     "Use the pose and the table of the same chart.",
@@ -95,7 +95,7 @@ internal object Normalise {
         val share = means.chart.sharedClipped
         val ceiling = frame?.sharedClipped ?: share.copyOfRange(3 * w, 3 * w + 3)
         unfitWhite(DoubleArray(size) { b[it] - d[it] }, seW, ceiling, means, number)
-            ?.let { return Normalised.Unsound(it) }
+            ?.let { return Normalised.Unusable(it) }
         val y = DoubleArray(size) { (c[it] - d[it]) / (b[it] - d[it]) }
         val error = DoubleArray(size) {
             val weight = if (frame == null) 1.0 else (y[it] - 1) * (y[it] - 1)
@@ -108,9 +108,9 @@ internal object Normalise {
         }
         val used = BooleanArray(patches) { !clipped[it] && !lost[it] && !(frame == null && it == w) }
         tooFew(used.count { it }, clipped.count { it }, lost.count { it }, patches, number)
-            ?.let { return Normalised.Unsound(it) }
+            ?.let { return Normalised.Unusable(it) }
         val fallbacks = fallbacks(means, names[w.coerceIn(0, patches - 1)], number)
-        return Normalised.Sound(Signals(1, patches, y, error, c.copyOf(), b.copyOf(), d.copyOf(), used, fallbacks))
+        return Normalised.Usable(Signals(1, patches, y, error, c.copyOf(), b.copyOf(), d.copyOf(), used, fallbacks))
     }
 
     private fun fallbacks(shot: PatchMeans, white: String, number: Int): List<Assumption> = listOfNotNull(

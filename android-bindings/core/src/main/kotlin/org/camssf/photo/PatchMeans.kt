@@ -22,8 +22,8 @@ public class PatchMeans internal constructor(
     public val saturation: Double,
     internal val evened: Boolean = false,
 ) {
-    /** (3) the file's black level of R, G, B, DN; a copy at each call. */
-    public val black: DoubleArray get() = sharedBlack.copyOf()
+    /** (3) the file's black level of R, G, B, DN; a copy. */
+    public fun copyBlack(): DoubleArray = sharedBlack.copyOf()
 
     override fun toString(): String = "PatchMeans(chart=$chart, white=$white, dark=$dark)"
 

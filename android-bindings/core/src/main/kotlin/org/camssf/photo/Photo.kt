@@ -16,10 +16,11 @@ import org.camssf.photo.dng.DngSource
  * @property make of the camera.
  * @property model of the camera.
  * @property sha256 SHA-256 of the file, lower-case hex.
- * @property camera the physical camera and its lens; not written to results.
- * @property captured capture time, ISO 8601, with the offset from UTC if the file has one; "" if unknown. Not written
- *   to results.
+ * @property camera the physical camera and its lens.
+ * @property captured capture time, ISO 8601, with the offset from UTC if the file has one; "" if unknown. In a document
+ *   only where the app says so.
  * @property uniqueModel the DNG's UniqueCameraModel, by which raw converters identify the camera; "" if unknown.
+ * @property matricesLeftOut which of the file's colour matrices are not used, and why; "" if none.
  */
 public class Photo internal constructor(
     public val name: String,
@@ -36,6 +37,9 @@ public class Photo internal constructor(
     public val camera: PhysicalCamera = PhysicalCamera(),
     public val captured: String = "",
     public val uniqueModel: String = "",
+    public val matricesLeftOut: String = "",
+    /** Source of its pattern and levels; "" if they are a DNG's own tags. */
+    internal val levels: String = "",
 ) {
     override fun toString(): String = "Photo($name, $make $model, $width × $height)"
 
@@ -62,6 +66,7 @@ public class Photo internal constructor(
             facts.origin.camera,
             facts.origin.captured,
             facts.origin.uniqueModel,
+            facts.colours.matricesLeftOut,
         )
     }
 }

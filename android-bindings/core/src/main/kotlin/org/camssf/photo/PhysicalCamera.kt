@@ -2,6 +2,7 @@ package org.camssf.photo
 
 import org.camssf.Rules
 import org.camssf.UnitDiffers
+import org.camssf.model.Models
 import org.camssf.short
 import kotlin.math.abs
 import kotlin.math.max
@@ -10,21 +11,44 @@ import kotlin.math.max
  * The physical camera and lens that took a photo, in addition to make and model; "" or null if unknown.
  *
  * @property id ID of the camera used, on a phone with several cameras.
- * @property serial serial number of the body; not written to results or messages.
+ * @property serial serial number of the body; not in messages, and in a document only where the app says so.
  * @property lens model of the lens.
  * @property focalLength focal length, mm.
  * @property aperture the f-number.
  * @property activeArea of the sensor, in samples of the stored picture.
  */
-public class PhysicalCamera @JvmOverloads constructor(
-    public val id: String = "",
-    public val serial: String = "",
-    public val lens: String = "",
-    public val focalLength: Double? = null,
-    public val aperture: Double? = null,
-    public val activeArea: Region? = null,
+public class PhysicalCamera internal constructor(
+    public val id: String,
+    public val serial: String,
+    public val lens: String,
+    public val focalLength: Double?,
+    public val aperture: Double?,
+    public val activeArea: Region?,
+    /**
+     * 4 hex digits of the hash of maker, model and serial number, which documents hold in its place: of 65,536 units
+     * of a model one has the same, so that they tell units apart and lead to none of them.
+     */
+    internal val serialCheck: String,
 ) {
-    private fun parts() = listOf(id, serial, lens, focalLength, aperture, activeArea)
+    @JvmOverloads
+    public constructor(
+        id: String = "",
+        serial: String = "",
+        lens: String = "",
+        focalLength: Double? = null,
+        aperture: Double? = null,
+        activeArea: Region? = null,
+    ) : this(id, serial, lens, focalLength, aperture, activeArea, "")
+
+    /** The same camera, a `make` and `model`, with its [serialCheck]. */
+    internal fun checked(make: String, model: String): PhysicalCamera {
+        if (serial.isEmpty()) return this
+        val digits = Models.sha256("camssf unit\n$make\n$model\n$serial".toByteArray()).take(DIGITS)
+        return PhysicalCamera(id, serial, lens, focalLength, aperture, activeArea, digits)
+    }
+
+    private fun parts() =
+        listOf(id, serial, lens, focalLength, aperture, activeArea, serialCheck.takeIf { serial.isEmpty() })
 
     override fun equals(other: Any?): Boolean = other is PhysicalCamera && parts() == other.parts()
 
@@ -35,6 +59,8 @@ public class PhysicalCamera @JvmOverloads constructor(
         "PhysicalCamera(id=$id, lens=$lens, focalLength=$focalLength, aperture=$aperture, activeArea=$activeArea)"
 
     internal companion object {
+        private const val DIGITS = 4
+
         /**
          * Relative difference up to which two focal lengths or f-numbers count as equal, because files round them.
          */
@@ -59,7 +85,8 @@ public class PhysicalCamera @JvmOverloads constructor(
                     differ += "$word '$there' against '$here'"
                 }
             }
-            if (two.serial.isNotEmpty() && one.serial.isNotEmpty() && two.serial != one.serial) {
+            val serials = listOf(one.serial to two.serial, one.serialCheck to two.serialCheck)
+            if (serials.any { (here, there) -> here.isNotEmpty() && there.isNotEmpty() && here != there }) {
                 differ += "another serial number"
             }
             apart(two.focalLength, one.focalLength) { a, b ->

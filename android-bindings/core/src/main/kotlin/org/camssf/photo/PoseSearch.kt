@@ -51,7 +51,8 @@ internal class PoseSearch(
         if (found.score < ACCEPT) {
             throw ChartNotFound(
                 "${photo.facts.name}: the colours inside the corners given by hand do not agree with the chart.",
-                "Give the outer corners of the block of patches, one after the other, and check the chart's name.",
+                "Give the outer corners of the block of patches, one after the other, and check the chart's name. " +
+                    "A file may also name its colour filters wrongly: in another order, or quad Bayer (4 × 4) as 2 × 2.",
                 found.score,
                 ACCEPT,
             )

@@ -37,24 +37,24 @@ public class Signals internal constructor(
     assumptions: List<Assumption>,
 ) {
     /** y, 1. */
-    public val values: DoubleArray get() = sharedValues.copyOf()
+    public fun copyValues(): DoubleArray = sharedValues.copyOf()
 
     /** Standard error of y, 1, propagated from the frames' standard errors. */
-    public val standardError: DoubleArray get() = sharedError.copyOf()
+    public fun copyStandardError(): DoubleArray = sharedError.copyOf()
 
     /** Mean of the chart photo, DN. */
-    public val chart: DoubleArray get() = sharedChart.copyOf()
+    public fun copyChart(): DoubleArray = sharedChart.copyOf()
 
     /** White level W of Eq. (5), DN, dark level included, with fallbacks filled in. */
-    public val white: DoubleArray get() = sharedWhite.copyOf()
+    public fun copyWhite(): DoubleArray = sharedWhite.copyOf()
 
     /** Dark level D of Eq. (5), DN, with fallbacks filled in. */
-    public val dark: DoubleArray get() = sharedDark.copyOf()
+    public fun copyDark(): DoubleArray = sharedDark.copyOf()
 
     /**
      * (k, n) false where a patch must not enter the fit (clipped, lost in noise, not selected, or the white itself).
      */
-    public val used: BooleanArray get() = sharedUsed.copyOf()
+    public fun copyUsed(): BooleanArray = sharedUsed.copyOf()
 
     /** The fallbacks used. */
     public val assumptions: List<Assumption> = assumptions.frozen()

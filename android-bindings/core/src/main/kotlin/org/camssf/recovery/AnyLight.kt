@@ -28,13 +28,13 @@ internal class LampGuess(val kinds: List<String>, val observation: Observation, 
  * of enough weight must have converged, and are mixed by the law of total variance (docs/maths.md, "Unnamed light").
  *
  * @param families bases and widths of their priors, with their prior odds; several if the signals choose the basis.
- * @param tell called before each run of a model.
+ * @param onRun called before each run of a model.
  */
 internal class AnyLight(
     private val families: List<Choice.Family>,
     private val frames: Frames,
     private val penalties: Penalties,
-    private val tell: () -> Unit,
+    private val onRun: () -> Unit,
 ) {
     private class LampHypothesis(val guess: LampGuess, val family: Choice.Family) {
         /** ln of its prior odds. */
@@ -64,32 +64,32 @@ internal class AnyLight(
             val seen = guesses.map { it.faded(fading) }
             val found = weighed(narrowed, seen, faded(of, fading))
             val best = seen.first { it.kinds == found.kinds }
-            tell()
+            onRun()
             val learned = Recover.recover(engine(found), best.observation, frames, penalties)
             return found to UnfamiliarCamera.test(engine(found), best.observation, learned, named(found))
         }
         var answer = chosen(0.0)
-        if (answer.second.passed) return answer.first.tested(answer.second, 0.0)
+        if (answer.second.passed) return answer.first.withFamilyTest(answer.second, 0.0)
         val fading = FadedChart.fading { amounts ->
             val faded = amounts.flatMap { amount -> guesses.map { it.faded(amount) } }
             val hypotheses = faded.flatMap { guess -> narrowed.map { LampHypothesis(guess, it) } }
-            val log = joint(hypotheses, evidences(hypotheses, tell)).chunked(guesses.size * narrowed.size)
+            val log = joint(hypotheses, evidences(hypotheses, onRun)).chunked(guesses.size * narrowed.size)
             DoubleArray(amounts.size) { Choice.logSum(log[it]) }
         }
         if (fading > 0.0) answer = chosen(fading)
         val (found, test) = answer
-        if (test.passed) return found.tested(test, fading)
+        if (test.passed) return found.withFamilyTest(test, fading)
         val own = families.first { it.engine.basis == found.basis }
         val wider = listOf(Choice.Family(own.engine, UnfamiliarCamera.WIDER, own.belief))
         val wide = weighed(wider, guesses.map { it.faded(fading) }, faded(of, fading))
         return wide.chosen(found.choice, wide.lights, wide.kinds, wide.between, wide.halfWidthOfBasis)
-            .tested(test, fading)
+            .withFamilyTest(test, fading)
     }
 
     /** The mixture of the hypotheses of these families. */
     private fun weighed(families: List<Choice.Family>, guesses: List<LampGuess>, of: DoubleArray): Ssf {
         val hypotheses = families.flatMap { family -> guesses.map { LampHypothesis(it, family) } }
-        val nats = evidences(hypotheses, tell)
+        val nats = evidences(hypotheses, onRun)
         val likely = Choice.probabilities(joint(hypotheses, nats))
         val compared = hypotheses.mapIndexed { i, each ->
             Hypothesis(each.family.engine.basis, nats[i], likely[i], each.guess.kinds)
@@ -125,7 +125,7 @@ internal class AnyLight(
     private fun answer(hypothesis: LampHypothesis): Ssf {
         val scale = hypothesis.family.scale
         fun at(width: Double): Ssf {
-            tell()
+            onRun()
             return Recover.recover(hypothesis.family.engine, hypothesis.guess.observation, frames, penalties, width)
         }
         return if (scale >= 1.0) at(scale) else at(scale).withBandsOf(at(1.0), scale)
@@ -133,7 +133,7 @@ internal class AnyLight(
 
     /** Posterior of each shot's lamp under a hypothesis; its smooth error is expressed as modes too. */
     private fun light(of: LampHypothesis): List<LampPosterior> {
-        tell()
+        onRun()
         val byModes = LampPosterior.byModes(of.guess.observation)
         return LampPosterior.of(byModes.known, Recover.modes(of.family.engine, byModes, of.family.scale))
     }
@@ -191,21 +191,21 @@ internal class AnyLight(
         }
 
         /** The kinds of one shot's light that are probable enough to be combined with those of other shots. */
-        fun likelyKinds(families: List<Choice.Family>, guesses: List<LampGuess>, tell: () -> Unit): List<String> {
+        fun likelyKinds(families: List<Choice.Family>, guesses: List<LampGuess>, onRun: () -> Unit): List<String> {
             val hypotheses =
                 narrowed(families, guesses).flatMap { family -> guesses.map { LampHypothesis(it, family) } }
-            val likely = Choice.probabilities(joint(hypotheses, evidences(hypotheses, tell)))
+            val likely = Choice.probabilities(joint(hypotheses, evidences(hypotheses, onRun)))
             return guesses.map { it.kinds[0] }.filter { kind ->
                 hypotheses.indices.filter { hypotheses[it].guess.kinds[0] == kind }.sumOf { likely[it] } >= SCREENED
             }
         }
 
         /** ln of the evidence of each hypothesis; those of one family are computed together. */
-        private fun evidences(hypotheses: List<LampHypothesis>, tell: () -> Unit): DoubleArray {
+        private fun evidences(hypotheses: List<LampHypothesis>, onRun: () -> Unit): DoubleArray {
             val found = DoubleArray(hypotheses.size)
             for ((family, own) in hypotheses.indices.groupBy { hypotheses[it].family }) {
                 for (some in own.chunked(Recover.STACK)) {
-                    tell()
+                    onRun()
                     val observations = some.map { hypotheses[it].guess.observation }
                     val nats = Recover.logEvidences(family.engine, observations, family.scale)
                     some.forEachIndexed { i, at -> found[at] = nats[i] }

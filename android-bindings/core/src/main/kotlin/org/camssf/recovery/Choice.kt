@@ -77,7 +77,7 @@ internal object Choice {
             return found to UnfamiliarCamera.test(engine(found), given, found, named)
         }
         var answer = chosen(observation)
-        if (answer.second.passed) return answer.first.tested(answer.second, 0.0)
+        if (answer.second.passed) return answer.first.withFamilyTest(answer.second, 0.0)
         val fading = FadedChart.fading { amounts ->
             val given = amounts.map { observation.faded(it) }
             val nats = families.map { Recover.logEvidences(it.engine, given, it.scale) to it.belief }
@@ -86,9 +86,9 @@ internal object Choice {
         val given = observation.faded(fading)
         if (fading > 0.0) answer = chosen(given)
         val (found, test) = answer
-        if (test.passed) return found.tested(test, fading)
+        if (test.passed) return found.withFamilyTest(test, fading)
         val wide = Recover.recover(engine(found), given, frames, penalties, UnfamiliarCamera.WIDER)
-        return wide.chosen(found.choice).tested(test, fading)
+        return wide.chosen(found.choice).withFamilyTest(test, fading)
     }
 
     /** ln Σ e^l without overflow. */

@@ -86,7 +86,7 @@ internal class Discrepancy(
         /** (18, 681) the paper's Gaussians, FWHM 50 nm, centres 20 nm apart from 380 nm. */
         fun atoms(): Array<DoubleArray> {
             val sigma = WIDTH / sqrt(8.0 * ln(2.0))
-            val grid = Grid.WAVELENGTHS
+            val grid = Grid.wavelengths
             return Array(ATOMS) { a ->
                 DoubleArray(Grid.SIZE) {
                     val u = (grid[it] - (380.0 + 20.0 * a)) / sigma

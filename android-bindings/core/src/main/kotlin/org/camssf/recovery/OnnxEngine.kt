@@ -6,6 +6,7 @@ import ai.onnxruntime.OrtLoggingLevel
 import ai.onnxruntime.OrtSession
 import org.camssf.Grid
 import org.camssf.InvalidArgument
+import org.camssf.Nodes
 import org.camssf.model.Models
 import java.nio.ByteBuffer
 import java.nio.ByteOrder
@@ -13,37 +14,12 @@ import java.nio.DoubleBuffer
 import kotlin.math.max
 
 /** Runs a model with ONNX Runtime, with the options of the Python package, so that the numbers are the same. */
-internal class OnnxEngine private constructor(override val basis: String, content: ByteArray) : Engine {
-    private val environment = OnnxLibrary.environment()
-    private val options = OrtSession.SessionOptions()
-    private val session: OrtSession
+internal class OnnxEngine private constructor(override val basis: String, private val model: LoadedModel) : Engine {
     private var open = true
 
-    override val sha256: String = Models.sha256(content)
-    override val metadata: Map<String, String>
-
-    init {
-        try {
-            options.setIntraOpNumThreads(1)
-            options.setInterOpNumThreads(1)
-            options.setExecutionMode(OrtSession.SessionOptions.ExecutionMode.SEQUENTIAL)
-            // No optimisation: the graph that runs is the one that was checked, and it loads faster.
-            options.setOptimizationLevel(OrtSession.SessionOptions.OptLevel.NO_OPT)
-            options.setSessionLogLevel(OrtLoggingLevel.ORT_LOGGING_LEVEL_ERROR)
-            options.addConfigEntry("session.intra_op.allow_spinning", "0")
-            options.addConfigEntry("mlas.disable_kleidiai", "1")
-            session = environment.createSession(content, options)
-        } catch (error: Throwable) {
-            options.close()
-            throw error
-        }
-        metadata = try {
-            session.metadata.customMetadata
-        } catch (error: Throwable) {
-            close()
-            throw error
-        }
-    }
+    override val sha256: String get() = model.sha256
+    override val metadata: Map<String, String> =
+        model.metadata + mapOf("basis" to basis, HASH to model.metadata["$HASH $basis"].orEmpty())
 
     override fun run(inputs: ModelInputs): ModelOutputs = answer(inputs, true) { ModelOutputs(it) }
 
@@ -58,10 +34,10 @@ internal class OnnxEngine private constructor(override val basis: String, conten
         // One chart serves all hypotheses if they have the same one.
         val charts = if (hypotheses.all { it.reflectance === known.reflectance }) listOf(known) else hypotheses
         val given = linkedMapOf(
-            "chart" to inputs.frames.chart,
+            "chart" to Tensor.stack(listOf(inputs.frames.chart)),
             "white" to inputs.frames.white,
             "dark" to inputs.frames.dark,
-            "standard_error" to inputs.standardError,
+            "standard_error" to Tensor.stack(listOf(inputs.standardError)),
             "reflectance" to Tensor.stack(charts.map { it.reflectance }),
             "chart_tolerance" to known.chartTolerance,
             "white_reflectance" to Tensor.stack(charts.map { it.whiteReflectance }),
@@ -78,11 +54,15 @@ internal class OnnxEngine private constructor(override val basis: String, conten
             "explain" to Tensor.scalar(if (inputs.explain) 1.0 else 0.0),
             "solve" to Tensor.scalar(if (solve) 1.0 else 0.0),
         )
+        BasisConstants.of(basis)?.let {
+            given["mean"] = Tensor(it.mean, 1, 3, Nodes.SIZE)
+            given["dictionary"] = Tensor(it.dictionary, 1, 3, Nodes.SIZE, it.atoms)
+        }
         val tensors = LinkedHashMap<String, OnnxTensor>()
         try {
             given.mapValuesTo(tensors) { tensor(it.value) }
             val wanted = if (solve) ModelOutputs.NAMES else listOf(ModelOutputs.EVIDENCE)
-            session.run(tensors, wanted.toSet()).use { result ->
+            model.session.run(tensors, wanted.toSet()).use { result ->
                 return read { name ->
                     val buffer = (result.get(name).get() as OnnxTensor).doubleBuffer
                     DoubleArray(buffer.remaining()).also { buffer.get(it) }
@@ -123,29 +103,77 @@ internal class OnnxEngine private constructor(override val basis: String, conten
         val buffer: DoubleBuffer = bytes.asDoubleBuffer()
         buffer.put(value.values)
         buffer.rewind()
-        return OnnxTensor.createTensor(environment, buffer, LongArray(value.rank) { value.shape[it].toLong() })
+        return OnnxTensor.createTensor(model.environment, buffer, LongArray(value.rank) { value.shape[it].toLong() })
     }
 
-    /**
-     * A second call does nothing. ONNX Runtime's environment stays open. The options must be closed after their
-     * session.
-     */
+    /** A second call does nothing. */
     @Synchronized
     override fun close() {
         if (!open) return
         open = false
-        session.close()
-        options.close()
+        model.release()
+    }
+
+    /** A model's session, which the engines of the learned bases share: the last one that closes closes it. */
+    private class LoadedModel(content: ByteArray) {
+        val environment = OnnxLibrary.environment()
+        private val options = OrtSession.SessionOptions()
+        val session: OrtSession
+        val sha256: String = Models.sha256(content)
+        val metadata: Map<String, String>
+        var users = 0
+
+        init {
+            try {
+                options.setIntraOpNumThreads(1)
+                options.setInterOpNumThreads(1)
+                options.setExecutionMode(OrtSession.SessionOptions.ExecutionMode.SEQUENTIAL)
+                // No optimisation: the graph that runs is the one that was checked, and it loads faster.
+                options.setOptimizationLevel(OrtSession.SessionOptions.OptLevel.NO_OPT)
+                options.setSessionLogLevel(OrtLoggingLevel.ORT_LOGGING_LEVEL_ERROR)
+                options.addConfigEntry("session.intra_op.allow_spinning", "0")
+                options.addConfigEntry("mlas.disable_kleidiai", "1")
+                session = environment.createSession(content, options)
+            } catch (error: Throwable) {
+                options.close()
+                throw error
+            }
+            metadata = try {
+                session.metadata.customMetadata
+            } catch (error: Throwable) {
+                close()
+                throw error
+            }
+        }
+
+        fun release(): Unit = synchronized(shared) {
+            users -= 1
+            if (users == 0) {
+                shared.values.remove(this)
+                close()
+            }
+        }
+
+        /** ONNX Runtime's environment stays open. The options must be closed after their session. */
+        private fun close() {
+            session.close()
+            options.close()
+        }
     }
 
     companion object {
         const val PAPER = "gaussian"
+        private const val HASH = "basis_sha256"
         private const val VOCABULARY = "1"
         private const val GRID = "380 to 720 nm every 0.5 nm"
         private const val ADVICE = "Add the artefacts camssf-core and camssf-model of one version, unchanged."
 
+        /** Open models by the names of their files. */
+        private val shared = HashMap<String, LoadedModel>()
+
         /**
-         * Loads the shipped model of a basis and checks its hash, basis, grid and vocabulary.
+         * The engine of a basis; its model is loaded unless another engine holds it. Checks the hashes of model and
+         * bases, grid and vocabulary.
          *
          * @throws InvalidArgument there is no such model, or it does not belong to this version.
          */
@@ -154,32 +182,52 @@ internal class OnnxEngine private constructor(override val basis: String, conten
                 val known = listOf(Choice.AUTO) + SHIPPED_BASES
                 throw InvalidArgument("There is no basis '$basis'.", "Take one of ${known.joinToString()}.")
             }
-            val name = "camssf-$basis.onnx"
-            val content = try {
-                Models.read(name)
-            } catch (error: IllegalStateException) {
-                throw InvalidArgument(error.message.orEmpty(), ADVICE, cause = error)
+            val name = if (basis == PAPER) "camssf-$PAPER.onnx" else "camssf-learned.onnx"
+            return synchronized(shared) {
+                val model = shared[name] ?: loaded(name, shipped { Models.read(name) }).also { shared[name] = it }
+                engine(basis, name, model)
             }
-            return open(basis, name, content)
         }
 
-        internal fun open(basis: String, name: String, content: ByteArray): OnnxEngine {
-            val engine = try {
-                OnnxEngine(basis, content)
-            } catch (error: OrtException) {
-                throw InvalidArgument("The model $name cannot be loaded: ${error.message}.", ADVICE, cause = error)
+        /** Reads from the shipped files; one that is missing or changed is [InvalidArgument]. */
+        private fun <T> shipped(read: () -> T): T = try {
+            read()
+        } catch (error: IllegalStateException) {
+            throw InvalidArgument(error.message.orEmpty(), ADVICE, cause = error)
+        }
+
+        /** The engine of a basis from the content of its model's file. */
+        internal fun open(basis: String, name: String, content: ByteArray): OnnxEngine =
+            engine(basis, name, loaded(name, content))
+
+        private fun loaded(name: String, content: ByteArray): LoadedModel = try {
+            LoadedModel(content)
+        } catch (error: OrtException) {
+            throw InvalidArgument("The model $name cannot be loaded: ${error.message}.", ADVICE, cause = error)
+        }
+
+        private fun engine(basis: String, name: String, model: LoadedModel): OnnxEngine {
+            val bases = if (basis == PAPER) null else shipped { BasisConstants.sha256 }
+            model.users += 1
+            val wanted = buildMap {
+                put("vocabulary", VOCABULARY)
+                put("grid", GRID)
+                if (bases != null) {
+                    put("bases", BasisConstants.NAMES.joinToString(" "))
+                    put("bases_sha256", bases)
+                }
             }
-            val wanted = mapOf("basis" to basis, "vocabulary" to VOCABULARY, "grid" to GRID)
-            val differs = wanted.filter { (key, value) -> engine.metadata[key] != value }.keys +
-                ModelOutputs.NAMES.filter { it !in engine.session.outputNames }
+            val differs = wanted.filter { (key, value) -> model.metadata[key] != value }.keys +
+                listOf("$HASH $basis").filter { it !in model.metadata } +
+                ModelOutputs.NAMES.filter { it !in model.session.outputNames }
             if (differs.isNotEmpty()) {
-                engine.close()
+                model.release()
                 throw InvalidArgument(
                     "The model $name differs from this version in ${differs.joinToString()}.",
                     ADVICE,
                 )
             }
-            return engine
+            return OnnxEngine(basis, model)
         }
     }
 }

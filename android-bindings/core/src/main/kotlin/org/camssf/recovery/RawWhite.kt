@@ -1,36 +1,26 @@
 package org.camssf.recovery
 
 import org.camssf.Grid
-import org.camssf.LeastSquares
 import org.camssf.Rules
 import org.camssf.spectra.Bundled
+import org.camssf.spectra.Chromaticity
 import org.camssf.spectra.Directions
 import org.camssf.spectra.Lamp
-import org.camssf.spectra.correlatedTemperature
 import kotlin.math.PI
 import kotlin.math.ln
 import kotlin.math.max
 import kotlin.math.sqrt
 
 /**
- * Narrows the kinds of an unnamed light by the chromaticity of the raw white (docs/maths.md, "The raw white"). A kind
+ * Narrows the kinds of an unnamed light by the chromaticity of the raw white (docs/maths.md, "Unnamed light"). A kind
  * whose chromaticities do not reach the white's keeps its lamp, and has the probability of wrong colour matrices.
  * Python's camssf.recovery.raw_white.
  */
 internal object RawWhite {
-    /** Steps of the interpolation between two matrices, as in the DNG specification. */
-    private const val STEPS = 30
-
     /** Linearisations of the chromaticity of a lamp by its modes. */
     private const val EXPANSIONS = 3
 
-    /** Limits of the temperature that interpolates the matrices, K. */
-    private val KELVIN = 1500.0..25_000.0
     private const val DARKEST = 0.02
-
-    /** D = X + 15 Y + 3 Z of u' = 4 X / D and v' = 9 Y / D. */
-    private val DIVISOR = doubleArrayOf(1.0, 15.0, 3.0)
-    private val SCALE = doubleArrayOf(4.0, 9.0)
 
     /**
      * The unnamed light with its kinds narrowed by the raw white; as given if the file has no usable matrix.
@@ -45,7 +35,7 @@ internal object RawWhite {
         matrices: List<Pair<Double, DoubleArray>>,
         reflectance: DoubleArray,
     ): Lamp {
-        val measured = chromaticity(white, matrices) ?: return light
+        val measured = Chromaticity.of(white, matrices) ?: return light
         val right = ln(Rules.shipped.number("lamp.matrix_right"))
         val wrong = ln((1.0 - Rules.shipped.number("lamp.matrix_right")) / Rules.shipped.number("lamp.white_area"))
         val found = light.kinds.mapIndexed { i, kind ->
@@ -54,34 +44,6 @@ internal object RawWhite {
             (if (right + logDensity > wrong) narrowed else kind) to prior
         }
         return light.withKinds(found.map { it.first }, found.map { it.second })
-    }
-
-    /**
-     * u'v' (2), CIE 1976, of a raw white (3); null if the matrices give no chromaticity. Two matrices are interpolated
-     * by the inverse of the white's own temperature (DNG 1.7, chapter 6), which iteration finds.
-     */
-    fun chromaticity(white: DoubleArray, matrices: List<Pair<Double, DoubleArray>>): DoubleArray? {
-        val (cool, first) = matrices.firstOrNull() ?: return null
-        val (hot, second) = matrices.last()
-        var kelvin = 5000.0
-        var xyz = DoubleArray(3)
-        repeat(STEPS) {
-            val share = if (cool == hot) {
-                1.0
-            } else {
-                val part = (1.0 / kelvin - 1.0 / hot) / (1.0 / cool - 1.0 / hot)
-                part.coerceIn(0.0, 1.0)
-            }
-            val mixed = Array(3) { row ->
-                DoubleArray(3) {
-                    share * first[3 * row + it] + (1.0 - share) * second[3 * row + it]
-                }
-            }
-            xyz = LeastSquares.solve(mixed, white) ?: return null
-            if (!xyz.all { it > 0 }) return null
-            kelvin = correlatedTemperature(xyz).coerceIn(KELVIN)
-        }
-        return uv(xyz)
     }
 
     /**
@@ -104,7 +66,7 @@ internal object RawWhite {
         var logDensity = 0.0
         repeat(EXPANSIONS) {
             val power = DoubleArray(Grid.SIZE) { values[it] * factor[it] }
-            val at = uv(xyz(power, functions))
+            val at = Chromaticity.uv(xyz(power, functions))
             slope = modes.map { mode -> slope(power, functions) { values[it] * mode[it] } }
             val loose = smooth.map { column -> slope(power, functions) { power[it] * (lamp.tolerance * column[it]) } }
             val spread = Array(2) { a ->
@@ -153,15 +115,13 @@ internal object RawWhite {
     private fun xyz(power: DoubleArray, functions: List<DoubleArray>): DoubleArray =
         DoubleArray(3) { i -> (0 until Grid.SIZE).sumOf { power[it] * functions[i][it] } }
 
-    private fun divisor(xyz: DoubleArray): Double = (0..2).sumOf { xyz[it] * DIVISOR[it] }
-
-    private fun uv(xyz: DoubleArray): DoubleArray = DoubleArray(2) { xyz[it] * SCALE[it] / divisor(xyz) }
-
     /** Change (2) of u'v' of a power by a change of it. */
     private inline fun slope(power: DoubleArray, functions: List<DoubleArray>, change: (Int) -> Double): DoubleArray {
         val whole = xyz(power, functions)
         val moved = xyz(DoubleArray(Grid.SIZE) { change(it) }, functions)
-        val at = uv(whole)
-        return DoubleArray(2) { (moved[it] * SCALE[it] - at[it] * divisor(moved)) / divisor(whole) }
+        val at = Chromaticity.uv(whole)
+        val turned = Chromaticity.divisor(moved)
+        val divisor = Chromaticity.divisor(whole)
+        return DoubleArray(2) { (moved[it] * Chromaticity.SCALE[it] - at[it] * turned) / divisor }
     }
 }

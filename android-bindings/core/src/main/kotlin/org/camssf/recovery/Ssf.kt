@@ -52,25 +52,25 @@ public class EstimatedLamp internal constructor(
     /** Posterior probability of each kind, "daylight", "bulb", "white-led", "fluorescent"; they add up to 1. */
     public val kinds: Map<String, Double> = Collections.unmodifiableMap(LinkedHashMap(kinds))
 
-    /** (681) relative spectral power on [Grid], of mean 1, averaged over the hypotheses; a copy at each call. */
-    public val power: DoubleArray get() = sharedPower.copyOf()
+    /** (681) relative spectral power on [Grid], of mean 1, averaged over the hypotheses; a copy. */
+    public fun copyPower(): DoubleArray = sharedPower.copyOf()
 
-    /** (681) one standard deviation of [power], within and between the hypotheses; a copy at each call. */
-    public val std: DoubleArray get() = sharedStd.copyOf()
+    /** (681) one standard deviation of [copyPower], within and between the hypotheses; a copy. */
+    public fun copyStd(): DoubleArray = sharedStd.copyOf()
 
     override fun toString(): String = "EstimatedLamp(${short(kelvin)} ± ${short(kelvinStd)} K, $kinds)"
 }
 
 /**
- * The recovered spectral sensitivity functions. Arrays are row-major, with columns R, G, B. Each property returns a
- * new copy at each call, so read it once before a loop. Safe to pass between threads.
+ * The recovered spectral sensitivity functions. Arrays are row-major, with columns R, G, B. A `copy` function
+ * copies its array, so call it once before a loop. Safe to pass between threads.
  *
  * On a basis with a prior the three channels are one problem, p = 1; on the paper's basis each is one, p = 3.
  *
  * If basis or kind of light were chosen by their evidence and several hypotheses have weight, this is a mixture:
- * [values], [std], [predicted], [lamp] and [gainCode] are mixed by the probabilities in [choice]; [gap], [layersGap]
- * and [finishSteps] are the largest of its parts; all else, also [code], is that of the most probable part, so
- * [values] do not follow from it. [lights] holds the estimated lights.
+ * [copyValues], [copyStd], [copyPredicted], [copyLamp] and [copyGainCode] are mixed by the probabilities in
+ * [choice]; [copyGap], [copyLayersGap] and [copyFinishSteps] are the largest of its parts; all else, also [copyCode], is that of the most probable part, so
+ * [copyValues] do not follow from it. [lights] holds the estimated lights.
  *
  * @property l2 the quadratic penalty.
  * @property basis its name, "phones", "cameras", "ryyb" or "gaussian"; of a mixture that of the most probable part.
@@ -141,33 +141,33 @@ public class Ssf internal constructor(
     internal val sharedFinishSteps: IntArray get() = proof.finishSteps
 
     /** (681, 3) on [Grid], scaled so that Σ ρ_w L s dλ = 1 for the first lamp; [curve] gives peak 1. */
-    public val values: DoubleArray get() = sharedValues.copyOf()
+    public fun copyValues(): DoubleArray = sharedValues.copyOf()
 
     /**
      * (681, 3) posterior standard deviation of the curve of peak 1, times its peak; null on a basis without a prior.
      */
-    public val std: DoubleArray? get() = sharedStd?.copyOf()
+    public fun copyStd(): DoubleArray? = sharedStd?.copyOf()
 
     /** (r, 3) coefficients x. */
-    public val code: DoubleArray get() = sharedCode.copyOf()
+    public fun copyCode(): DoubleArray = sharedCode.copyOf()
 
     /**
-     * (3 r, 3 r) posterior covariance of [code], red's r coefficients first, then green's, then blue's, (H + I)⁻¹;
+     * (3 r, 3 r) posterior covariance of [copyCode], red's r coefficients first, then green's, then blue's, (H + I)⁻¹;
      * null on a basis without a prior.
      */
-    public val codeCovariance: DoubleArray? get() = sharedCodeCovariance?.copyOf()
+    public fun copyCodeCovariance(): DoubleArray? = sharedCodeCovariance?.copyOf()
 
-    /** (k, n, 3) signals predicted from these curves under [lamp], 1. */
-    public val predicted: DoubleArray get() = sharedPredicted.copyOf()
+    /** (k, n, 3) signals predicted from these curves under [copyLamp], 1. */
+    public fun copyPredicted(): DoubleArray = sharedPredicted.copyOf()
 
     /** (3) relative duality gap of each channel's problem, 1: a bound of the distance from the optimum. */
-    public val gap: DoubleArray get() = sharedGap.copyOf()
+    public fun copyGap(): DoubleArray = sharedGap.copyOf()
 
     /** (p) the same of the layers' solution, before the finish. */
-    public val layersGap: DoubleArray get() = sharedLayersGap.copyOf()
+    public fun copyLayersGap(): DoubleArray = sharedLayersGap.copyOf()
 
     /** (p) pivots of the finish; 0 where the layers' gap was small enough. */
-    public val finishSteps: IntArray get() = sharedFinishSteps.copyOf()
+    public fun copyFinishSteps(): IntArray = sharedFinishSteps.copyOf()
 
     /**
      * ln of the marginal likelihood of the signals under basis and lamps, nats, up to a constant that depends only on
@@ -176,19 +176,19 @@ public class Ssf internal constructor(
     public val logEvidence: Double? get() = proof.logEvidence
 
     /** (3) the l1 penalty of each channel's problem. */
-    public val gamma: DoubleArray get() = sharedGamma.copyOf()
+    public fun copyGamma(): DoubleArray = sharedGamma.copyOf()
 
     /** (3) raw white signal of each channel relative to green; ones where no frame was given. */
-    public val channelGain: DoubleArray get() = sharedGain.copyOf()
+    public fun copyChannelGain(): DoubleArray = sharedGain.copyOf()
 
     /** (k, 681) each shot's lamp: the given one, changed by the estimate of its modes. */
-    public val lamp: DoubleArray get() = sharedLamp.copyOf()
+    public fun copyLamp(): DoubleArray = sharedLamp.copyOf()
 
     /**
      * (k, g) estimated amplitudes v̂ of the gain modes of the light; empty if there are none, as with a white frame.
      * [org.camssf.Calibrated.level] is the correction that follows from them.
      */
-    public val gainCode: DoubleArray get() = sharedGainCode.copyOf()
+    public fun copyGainCode(): DoubleArray = sharedGainCode.copyOf()
 
     /** The curve (681) of a channel, of peak 1. */
     public fun curve(channel: Channel): DoubleArray = curve(channel.ordinal)
@@ -275,7 +275,7 @@ public class Ssf internal constructor(
     )
 
     /** The answer with the outcome of its test, and by how much the chart has faded. */
-    internal fun tested(test: FamilyTest, chartFading: Double): Ssf = copy(curves, test, chartFading)
+    internal fun withFamilyTest(test: FamilyTest, chartFading: Double): Ssf = copy(curves, test, chartFading)
 
     private fun copy(
         curves: Curves,

@@ -1,17 +1,18 @@
 package org.camssf.spectra
 
-import kotlinx.serialization.json.Json
-import kotlinx.serialization.json.JsonArray
-import kotlinx.serialization.json.JsonElement
-import kotlinx.serialization.json.JsonObject
-import kotlinx.serialization.json.double
-import kotlinx.serialization.json.int
-import kotlinx.serialization.json.jsonArray
-import kotlinx.serialization.json.jsonObject
-import kotlinx.serialization.json.jsonPrimitive
 import org.camssf.Grid
 import org.camssf.InvalidArgument
 import org.camssf.flatten
+import org.camssf.json.JsonText
+import org.camssf.json.Members
+import org.camssf.json.list
+import org.camssf.json.members
+import org.camssf.json.number
+import org.camssf.json.numbers
+import org.camssf.json.part
+import org.camssf.json.text
+import org.camssf.json.texts
+import org.camssf.json.whole
 import org.camssf.mean
 import org.camssf.model.Models
 import org.camssf.short
@@ -26,9 +27,9 @@ import kotlin.math.round
  * docs/tables.md.
  */
 internal object Bundled {
-    private val file: JsonObject by lazy {
+    private val file: Members by lazy {
         val found = try {
-            Json.parseToJsonElement(Models.read("spectra.json").decodeToString()).jsonObject
+            members(JsonText.parse(Models.read("spectra.json").decodeToString()))
         } catch (error: IllegalStateException) {
             throw InvalidArgument(
                 error.message.orEmpty(),
@@ -42,22 +43,20 @@ internal object Bundled {
 
     val lamps: Set<String> get() = file.part("lamps").keys
     val families: Set<String> get() = file.part("families").keys
-    val charts: List<String> get() = file.part("charts").list("names").map { it.jsonPrimitive.content }
+    val charts: List<String> get() = file.part("charts").texts("names")
 
     /** Chart tables by the word after the colon in a chart's name; the first is the default. */
-    val tables: Map<String, String> get() = file.part("charts").part("tables").mapValues {
-        it.value.jsonPrimitive.content
-    }
+    val tables: Map<String, String> get() = file.part("charts").part("tables").mapValues { it.value as String }
 
     /** Correlated colour temperatures of the illuminants that have one, K. */
-    val kelvin: Map<String, Double> get() = file.part("kelvin").mapValues { it.value.jsonPrimitive.double }
+    val kelvin: Map<String, Double> get() = file.part("kelvin").let { all -> all.mapValues { all.number(it.key) } }
 
     fun tolerance(of: String): Double = file.part("tolerances").number(of)
 
     /** A tabulated CIE illuminant on the grid, (681); linear between its nodes. */
     fun illuminant(name: String): DoubleArray = linear(file.part("lamps").part(name), "values")
 
-    private fun linear(table: JsonObject, key: String): DoubleArray {
+    private fun linear(table: Members, key: String): DoubleArray {
         val values = table.numbers(key)
         return Interpolation.linear(
             Interpolation.nodes(table.number("start"), table.number("step"), values.size),
@@ -65,20 +64,22 @@ internal object Bundled {
         )
     }
 
-    /** A bundled chart table: patch names, reflectance (n, 681), index of the white patch. */
-    fun chart(table: String): Triple<List<String>, DoubleArray, Int> {
+    /** A bundled chart table, for the chart of this name. */
+    fun chart(table: String, name: String, layout: ChartLayout): ChartTable {
         val entry = file.part("tables").part(table)
-        val rows = entry.list("values").map {
-            Interpolation.sprague(entry.number("start"), entry.number("step"), numbers(it))
-        }
-        val names = entry.list("patches").map { it.jsonPrimitive.content }
-        return Triple(names, rows.flatten(), entry.getValue("white").jsonPrimitive.int)
+        val rows = entry.list("values").map { numbers(it) }
+        val names = entry.texts("patches")
+        val nodes = Interpolation.nodes(entry.number("start"), entry.number("step"), rows[0].size)
+        val tolerance = DoubleArray(names.size) { tolerance("public_chart") }
+        val white = entry.whole("white")
+        val source = "$table (colour-science)"
+        return ChartTable(name, table, layout, names, nodes, rows.flatten(), tolerance, white, source)
     }
 
     fun layouts(): List<ChartLayout> = file.part("layouts").map { (name, each) ->
-        val entry = each.jsonObject
+        val entry = members(each)
         val (x, y) = entry.numbers("side").toList()
-        ChartLayout(name, entry.number("columns").toInt(), entry.number("rows").toInt(), x, y)
+        ChartLayout(name, entry.whole("columns"), entry.whole("rows"), x, y)
     }
 
     /** The CIE 1931 2° colour-matching functions x, y, z on the grid, (681) each. */
@@ -86,7 +87,7 @@ internal object Bundled {
 
     /** Planck's law on the grid, (681), any scale: λ⁻⁵ / (exp(c₂ / λT) - 1), c₂ = 1.4388e-2 m K (CIE 15, ITS-90). */
     fun planck(kelvin: Double): DoubleArray {
-        val grid = Grid.WAVELENGTHS
+        val grid = Grid.wavelengths
         return DoubleArray(Grid.SIZE) {
             (grid[it] / 560.0).pow(-5.0) / expm1(1.4388e-2 / (grid[it] * 1e-9 * kelvin))
         }
@@ -143,7 +144,7 @@ internal object Bundled {
             val source = "mean and ${modes.size} principal components of ${entry.text("source")}"
             return Family(power, modes, source, tolerance)
         }
-        val members = entry.list("members").map { scaled(illuminant(it.jsonPrimitive.content)) }
+        val members = entry.texts("members").map { scaled(illuminant(it)) }
         val power = DoubleArray(Grid.SIZE) { m -> members.sumOf { it[m] } / members.size }
         val least = entry.number("dimmest") * power.max()
         val weights = entry.list("weights").map { numbers(it) }
@@ -184,19 +185,4 @@ internal object Bundled {
     }
 
     private const val DIMMEST = 1e-3
-}
-
-internal fun JsonObject.part(name: String): JsonObject = getValue(name).jsonObject
-
-internal fun JsonObject.list(name: String): JsonArray = getValue(name).jsonArray
-
-internal fun JsonObject.text(name: String): String = getValue(name).jsonPrimitive.content
-
-internal fun JsonObject.number(name: String): Double = getValue(name).jsonPrimitive.double
-
-internal fun JsonObject.numbers(name: String): DoubleArray = numbers(getValue(name))
-
-internal fun numbers(element: JsonElement): DoubleArray {
-    val list = element.jsonArray
-    return DoubleArray(list.size) { list[it].jsonPrimitive.double }
 }

@@ -1,14 +1,8 @@
 package org.camssf.spectra
 
-import kotlinx.serialization.SerializationException
-import kotlinx.serialization.json.Json
-import kotlinx.serialization.json.JsonArray
-import kotlinx.serialization.json.JsonElement
-import kotlinx.serialization.json.JsonObject
-import kotlinx.serialization.json.JsonPrimitive
-import kotlinx.serialization.json.doubleOrNull
-import kotlinx.serialization.json.intOrNull
 import org.camssf.InvalidArgument
+import org.camssf.json.JsonText
+import org.camssf.json.NotJson
 import kotlin.math.abs
 
 /**
@@ -39,6 +33,23 @@ public class ChartLayout internal constructor(
 
     override fun toString(): String = "ChartLayout($name, $columns × $rows)"
 
+    /** The layout in a document: its name if it is shipped, else as a layout file in pitches. */
+    internal fun plain(): Any = if (shipped) name else own()
+
+    private fun own(): Map<String, Any> {
+        val side = listOf(sideX, sideY)
+        val plain = linkedMapOf(
+            "format" to LayoutFile.FORMAT, "name" to name, "columns" to columns, "rows" to rows,
+            "patch" to side, "gap" to side.map { 1 - it },
+        )
+        if (white.isNotEmpty()) plain["white"] = white
+        if (fiducials.isNotEmpty()) {
+            plain["fiducials"] =
+                List(4) { i -> List(2) { fiducials[2 * i + it] + side[it] / 2 } }
+        }
+        return plain
+    }
+
     public companion object {
         /** The layouts of all shipped charts. */
         @JvmStatic
@@ -53,28 +64,41 @@ public class ChartLayout internal constructor(
          * @throws InvalidArgument the content is no such layout.
          */
         @JvmStatic
-        public fun parse(name: String, content: ByteArray): ChartLayout = LayoutFile(name, content).layout()
+        public fun parse(name: String, content: ByteArray): ChartLayout {
+            val plain = try {
+                JsonText.parse(content.toString(Charsets.UTF_8).removePrefix("\uFEFF"))
+            } catch (error: NotJson) {
+                val advice = "A layout is a JSON object. ${LayoutFile.ADVICE}"
+                throw InvalidArgument("$name is not JSON.", advice, cause = error)
+            }
+            return LayoutFile(name, plain).layout()
+        }
+
+        /**
+         * The layout in a document, as [plain] has it; `place` is its name in messages.
+         *
+         * @throws InvalidArgument neither the name of a shipped layout nor the content of a layout file.
+         */
+        internal fun of(plain: Any?, place: String): ChartLayout {
+            if (plain !is String) return LayoutFile(place, plain).layout()
+            return of(plain) ?: throw InvalidArgument(
+                "no layout is called '$plain'",
+                "Give one of ${all().joinToString { it.name }}.",
+            )
+        }
     }
 }
 
 /** The reader of a layout file; Python's `camssf.spectra.layouts` has the same rules and messages. */
-private class LayoutFile(private val name: String, content: ByteArray) {
-    private val document: JsonObject = try {
-        val text = content.toString(Charsets.UTF_8).removePrefix("\uFEFF")
-        // The parser's stack overflows where brackets nest thousands deep.
-        if (text.count { it in "[{" } > BRACKETS) throw SerializationException("too many brackets")
-        Json.parseToJsonElement(text)
-    } catch (error: SerializationException) {
-        throw InvalidArgument("$name is not JSON.", "A layout is a JSON object. $ADVICE", cause = error)
-    }.let { found ->
-        need(found is JsonObject && word(found["format"]) == FORMAT) { "a layout has \"format\": \"$FORMAT\"" }
-        found as JsonObject
-    }
+private class LayoutFile(private val name: String, plain: Any?) {
+    @Suppress("UNCHECKED_CAST")
+    private val document = (plain as? Map<String, Any?>).orEmpty()
 
     fun layout(): ChartLayout {
+        need(document["format"] == FORMAT) { "a layout has \"format\": \"$FORMAT\"" }
         document.keys.forEach { need(it in FIELDS) { "a layout has no field \"$it\"" } }
         REQUIRED.forEach { need(it in document) { "the field \"$it\" is missing" } }
-        val title = word(document["name"])
+        val title = document["name"] as? String
         need(title != null && NAME.matches(title)) {
             "\"name\" needs 1 to 64 letters, digits, spaces, dots, hyphens or underscores"
         }
@@ -89,25 +113,26 @@ private class LayoutFile(private val name: String, content: ByteArray) {
         need(side.min() >= NARROWEST) {
             "the gaps are too wide: a patch must take at least 60 % of the step to the next"
         }
-        val white = word(document["white"] ?: JsonPrimitive(""))
+        val white = document.getValue("white", "") as? String
         need(white != null && white.length <= LONGEST) { "\"white\" must be the name of a patch in the table" }
-        val marks = marks(document["fiducials"] ?: JsonArray(emptyList()), patch, gap)
+        val marks = marks(document.getValue("fiducials", emptyList<Any>()), patch, gap)
         need(marks != null && (marks.isEmpty() || surround(marks, side, columns, rows))) {
             "\"fiducials\" must be four points [x, y], clockwise from the top left, around the patches"
         }
         return ChartLayout(title, columns, rows, side[0], side[1], white!!, marks!!)
     }
 
+    private fun Map<String, Any?>.getValue(field: String, default: Any): Any? =
+        if (field in this) this[field] else default
+
     private inline fun need(right: Boolean, what: () -> String) {
         if (!right) throw InvalidArgument("$name: ${what()}.", ADVICE)
     }
 
-    private fun word(value: JsonElement?): String? = (value as? JsonPrimitive)?.takeIf { it.isString }?.content
-
     private fun count(field: String): Int {
-        val value = (document[field] as? JsonPrimitive)?.takeIf { !it.isString }?.intOrNull ?: 0
+        val value = document[field] as? Long ?: 0
         need(value in SIDES) { "\"$field\" must be a whole number from ${SIDES.first} to ${SIDES.last}" }
-        return value
+        return value.toInt()
     }
 
     private fun edges(field: String, least: String, right: (Double) -> Boolean): DoubleArray {
@@ -117,9 +142,9 @@ private class LayoutFile(private val name: String, content: ByteArray) {
     }
 
     /** A number, or two, below a million in size; null for anything else. */
-    private fun pair(value: JsonElement?): DoubleArray? {
-        val both = (value as? JsonArray)?.toList() ?: listOf(value, value)
-        val numbers = both.mapNotNull { (it as? JsonPrimitive)?.takeIf { found -> !found.isString }?.doubleOrNull }
+    private fun pair(value: Any?): DoubleArray? {
+        val both = value as? List<*> ?: listOf(value, value)
+        val numbers = both.mapNotNull { (it as? Number)?.toDouble() }
         return if (both.size == 2 && numbers.size == 2 && numbers.all { abs(it) < 1e6 }) {
             numbers.toDoubleArray()
         } else {
@@ -128,8 +153,8 @@ private class LayoutFile(private val name: String, content: ByteArray) {
     }
 
     /** Marks from the outer corner of the first patch, in lattice coordinates; null if they are not four points. */
-    private fun marks(given: JsonElement, patch: DoubleArray, gap: DoubleArray): DoubleArray? {
-        val points = (given as? JsonArray ?: return null).map { each -> (each as? JsonArray)?.let { pair(it) } }
+    private fun marks(given: Any?, patch: DoubleArray, gap: DoubleArray): DoubleArray? {
+        val points = (given as? List<*> ?: return null).map { each -> (each as? List<*>)?.let { pair(it) } }
         if (points.any { it == null } || points.size !in setOf(0, 4)) return null
         return DoubleArray(2 * points.size) {
             val axis = it % 2
@@ -150,22 +175,19 @@ private class LayoutFile(private val name: String, content: ByteArray) {
         }
     }
 
-    private companion object {
+    companion object {
         const val FORMAT = "camssf-layout/1"
-        val REQUIRED = listOf("format", "name", "columns", "rows", "patch", "gap")
-        val FIELDS = REQUIRED + listOf("white", "fiducials")
-        val NAME = Regex("[A-Za-z0-9][A-Za-z0-9 ._-]{0,63}")
+        private val REQUIRED = listOf("format", "name", "columns", "rows", "patch", "gap")
+        private val FIELDS = REQUIRED + listOf("white", "fiducials")
+        private val NAME = Regex("[A-Za-z0-9][A-Za-z0-9 ._-]{0,63}")
 
         /** Ranges of the number of columns and of rows, and of patches. */
-        val SIDES = 2..30
-        val PATCHES = 12..300
+        private val SIDES = 2L..30L
+        private val PATCHES = 12..300
 
         /** Smallest edge of a patch in pitches. */
-        const val NARROWEST = 0.6
-        const val LONGEST = 64
-
-        /** Largest number of opening brackets; a layout has eight at most. */
-        const val BRACKETS = 20
+        private const val NARROWEST = 0.6
+        private const val LONGEST = 64
         const val ADVICE =
             "docs/tables.md shows a layout. \"patch\" and \"gap\" may be in any unit: \"patch\": [18, 18], " +
                 "\"gap\": [3, 3]."

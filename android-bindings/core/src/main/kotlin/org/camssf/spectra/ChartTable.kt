@@ -34,19 +34,33 @@ public class ChartTable internal constructor(
     public val table: String,
     public val layout: ChartLayout,
     patches: List<String>,
-    internal val sharedValues: DoubleArray,
+    /** (w) nodes of the table, nm. */
+    internal val wavelengths: DoubleArray,
+    /** (n, w) reflectance as the table has it, 0 to 1. */
+    internal val reflectance: DoubleArray,
     internal val sharedTolerance: DoubleArray,
     public val white: Int,
     public val source: String,
     public val file: SourceFile? = null,
+    /** Part v of its colour that the chart has lost, 0 to 1. */
+    internal val fading: Double = 0.0,
 ) {
     /** (n) patch names in reading order from the chart's top left. */
     public val patches: List<String> = patches.frozen()
 
+    internal val sharedValues: DoubleArray by lazy {
+        val values = if (wavelengths.contentEquals(Grid.wavelengths)) reflectance else onGrid()
+        if (fading == 0.0) values else faded(values, fading)
+    }
+
+    private fun onGrid(): DoubleArray = List(this.patches.size) {
+        Interpolation.smooth(wavelengths, reflectance.copyOfRange(it * wavelengths.size, (it + 1) * wavelengths.size))
+    }.flatten().also { all -> for (i in all.indices) all[i] = all[i].coerceIn(0.0, 1.2) }
+
     override fun toString(): String = "ChartTable($name, $table)"
 
-    /** (n, 681) reflectance on [Grid], row-major, 0 to 1; a copy at each call (130 kB for 24 patches), so keep it. */
-    public val values: DoubleArray get() = sharedValues.copyOf()
+    /** (n, 681) reflectance on [Grid], row-major, 0 to 1; a copy (130 kB for 24 patches), so keep it. */
+    public fun copyValues(): DoubleArray = sharedValues.copyOf()
 
     /**
      * (n, 3) signals of a generic camera (Gaussian curves at 600, 540 and 455 nm, FWHM 90 nm) under a flat lamp,
@@ -56,7 +70,7 @@ public class ChartTable internal constructor(
 
     /** The same under a lamp of this power (681); null for a flat spectrum. */
     internal fun genericSignals(power: DoubleArray?): DoubleArray {
-        val grid = Grid.WAVELENGTHS
+        val grid = Grid.wavelengths
         val curves = listOf(600.0, 540.0, 455.0).map { centre ->
             val curve = DoubleArray(Grid.SIZE) {
                 2.0.pow(-4 * ((grid[it] - centre) / 90).pow(2)) * (power?.get(it) ?: 1.0)
@@ -70,8 +84,8 @@ public class ChartTable internal constructor(
         }
     }
 
-    /** (n) one standard deviation of the table's relative error for an individual chart, 1; a copy at each call. */
-    public val tolerance: DoubleArray get() = sharedTolerance.copyOf()
+    /** (n) one standard deviation of the table's relative error for an individual chart, 1; a copy. */
+    public fun copyTolerance(): DoubleArray = sharedTolerance.copyOf()
 
     /**
      * The table with another relative error of an individual chart, one standard deviation: 0.01 for 1 %.
@@ -89,13 +103,14 @@ public class ChartTable internal constructor(
     }
 
     /** The table of a chart whose colours have faded by `amount`. */
-    internal fun faded(amount: Double): ChartTable {
-        if (amount == 0.0) return this
-        return with(values = faded(sharedValues, amount))
-    }
+    internal fun faded(amount: Double): ChartTable = if (amount == 0.0) this else with(fading = amount)
 
-    private fun with(values: DoubleArray = sharedValues, tolerance: DoubleArray = sharedTolerance): ChartTable =
-        ChartTable(name, table, layout, patches, values, tolerance, white, source, file)
+    private fun with(tolerance: DoubleArray = sharedTolerance, fading: Double = this.fading): ChartTable = ChartTable(
+        name, table, layout, patches, wavelengths, reflectance, tolerance, white, source, file, fading,
+    )
+
+    /** Whether the table is a published one, not measured by the user. */
+    internal val public: Boolean get() = table in Bundled.tables.values
 
     /** The chart's other public tables, with the same tolerance, if this is the default one and not named. */
     internal fun otherTables(): List<ChartTable> {
@@ -142,10 +157,7 @@ public class ChartTable internal constructor(
                     MENU,
                 )
             }
-            val (names, values, white) = Bundled.chart(table)
-            val tolerance = DoubleArray(names.size) { Bundled.tolerance("public_chart") }
-            val layout = ChartLayout.of(chart)!!
-            return ChartTable(text, table, layout, names, values, tolerance, white, "$table (colour-science)")
+            return Bundled.chart(table, text, ChartLayout.of(chart)!!)
         }
 
         /**
@@ -195,23 +207,26 @@ public class ChartTable internal constructor(
                 ChartUnfit(message, advice, value, threshold)
             }
             val order = readingOrder(file.names, layout)
-            val values = onGrid(file, order, name)
-            if (layout.shipped && count == 24) checkOrder(values, name)
-            val names = order.map { file.names[it] }
-            return ChartTable(
+            val reflectance = shares(file, name)
+            fun table(white: Int) = ChartTable(
                 if (given == null) name else "${given.name}:$name",
                 name,
                 layout,
-                names,
-                values.flatten(),
+                order.map { file.names[it] },
+                file.wavelengths,
+                order.map { reflectance[it] }.flatten(),
                 DoubleArray(count) { Bundled.tolerance("measured_chart") },
-                white(values, names, layout, name),
+                white,
                 "file $name${SpectraFile.held(file.wavelengths)}",
                 SourceFile.of(name, content),
             )
+            val values = table(0).let { first -> List(count) { first.reflectance(it) } }
+            if (layout.shipped && count == 24) checkOrder(values, name)
+            return table(white(values, order.map { file.names[it] }, layout, name))
         }
 
-        private fun onGrid(file: Spectra, order: List<Int>, name: String): List<DoubleArray> {
+        /** The file's reflectances as parts of 1, checked. */
+        private fun shares(file: Spectra, name: String): List<DoubleArray> {
             if (file.values.any { row -> row.any { !it.isFinite() } }) {
                 throw ChartUnfit("$name has a reflectance that is not a number.", "Measure that patch again.")
             }
@@ -226,11 +241,7 @@ public class ChartTable internal constructor(
                     worst,
                 )
             }
-            return order.map { i ->
-                val row = file.values[i]
-                val smooth = Interpolation.smooth(file.wavelengths, DoubleArray(row.size) { row[it] / scale })
-                DoubleArray(Grid.SIZE) { smooth[it].coerceIn(0.0, 1.2) }
-            }
+            return file.values.map { row -> DoubleArray(row.size) { row[it] / scale } }
         }
 
         /**
@@ -259,7 +270,7 @@ public class ChartTable internal constructor(
          * be wrong.
          */
         private fun checkOrder(values: List<DoubleArray>, name: String) {
-            val known = Bundled.chart("BabelColor Average").second
+            val known = read("classic24:babelcolor").sharedValues
             fun misfit(place: (Int) -> Int): Double {
                 var total = 0.0
                 for (i in 0 until 24) {
@@ -301,7 +312,7 @@ public class ChartTable internal constructor(
                     "Give its name in the table as \"white\" of the layout, or leave \"white\" out.",
                 )
             }
-            val visible = Grid.WAVELENGTHS.indices.filter { Grid.WAVELENGTHS[it] in 430.0..700.0 }
+            val visible = Grid.wavelengths.indices.filter { Grid.wavelengths[it] in 430.0..700.0 }
             val brightness = values.map { row ->
                 val level = visible.sumOf { row[it] } / visible.size
                 val spread = sqrt(visible.sumOf { (row[it] - level) * (row[it] - level) } / visible.size)

@@ -16,7 +16,7 @@ internal class Directions private constructor(length: Double) {
     init {
         val step = length / 2.0
         val weight = sqrt(step / (length * sqrt(Math.PI / 2.0)))
-        val grid = Grid.WAVELENGTHS
+        val grid = Grid.wavelengths
         columns = List(ceil((340.0 + 4.0 * length) / step).toInt() + 1) { q ->
             val place = 380.0 - 2.0 * length + step * q
             DoubleArray(Grid.SIZE) {

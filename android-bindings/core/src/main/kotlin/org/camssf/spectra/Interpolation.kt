@@ -112,7 +112,7 @@ internal object Interpolation {
 
     /** Mean over each step of the grid, by exact integration of the linear interpolant of the nodes. */
     fun stepMeans(nodes: DoubleArray, values: DoubleArray): DoubleArray {
-        val grid = Grid.WAVELENGTHS
+        val grid = Grid.wavelengths
         val edges = DoubleArray(Grid.SIZE + 1) {
             if (it <
                 Grid.SIZE
@@ -139,7 +139,7 @@ internal object Interpolation {
     }
 
     private inline fun onGrid(value: (Double) -> Double): DoubleArray {
-        val grid = Grid.WAVELENGTHS
+        val grid = Grid.wavelengths
         return DoubleArray(Grid.SIZE) { value(grid[it]) }
     }
 }

@@ -17,7 +17,7 @@ import kotlin.math.ln
  * @property tolerance one standard deviation of its smooth relative error, 1 (0.02 = 2 %); NaN for an unnamed light.
  * @property source its table, formula or file, in words for the report.
  * @property file name and SHA-256 of its file, or null.
- * @property toleranceKelvin one standard deviation of its colour temperature, K, part of [modes]; null if not given.
+ * @property toleranceKelvin one standard deviation of its colour temperature, K, part of [copyModes]; null if not given.
  * @property kinds the possible kinds of an unnamed light, each a lamp known only by kind; empty for a named lamp.
  */
 public class Lamp internal constructor(
@@ -40,14 +40,22 @@ public class Lamp internal constructor(
     internal val sharedValues: DoubleArray get() = given ?: throw nameless()
 
     /**
-     * (681) relative power on [Grid], any scale, none negative; a copy at each call (5 kB).
+     * (681) relative power on [Grid], any scale, none negative; a copy (5 kB).
      *
      * @throws InvalidArgument the light is unnamed.
      */
-    public val values: DoubleArray get() = sharedValues.copyOf()
+    public fun copyValues(): DoubleArray = sharedValues.copyOf()
 
-    /** Directions (681) of the relative error of L, each one standard deviation long; copies at each call. */
-    public val modes: List<DoubleArray> get() = sharedModes.map { it.copyOf() }
+    /** Directions (681) of the relative error of L, each one standard deviation long; copies. */
+    public fun copyModes(): List<DoubleArray> = sharedModes.map { it.copyOf() }
+
+    /** The same lamp, whatever file it is from. */
+    internal fun withoutFile(): Lamp =
+        Lamp(name, given, tolerance, sharedModes, source, null, toleranceKelvin, kinds, logPrior)
+
+    /** The same lamp with another power (681). */
+    internal fun withPower(power: DoubleArray): Lamp =
+        Lamp(name, power, tolerance, sharedModes, source, file, toleranceKelvin, kinds, logPrior)
 
     /** An unnamed light with these kinds. */
     internal fun withKinds(kinds: List<Lamp>, logPrior: List<Double>): Lamp =
@@ -114,7 +122,12 @@ public class Lamp internal constructor(
                 "temperature; bulb A, or 2856K for any temperature; fluorescent FL1 to FL12, FL3.1 to FL3.15; " +
                 "discharge HP1 to HP5; LED-B1 to LED-B5, LED-BH1, LED-RGB1, LED-V1, LED-V2; not known but by " +
                 "kind: daylight, bulb, white-led, fluorescent; flat E, equal-energy (the paper's assumption); " +
-                "a measured spectrum by Lamp.parse; Lamp.torch(); or Lamp.auto() for a phone's photo under whatever light."
+                "a measured spectrum by Lamp.parse; Lamp.torch(); or Lamp.auto() for a phone's photo under " +
+                "whatever light."
+
+        /** Ends of [Grid], nm. */
+        private const val FIRST = 380.0
+        private const val LAST = 720.0
 
         /** The name of an unnamed light. */
         internal const val AUTO = "auto"
@@ -164,7 +177,7 @@ public class Lamp internal constructor(
 
         /**
          * Reads the spectral power of a lamp by name or formula, scaled to a mean of 1 on the grid. The numbers are
-         * the same as those of Python's `camssf.read_lamp`.
+         * the same as those of Python's `camssf.spectra.read_lamp`.
          *
          * A CIE illuminant (`A`, `D55`, `FL2`, `LED-B3`; case, blanks and hyphens do not matter); `2856K` (Planck,
          * 1000 to 20,000 K); `D:5500` (CIE daylight, 4000 to 25,000 K); `equal-energy` (tolerance 0); a kind of lamp:
@@ -206,12 +219,12 @@ public class Lamp internal constructor(
         }
 
         /**
-         * Parses a measured spectrum: a table of wavelength (nm, increasing) and power, or CGATS text with one set
-         * (Argyll's `.sp`). It must cover 400 to 700 nm in steps of 20 nm at most.
+         * Parses a measured spectrum: a table of wavelength (nm) and power, CGATS text with one set (Argyll's `.sp`),
+         * or rawtoaces' illuminant. It must cover 400 to 700 nm in steps of 20 nm at most.
          *
          * Outside its range the power is held constant, which `source` states. If its steps are finer than the
-         * grid's, power is averaged over each step of the grid. Negative noise, down to 0.5 % of the peak, is set to
-         * 0. The tolerance is 1 %.
+         * grid's, power is averaged over each step of the grid. Negative noise, down to 0.5 % of the peak from 380
+         * to 720 nm, is set to 0. The tolerance is 1 %.
          *
          * @param name of the file, for messages and the result.
          * @throws InvalidArgument the content is not such a table.
@@ -225,37 +238,39 @@ public class Lamp internal constructor(
                 LampUnfit(message, advice, value, threshold)
             }
             val advice = "Measure it again, or name a lamp that is like it."
-            val power = spectrum.values[0]
-            if (!power.all {
-                    it.isFinite()
-                }
-            ) {
+            // Nodes that the grid needs; a spectrometer's noise beyond them does not matter.
+            val all = spectrum.wavelengths
+            val from = maxOf(all.indexOfLast { it <= FIRST - Grid.STEP }, 0)
+            val to = all.indexOfFirst { it >= LAST + Grid.STEP }.let { if (it < 0) all.size else it + 1 }
+            val nodes = all.copyOfRange(from, to)
+            val power = spectrum.values[0].copyOfRange(from, to)
+            if (!power.all { it.isFinite() }) {
                 throw LampUnfit("The lamp in $name has a power that is not a number.", advice)
             }
-            val peak = power.max()
-            if (peak <= 0) throw LampUnfit("The lamp in $name has no power.", advice)
+            val seen = power.filterIndexed { i, _ -> nodes[i] in FIRST..LAST }
+            val peak = seen.max()
+            if (peak <= 0) throw LampUnfit("The lamp in $name has no power from 380 to 720 nm.", advice)
             val shares = DoubleArray(power.size) { power[it] / peak }
             val noise = Bundled.tolerance("noise_below_zero")
-            if (shares.min() < -noise) {
+            val least = seen.min() / peak
+            if (least < -noise) {
                 throw LampUnfit(
-                    "The lamp in $name has negative power.",
+                    "The lamp in $name has negative power from 380 to 720 nm.",
                     "Correct the spectrometer's dark signal, or set noise below zero to 0.",
-                    shares.min(),
+                    least,
                     -noise,
                 )
             }
             for (i in shares.indices) shares[i] = maxOf(shares[i], 0.0)
-            val nodes = spectrum.wavelengths
             val finest = (1 until nodes.size).minOf { nodes[it] - nodes[it - 1] }
             val fine = finest < 0.99 * Grid.STEP
             val values = if (fine) Interpolation.stepMeans(nodes, shares) else Interpolation.linear(nodes, shares)
-            if (values.max() <= 0) throw LampUnfit("The lamp in $name has no power from 380 to 720 nm.", advice)
             return Lamp(
                 name,
                 Bundled.scaled(values),
                 Bundled.tolerance("measured_lamp"),
                 emptyList(),
-                "file $name${SpectraFile.held(nodes)}",
+                "file $name${SpectraFile.held(all)}",
                 SourceFile.of(name, content),
             )
         }

@@ -22,7 +22,7 @@ internal class Check(
 )
 
 /**
- * Collects every number that the rules compare, whether its limit holds or not, as Python's `camssf.verdict.checks`.
+ * Collects every number that the rules compare, whether its limit holds or not, as Python's `camssf.verdict.reasons`.
  */
 internal class Checks {
     private val seen = LinkedHashMap<Pair<String, Int?>, Check>()
@@ -36,15 +36,16 @@ internal class Checks {
      * @param name as in [Check].
      * @param value the number; ignored if it is not finite.
      * @param shot from 0; null for the capture as a whole.
-     * @param limit replaces the rule's own limit.
+     * @param limit replaces the rule's own limit; `refuses` the one beyond which the verdict is refused.
      */
-    fun note(name: String, value: Double, shot: Int? = null, limit: Double? = null) {
+    fun note(name: String, value: Double, shot: Int? = null, limit: Double? = null, refuses: Double? = null) {
         if (!value.isFinite()) return
         val rules = Rules.shipped
         val rule = rules.bound("verdict.$name")
         val own = limit ?: rules.number("verdict.$name")
-        val refuses = rule?.graver?.let { rules.number("verdict.$it") } ?: own.takeIf { rule?.refused == true }
+        val gravest =
+            refuses ?: rule?.graver?.let { rules.number("verdict.$it") } ?: own.takeIf { rule?.refused == true }
         val at = shot?.plus(1)
-        seen[name to at] = Check(name, at, value, own, refuses, rule?.beyond ?: "above")
+        seen[name to at] = Check(name, at, value, own, gravest, rule?.beyond ?: "above")
     }
 }

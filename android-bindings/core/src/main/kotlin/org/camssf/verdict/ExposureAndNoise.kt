@@ -50,7 +50,7 @@ internal class ExposureAndNoise(
         }
         checks.note("veil", veil, shot)
         if (!(veil > bound("veil"))) return null
-        return because("darkest_patch", veil, veil > bound("fog"), "share" to veil)
+        return because("darkest_patch", veil, veil > bound("veil_refuses"), "share" to veil)
     }
 
     private fun few(): Reason? {
@@ -63,7 +63,7 @@ internal class ExposureAndNoise(
     }
 
     private fun dirt(): Reason? {
-        val shares = List(signals.patches) { i -> (0..2).maxOf { chart.dead[3 * i + it] } }
+        val shares = List(signals.patches) { i -> (0..2).maxOf { chart.sharedDead[3 * i + it] } }
         val share = shares.max()
         checks.note("dirty", share, shot)
         if (!(share > bound("dirty"))) return null
@@ -72,7 +72,7 @@ internal class ExposureAndNoise(
 
     private fun greens(): Reason? {
         val differences = used.map { i ->
-            val (first, second) = chart.greens[2 * i] to chart.greens[2 * i + 1]
+            val (first, second) = chart.sharedGreens[2 * i] to chart.sharedGreens[2 * i + 1]
             abs(first - second) / max((first + second) / 2 - means.sharedBlack[1], 1.0)
         }
         val share = median(differences.toDoubleArray())
@@ -93,7 +93,7 @@ internal class ExposureAndNoise(
 
     /** Grain and texture of the used patches (rule 6). */
     private fun noise(white: FrameMeans, dark: FrameMeans): Pair<Double, Double> {
-        fun variance(frame: FrameMeans, i: Int) = frame.sharedError[i] * frame.sharedError[i] * frame.count[i]
+        fun variance(frame: FrameMeans, i: Int) = frame.sharedError[i] * frame.sharedError[i] * frame.sharedCount[i]
         val at = used.flatMap { i -> (0..2).map { 3 * i + it } }
         val expected = DoubleArray(at.size) {
             val i = at[it]

@@ -59,9 +59,9 @@ internal fun used(signals: Signals, shot: Int): List<Int> =
  * same lamp, so it stays small when the lamp is wrong.
  */
 internal object Judge {
-    private val HOPELESS get() = Rules.shipped.number("verdict.hopeless")
+    private val MISFIT_REFUSES get() = Rules.shipped.number("verdict.misfit_refuses")
     private val POOR_POSE get() = Rules.shipped.number("verdict.poor_pose")
-    private val VAGUE get() = Rules.shipped.number("verdict.vague")
+    private val BAND_TOO_WIDE get() = Rules.shipped.number("verdict.band_too_wide")
     private val OTHER_MAKERS get() = Rules.shipped.number("verdict.other_makers")
 
     fun judge(case: Case): Verdict {
@@ -81,7 +81,7 @@ internal object Judge {
         }
         whites.forEach { reasons += it }
         reasons += faded(inputs.ssf, checks)
-        reasons += vague(inputs.ssf, checks)
+        reasons += bandTooWide(inputs.ssf, checks)
         reasons += otherMakers(inputs.ssf, case.family, checks)
         // A previous result says what camera it is.
         if (case.unnamed.any { it } && case.drift == null) {
@@ -105,7 +105,7 @@ internal object Judge {
         checks: Checks,
     ): List<Reason> {
         val excess = found.total / found.count
-        val hopeless = found.total > HOPELESS * found.count
+        val misfitRefuses = found.total > MISFIT_REFUSES * found.count
         each.forEachIndexed { j, one ->
             one.strongestExplanation()?.let { (strongest, enough) ->
                 checks.note("explanation", strongest.gain, j, enough)
@@ -114,20 +114,20 @@ internal object Judge {
         }
         val reasons = each.mapIndexedNotNull { j, one ->
             val explanation = one.bestExplanation() ?: return@mapIndexedNotNull null
-            val value = if (hopeless) excess else explanation.gain
+            val value = if (misfitRefuses) excess else explanation.gain
             val words = words(explanation, table) + ("shot" to "shot ${j + 1}")
-            val slight = !hopeless && explanation.gain <= one.strongestExplanation()!!.second
+            val slight = !misfitRefuses && explanation.gain <= one.strongestExplanation()!!.second
             val bound = if (slight) GoodnessOfFit.BLACK else null
-            Reasons.because(accusation(explanation), value, words, hopeless, bound)
+            Reasons.because(accusation(explanation), value, words, misfitRefuses, bound)
         }
         val worst = each.maxOfOrNull { it.z } ?: found.z
         val largest = max(found.z, worst)
         checks.note("goodness_of_fit", largest)
-        checks.note("hopeless", excess)
-        if (reasons.isNotEmpty() || !(hopeless || largest > GoodnessOfFit.GOODNESS_OF_FIT)) return reasons
+        checks.note("misfit_refuses", excess)
+        if (reasons.isNotEmpty() || !(misfitRefuses || largest > GoodnessOfFit.GOODNESS_OF_FIT)) return reasons
         val name = if (each.size > 1 && worst <= GoodnessOfFit.GOODNESS_OF_FIT) "contradiction" else "unexplained"
-        val value = if (hopeless) excess else largest
-        return listOf(Reasons.because(name, value, mapOf("size" to sqrt(excess)), hopeless))
+        val value = if (misfitRefuses) excess else largest
+        return listOf(Reasons.because(name, value, mapOf("size" to sqrt(excess)), misfitRefuses))
     }
 
     /** The reason's name for an explanation. */
@@ -214,10 +214,14 @@ internal object Judge {
     /**
      * Checks that the 95 % band is narrow enough to tell cameras apart; that of an unfamiliar camera is wide anyway.
      */
-    private fun vague(ssf: Ssf, checks: Checks): List<Reason> {
+    private fun bandTooWide(ssf: Ssf, checks: Checks): List<Reason> {
         if (ssf.sharedStd == null || ssf.familyTest?.passed == false) return emptyList()
         val width = ssf.halfWidth
-        checks.note("vague", width)
-        return if (width > VAGUE) listOf(Reasons.because("vague", width, mapOf("width" to width))) else emptyList()
+        checks.note("band_too_wide", width)
+        return if (width > BAND_TOO_WIDE) {
+            listOf(Reasons.because("band_too_wide", width, mapOf("width" to width)))
+        } else {
+            emptyList()
+        }
     }
 }

@@ -31,7 +31,7 @@ internal object Light {
     private const val PHONES = "phones"
 
     private val RIVAL get() = Rules.shipped.number("verdict.rival")
-    private val CONDEMNED get() = Rules.shipped.number("verdict.condemned")
+    private val OTHER_LAMP_REFUSES get() = Rules.shipped.number("verdict.other_lamp_refuses")
     private val WHITE_BALANCE_MISMATCH get() = Rules.shipped.number("verdict.white_balance_mismatch")
     private val WHITE_BALANCE_MISMATCH_UNNAMED get() = Rules.shipped.number("verdict.white_balance_mismatch_unnamed")
 
@@ -61,7 +61,8 @@ internal object Light {
         checks: Checks = Checks(),
     ): List<Reason> {
         val best = rivals.maxByOrNull { it.gain } ?: return emptyList()
-        checks.note("rival", best.gain, best.shot)
+        val byWhite = best.shot in tintedShots && best.gain <= OTHER_LAMP_REFUSES
+        checks.note("rival", best.gain, best.shot, refuses = RIVAL.takeIf { byWhite })
         if (best.gain <= RIVAL) return emptyList()
         val own = rivals.filter { it.shot == best.shot }
         // e^gain overflows above 709: compute the mean relative to the best one's.
@@ -72,9 +73,8 @@ internal object Light {
             "lamp" to lamps[best.shot],
             "probability" to rest / (rest + exp(-best.gain)),
         )
-        val alone = best.gain > CONDEMNED
-        val fatal = alone || best.shot in tintedShots
-        return listOf(Reasons.because("rival", best.gain, words, fatal, if (fatal && !alone) RIVAL else null))
+        val fatal = byWhite || best.gain > OTHER_LAMP_REFUSES
+        return listOf(Reasons.because("rival", best.gain, words, fatal, RIVAL.takeIf { byWhite }))
     }
 
     /**

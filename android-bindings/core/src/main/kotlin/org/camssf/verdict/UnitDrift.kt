@@ -117,7 +117,7 @@ internal object UnitDrift {
             return Reasons.because("drift", drift.value, mapOf("probability" to drift.value), threshold = drift.limit)
         }
         val fit = find(joint, FIT) ?: return null
-        val over = find(joint, "hopeless") ?: return null
+        val over = find(joint, "misfit_refuses") ?: return null
         val own = find(alone, FIT)
         if (fit.value <= fit.limit || (own != null && own.value > own.limit)) return null
         return Reasons.because("contradiction", fit.value, mapOf("size" to sqrt(over.value)))

@@ -25,8 +25,8 @@ class GainModesTest {
 
     /** The same patches with another one for the white. */
     private fun table(white: Int) = ChartTable(
-        classic.name, classic.table, classic.layout, classic.patches, classic.sharedValues, classic.sharedTolerance,
-        white, classic.source,
+        classic.name, classic.table, classic.layout, classic.patches, classic.wavelengths, classic.reflectance,
+        classic.sharedTolerance, white, classic.source,
     )
 
     /** Patches 30 px apart across and 20 down, the second shot's half of that; corners unlike about each middle. */

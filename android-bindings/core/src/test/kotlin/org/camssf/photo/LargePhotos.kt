@@ -111,7 +111,7 @@ internal object LargePhotos {
             val memory = Runtime.getRuntime().maxMemory() shr 20
             println("${found.verdict.outcome} of $memory MB in ${(System.nanoTime() - start) / 1_000_000} ms")
             found.verdict.reasons.forEach { println("${it.code}: ${it.message}") }
-            if (found is Calibrated) println(found.capture.shots[0].means.chart.mean.joinToString())
+            if (found is Calibrated) println(found.capture.shots[0].means.chart.copyMean().joinToString())
             exitProcess(if (found is Calibrated) 0 else 1)
         }
     }

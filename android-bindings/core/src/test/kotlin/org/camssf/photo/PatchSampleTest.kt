@@ -76,6 +76,6 @@ class PatchSampleTest {
             assertTrue(error.message.startsWith("The $word frame iso200.0 differs"), error.message)
         }
         val found = PatchMeans.measure(one, pose, null, one)
-        assertEquals(null to 100.0, found.white to found.dark!!.mean[0])
+        assertEquals(null to 100.0, found.white to found.dark!!.copyMean()[0])
     }
 }

@@ -154,11 +154,15 @@ class PoseTest {
         assertTrue(with(4e-3 * most) != with(2e-3 * most))
     }
 
+    /** A chart of one patch, of this reflectance on the grid. */
+    private fun table(reflectance: DoubleArray) =
+        ChartTable("one", "one", layout, listOf("a"), Grid.wavelengths, reflectance, DoubleArray(1), 0, "test")
+
     @Test
     fun `the plain camera's channels fall to a half 45 nm from their middles`() {
         fun seen(nm: Int): DoubleArray {
-            val line = DoubleArray(Grid.SIZE) { if (Grid.WAVELENGTHS[it] == nm.toDouble()) 1.0 else 0.0 }
-            return ChartTable("one", "one", layout, listOf("a"), line, DoubleArray(1), 0, "test").genericSignals()
+            val line = DoubleArray(Grid.SIZE) { if (Grid.wavelengths[it] == nm.toDouble()) 1.0 else 0.0 }
+            return table(line).genericSignals()
         }
         for ((channel, middle) in listOf(600, 540, 455).withIndex()) {
             val most = seen(middle)[channel]
@@ -166,8 +170,7 @@ class PoseTest {
             assertEquals(0.5, seen(middle - 45)[channel] / most, 1e-12)
             assertEquals(1.0 / 16, seen(middle + 90)[channel] / most, 1e-12)
         }
-        val grey =
-            ChartTable("one", "one", layout, listOf("a"), DoubleArray(Grid.SIZE) { 0.4 }, DoubleArray(1), 0, "test")
+        val grey = table(DoubleArray(Grid.SIZE) { 0.4 })
         assertArrayEquals(DoubleArray(3) { 0.4 }, grey.genericSignals(), 1e-12)
     }
 
@@ -265,8 +268,8 @@ class PoseTest {
     @Test
     fun `a table that fits no layout is refused`() {
         fun table(layout: String, patches: Int) = ChartTable(
-            "odd", "odd table", ChartLayout.of(layout)!!, chart.patches.take(patches), chart.sharedValues,
-            chart.sharedTolerance, 18, "test",
+            "odd", "odd table", ChartLayout.of(layout)!!, chart.patches.take(patches), chart.wavelengths,
+            chart.reflectance, chart.sharedTolerance, 18, "test",
         )
         val photo = mosaic(70, 64) { _, _ -> 100 }
         val corners = Corners.of(5.0, 5.0, 60.0, 5.0, 60.0, 50.0, 5.0, 50.0)
@@ -282,7 +285,7 @@ class PoseTest {
         val pose = ChartPose("classic24", leaning, quads, 3, "by hand", 0.9, listOf("a note"))
         assertEquals(Corners.of(*leaning), pose.corners)
         assertEquals(listOf(Corners.of(*quads.copyOf(8)), Corners.of(*quads.copyOfRange(8, 16))), pose.patches)
-        assertArrayEquals(quads, pose.quads)
+        assertArrayEquals(quads, pose.copyQuads())
         assertEquals(listOf("a note"), pose.notes)
     }
 }

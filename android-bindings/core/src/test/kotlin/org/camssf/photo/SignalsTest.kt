@@ -50,17 +50,17 @@ class SignalsTest {
     fun `every patch is divided by the white at its place, and errors add as variances`() {
         val found = signals(means(chart, flat, dark))
         for (i in 0 until 3 * n) {
-            val range = flat.mean[i] - dark.mean[i]
-            val y = (chart.mean[i] - dark.mean[i]) / range
-            assertEquals(y, found.values[i], 1e-15)
-            val (c, w, d) = listOf(chart, flat, dark).map { it.standardError[i] }
+            val range = flat.copyMean()[i] - dark.copyMean()[i]
+            val y = (chart.copyMean()[i] - dark.copyMean()[i]) / range
+            assertEquals(y, found.copyValues()[i], 1e-15)
+            val (c, w, d) = listOf(chart, flat, dark).map { it.copyStandardError()[i] }
             val variance = c * c + y * y * w * w + (y - 1) * (y - 1) * d * d
-            assertEquals(sqrt(variance) / range, found.standardError[i], 1e-15)
+            assertEquals(sqrt(variance) / range, found.copyStandardError()[i], 1e-15)
         }
-        assertArrayEquals(chart.mean, found.chart)
-        assertArrayEquals(flat.mean, found.white)
-        assertArrayEquals(dark.mean, found.dark)
-        assertArrayEquals(BooleanArray(n) { true }, found.used)
+        assertArrayEquals(chart.copyMean(), found.copyChart())
+        assertArrayEquals(flat.copyMean(), found.copyWhite())
+        assertArrayEquals(dark.copyMean(), found.copyDark())
+        assertArrayEquals(BooleanArray(n) { true }, found.copyUsed())
         assertEquals(emptyList<String>(), found.assumptions.map { it.code })
     }
 
@@ -69,16 +69,16 @@ class SignalsTest {
         val found = signals(means(chart, null, dark))
         for (i in 0 until 3 * n) {
             val at = 3 * white + i % 3
-            val range = chart.mean[at] - dark.mean[at]
-            val y = (chart.mean[i] - dark.mean[i]) / range
-            assertEquals(y, found.values[i], 1e-15)
-            assertEquals(range + dark.mean[i], found.white[i], 1e-12)
-            val (c, w) = chart.standardError[i] to chart.standardError[at]
-            val (d, e) = dark.standardError[i] to dark.standardError[at]
+            val range = chart.copyMean()[at] - dark.copyMean()[at]
+            val y = (chart.copyMean()[i] - dark.copyMean()[i]) / range
+            assertEquals(y, found.copyValues()[i], 1e-15)
+            assertEquals(range + dark.copyMean()[i], found.copyWhite()[i], 1e-12)
+            val (c, w) = chart.copyStandardError()[i] to chart.copyStandardError()[at]
+            val (d, e) = dark.copyStandardError()[i] to dark.copyStandardError()[at]
             val variance = c * c + d * d + y * y * (w * w + e * e)
-            assertEquals(sqrt(variance) / range, found.standardError[i], 1e-15)
+            assertEquals(sqrt(variance) / range, found.copyStandardError()[i], 1e-15)
         }
-        assertArrayEquals(BooleanArray(n) { it != white }, found.used)
+        assertArrayEquals(BooleanArray(n) { it != white }, found.copyUsed())
         val said = found.assumptions.single()
         assertEquals("white_from_patch", said.code)
         assertEquals(
@@ -90,10 +90,10 @@ class SignalsTest {
     @Test
     fun `the file's black level stands in for a dark frame, without error`() {
         val found = signals(means(chart, flat, null))
-        for (i in 0 until 3 * n) assertEquals(black[i % 3], found.dark[i])
-        val (c, w) = chart.standardError[5] to flat.standardError[5]
-        val (y, range) = found.values[5] to flat.mean[5] - black[2]
-        assertEquals(sqrt(c * c + y * y * w * w) / range, found.standardError[5], 1e-15)
+        for (i in 0 until 3 * n) assertEquals(black[i % 3], found.copyDark()[i])
+        val (c, w) = chart.copyStandardError()[5] to flat.copyStandardError()[5]
+        val (y, range) = found.copyValues()[5] to flat.copyMean()[5] - black[2]
+        assertEquals(sqrt(c * c + y * y * w * w) / range, found.copyStandardError()[5], 1e-15)
         val said = found.assumptions.single()
         assertEquals("dark_from_black_level", said.code)
         assertEquals("shot 1: no dark frame: the file's black level is used.", said.message)
@@ -109,12 +109,12 @@ class SignalsTest {
             frame({ if (it == 4) 2.0 else 0.1 }, { if (it == 13) 0.01 else 0.0 }) { if (it == 4) 6.0 else 3.0 },
             frame({ if (it == 6) 0.25 else 0.0 }, { if (it == 10) 0.01 else 0.0 }) { 5.0 },
         )
-        assertArrayEquals(BooleanArray(n) { true }, signals(atLimits).used)
+        assertArrayEquals(BooleanArray(n) { true }, signals(atLimits).copyUsed())
         val beyond = shares(
             frame({ if (it == 4) 2.01 else 0.1 }, { if (it == 13) 0.0101 else 0.0 }) { if (it == 4) 6.0 else 3.0 },
             frame { 5.0 },
         )
-        assertArrayEquals(BooleanArray(n) { it != 1 && it != 4 }, signals(beyond).used)
+        assertArrayEquals(BooleanArray(n) { it != 1 && it != 4 }, signals(beyond).copyUsed())
         for (at in listOf(0, 7)) {
             val faint = shares(frame { 3.0 }, frame { if (it == at) 4.99 else 5.0 })
             val found = refused(Underexposed::class.java, faint)
@@ -172,7 +172,7 @@ class SignalsTest {
         val patch = shares(frame({ 0.0 }, { if (it == 3 * white + 1) 0.5 else 0.0 }) { 500.0 }, null)
         assertTrue("in the white patch" in refused(Overexposed::class.java, patch).message)
         val other = shares(frame({ 0.0 }, { if (it == 3 * white + 3) 0.5 else 0.0 }) { 500.0 }, null)
-        assertArrayEquals(BooleanArray(n) { it != white && it != white + 1 }, signals(other).used)
+        assertArrayEquals(BooleanArray(n) { it != white && it != white + 1 }, signals(other).copyUsed())
     }
 
     @Test
@@ -182,7 +182,7 @@ class SignalsTest {
             frame({ if (it >= 3 * (n - lost)) 2.0 else 0.1 }, { if (it < 3 * clipped) 1.0 else 0.0 }) { 5.0 },
             frame { 900.0 },
         )
-        assertEquals(6, signals(taken(1, 1)).used.count { it })
+        assertEquals(6, signals(taken(1, 1)).copyUsed().count { it })
         val even = refused(Overexposed::class.java, taken(2, 2))
         assertEquals(
             "Shot 1: only 4 of 8 patches are usable (2 clipped, 2 lost in noise), 6 are needed.",
@@ -212,34 +212,34 @@ class SignalsTest {
             val one = two.only(j)
             val own = 3 * n * j until 3 * n * (j + 1)
             assertEquals(1 to n, one.shots to one.patches)
-            assertEquals(two.values.slice(own), one.values.toList())
-            assertEquals(two.standardError.slice(own), one.standardError.toList())
-            assertEquals(two.chart.slice(own), one.chart.toList())
-            assertEquals(two.white.slice(own), one.white.toList())
-            assertEquals(two.dark.slice(own), one.dark.toList())
-            assertEquals(two.used.slice(n * j until n * (j + 1)), one.used.toList())
+            assertEquals(two.copyValues().slice(own), one.copyValues().toList())
+            assertEquals(two.copyStandardError().slice(own), one.copyStandardError().toList())
+            assertEquals(two.copyChart().slice(own), one.copyChart().toList())
+            assertEquals(two.copyWhite().slice(own), one.copyWhite().toList())
+            assertEquals(two.copyDark().slice(own), one.copyDark().toList())
+            assertEquals(two.copyUsed().slice(n * j until n * (j + 1)), one.copyUsed().toList())
         }
         val odd = two.restrictedTo(BooleanArray(n) { it == 1 })
-        assertEquals(listOf(1, n + 1), odd.used.indices.filter { odd.used[it] })
-        assertEquals(listOf(1), odd.only(1).used.indices.filter { odd.only(1).used[it] })
+        assertEquals(listOf(1, n + 1), odd.copyUsed().indices.filter { odd.copyUsed()[it] })
+        assertEquals(listOf(1), odd.only(1).copyUsed().indices.filter { odd.only(1).copyUsed()[it] })
     }
 
     @Test
     fun `levels multiply the signals of a patch, and their errors`() {
         val level = DoubleArray(2 * n) { 0.5 + 0.1 * it }
         val found = two.levelled(level)
-        for (i in found.values.indices) {
-            assertEquals(two.values[i] * level[i / 3], found.values[i])
-            assertEquals(two.standardError[i] * level[i / 3], found.standardError[i])
+        for (i in found.copyValues().indices) {
+            assertEquals(two.copyValues()[i] * level[i / 3], found.copyValues()[i])
+            assertEquals(two.copyStandardError()[i] * level[i / 3], found.copyStandardError()[i])
         }
-        assertArrayEquals(two.chart, found.chart)
+        assertArrayEquals(two.copyChart(), found.copyChart())
     }
 
     @Test
     fun `a patch that was not usable is not asked for`() {
         val lost = means(frame({ if (it / 3 == 5) 500.0 else 0.0 }) { 300.0 }, flat, dark)
         val found = signals(lost).restrictedTo(BooleanArray(n) { it >= 4 })
-        assertEquals(listOf(4, 6, 7), found.used.indices.filter { found.used[it] })
+        assertEquals(listOf(4, 6, 7), found.copyUsed().indices.filter { found.copyUsed()[it] })
     }
 
     @Test

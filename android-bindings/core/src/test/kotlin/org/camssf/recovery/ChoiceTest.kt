@@ -17,8 +17,8 @@ import kotlin.math.sqrt
 /** Which basis answers, and how answers are mixed. */
 class ChoiceTest {
     private val table = ChartTable.read("classic24")
-    private val lamp = Lamp.read("D55").values
-    private val grid = Grid.WAVELENGTHS
+    private val lamp = Lamp.read("D55").copyValues()
+    private val grid = Grid.copyWavelengths()
     private val rho = DoubleArray(Grid.SIZE) { 0.9 - 1e-4 * it }
 
     /** A camera of three bells. */
@@ -28,7 +28,7 @@ class ChoiceTest {
     }
 
     private fun known(tolerance: Double) = Known(
-        Tensor(table.values, 24, Grid.SIZE),
+        Tensor(table.copyValues(), 24, Grid.SIZE),
         Tensor.full(tolerance, 24),
         Tensor(rho, Grid.SIZE),
         0.01,
@@ -60,11 +60,11 @@ class ChoiceTest {
     @Test
     fun `probabilities are those of evidence and belief`() {
         val beliefs = listOf(0.95, 0.05, 0.95, 0.05).map { ln(it) }
-        val told = Choice.choose(known(0.03), four(800.0, 801.0, 799.0, 798.0), beliefs).choice
+        val chosen = Choice.choose(known(0.03), four(800.0, 801.0, 799.0, 798.0), beliefs).choice
         val whole = listOf(0.95, 0.05 * exp(1.0), 0.95 * exp(-1.0), 0.05 * exp(-2.0))
-        told.forEachIndexed { i, each -> assertEquals(whole[i] / whole.sum(), each.probability, 1e-12) }
-        assertEquals(listOf("phones", "phones", "cameras", "cameras"), told.map { it.basis })
-        assertEquals(listOf(800.0, 801.0, 799.0, 798.0), told.map { it.logEvidence })
+        chosen.forEachIndexed { i, each -> assertEquals(whole[i] / whole.sum(), each.probability, 1e-12) }
+        assertEquals(listOf("phones", "phones", "cameras", "cameras"), chosen.map { it.basis })
+        assertEquals(listOf(800.0, 801.0, 799.0, 798.0), chosen.map { it.logEvidence })
     }
 
     /** The law of total variance, written out. */
@@ -73,8 +73,8 @@ class ChoiceTest {
             val c = it % 3
             values[it] / (0 until Grid.SIZE).maxOf { m -> peaks[3 * m + c] }
         }
-        val curves = of.map { peaked(it.values, it.values) }
-        val bands = of.map { peaked(it.std!!, it.values) }
+        val curves = of.map { peaked(it.copyValues(), it.copyValues()) }
+        val bands = of.map { peaked(it.copyStd()!!, it.copyValues()) }
         val mean = DoubleArray(3 * Grid.SIZE) { at -> weights.indices.sumOf { weights[it] * curves[it][at] } }
         val std = DoubleArray(mean.size) { at ->
             val second = weights.indices.sumOf {
@@ -91,21 +91,21 @@ class ChoiceTest {
             (0 until Grid.SIZE).sumOf { rho[it] * lamp[it] * mean[3 * it + c] } * Grid.STEP
         }
         for (at in mean.indices) {
-            assertEquals(mean[at] / scale[at % 3], found.values[at], 1e-12 / scale[at % 3])
-            assertEquals(std[at] / scale[at % 3], found.std!![at], 1e-7 / scale[at % 3])
+            assertEquals(mean[at] / scale[at % 3], found.copyValues()[at], 1e-12 / scale[at % 3])
+            assertEquals(std[at] / scale[at % 3], found.copyStd()!![at], 1e-7 / scale[at % 3])
         }
-        val light = DoubleArray(lamp.size) { m -> of.indices.sumOf { weights[it] * of[it].lamp[m] } }
-        assertArrayEquals(light, found.lamp, 1e-12 * light.max())
+        val light = DoubleArray(lamp.size) { m -> of.indices.sumOf { weights[it] * of[it].copyLamp()[m] } }
+        assertArrayEquals(light, found.copyLamp(), 1e-12 * light.max())
         for (c in 0..2) {
-            val seen = DoubleArray(Grid.SIZE) { light[it] * found.values[3 * it + c] }
+            val seen = DoubleArray(Grid.SIZE) { light[it] * found.copyValues()[3 * it + c] }
             val white = dot(rho, seen)
             for (i in listOf(0, 7, 23)) {
-                assertEquals(dot(table.reflectance(i), seen) / white, found.predicted[3 * i + c], 1e-12)
+                assertEquals(dot(table.reflectance(i), seen) / white, found.copyPredicted()[3 * i + c], 1e-12)
             }
-            assertEquals(of.maxOf { it.gap[c] }, found.gap[c])
+            assertEquals(of.maxOf { it.copyGap()[c] }, found.copyGap()[c])
         }
-        assertEquals(of.maxOf { it.layersGap[0] }, found.layersGap[0])
-        assertEquals(of.maxOf { it.finishSteps[0] }, found.finishSteps[0])
+        assertEquals(of.maxOf { it.copyLayersGap()[0] }, found.copyLayersGap()[0])
+        assertEquals(of.maxOf { it.copyFinishSteps()[0] }, found.copyFinishSteps()[0])
     }
 
     @Test
@@ -114,7 +114,7 @@ class ChoiceTest {
         val found = Choice.choose(known(0.03), answers, even)
         checkMixed(found, answers, found.choice.map { it.probability })
         assertEquals("phones" to 1.0, found.basis to found.priorScale)
-        assertEquals(10.0, found.code[0])
+        assertEquals(10.0, found.copyCode()[0])
         assertEquals(5.0, found.logEvidence)
     }
 
@@ -138,7 +138,7 @@ class ChoiceTest {
     fun `what weighs less than a millionth is left out`() {
         val answers = four(20.0, 4.0, 0.0, 0.0)
         val found = Choice.choose(known(0.03), answers, even)
-        assertArrayEquals(answers[0].values, found.values)
+        assertArrayEquals(answers[0].copyValues(), found.copyValues())
         assertSame(answers[0].sharedStd, found.sharedStd)
         assertEquals(4, found.choice.size)
     }

@@ -20,8 +20,8 @@ import kotlin.math.sqrt
 
 class RecoverTest {
     private val table = ChartTable.read("classic24")
-    private val lamp = Lamp.read("D55").values
-    private val grid = Grid.WAVELENGTHS
+    private val lamp = Lamp.read("D55").copyValues()
+    private val grid = Grid.copyWavelengths()
 
     /** Signals of a camera of three bells. */
     private val signals = DoubleArray(72) { at ->
@@ -34,7 +34,7 @@ class RecoverTest {
         Tensor(signals, 1, 24, 3),
         Tensor.full(error, 1, 24, 3),
         Known(
-            Tensor(table.values, 24, Grid.SIZE),
+            Tensor(table.copyValues(), 24, Grid.SIZE),
             Tensor.full(tolerance, 24),
             Tensor.full(1.0, Grid.SIZE),
             0.01,
@@ -64,7 +64,8 @@ class RecoverTest {
                 val s = ssf.curve(c)
                 val white = (0 until Grid.SIZE).sumOf { lamp[it] * s[it] }
                 val size = (0 until 24).sumOf { i ->
-                    val predicted = (0 until Grid.SIZE).sumOf { table.values[i * Grid.SIZE + it] * lamp[it] * s[it] }
+                    val from = i * Grid.SIZE
+                    val predicted = (0 until Grid.SIZE).sumOf { table.sharedValues[from + it] * lamp[it] * s[it] }
                     // The code's own scale: one γ too large and the curve's white falls below 1.
                     val scale = scale(ssf, c)
                     val off = signals[3 * i + c] - predicted / white * scale
@@ -78,7 +79,7 @@ class RecoverTest {
     /** Σ ρ_w L s dλ / Σ ρ_w L dλ of the code as solved. */
     private fun scale(ssf: Ssf, c: Int): Double {
         val atoms = Discrepancy.atoms()
-        val code = DoubleArray(Discrepancy.ATOMS) { ssf.code[3 * it + c] }
+        val code = DoubleArray(Discrepancy.ATOMS) { ssf.copyCode()[3 * it + c] }
         val curve = DoubleArray(Grid.SIZE) { m -> code.indices.sumOf { code[it] * atoms[it][m] } }
         return dot(curve, lamp) / lamp.sum()
     }
@@ -86,8 +87,8 @@ class RecoverTest {
     @Test
     fun `more noise, larger penalty`() {
         OnnxEngine.load("gaussian").use { engine ->
-            val low = Recover.recover(engine, observation(0.002), null, defaults).gamma
-            val high = Recover.recover(engine, observation(0.02), null, defaults).gamma
+            val low = Recover.recover(engine, observation(0.002), null, defaults).copyGamma()
+            val high = Recover.recover(engine, observation(0.02), null, defaults).copyGamma()
             // Σ⁻¹ grows with 1 / se²: compare γ in the unit of the problem.
             for (c in 0..2) assertTrue(high[c] * 100 > low[c])
         }
@@ -101,12 +102,13 @@ class RecoverTest {
             val mixed = gamma(20.0, 50.0, 200.0)
             val single = listOf(gamma(20.0), gamma(50.0), gamma(200.0))
             for (c in 0..2) {
-                for (m in 0 until Grid.SIZE) assertEquals(single[c].values[3 * m + c], mixed.values[3 * m + c])
-                assertEquals(single[c].gap[c], mixed.gap[c])
-                assertEquals(single[c].layersGap[c], mixed.layersGap[c])
-                assertEquals(single[c].finishSteps[c], mixed.finishSteps[c])
+                val (one, all) = single[c].copyValues() to mixed.copyValues()
+                for (m in 0 until Grid.SIZE) assertEquals(one[3 * m + c], all[3 * m + c])
+                assertEquals(single[c].copyGap()[c], mixed.copyGap()[c])
+                assertEquals(single[c].copyLayersGap()[c], mixed.copyLayersGap()[c])
+                assertEquals(single[c].copyFinishSteps()[c], mixed.copyFinishSteps()[c])
             }
-            assertNotEquals(single[0].values[900], single[2].values[900])
+            assertNotEquals(single[0].copyValues()[900], single[2].copyValues()[900])
         }
     }
 
@@ -114,25 +116,25 @@ class RecoverTest {
     @Test
     fun `on a learned basis the channels are one problem of one gamma`() {
         OnnxEngine.load("cameras").use { engine ->
-            val told = observation(0.002, 0.03)
-            fun gamma(vararg values: Double) = Recover.recover(engine, told, null, Penalties(null, values, null))
+            val observed = observation(0.002, 0.03)
+            fun gamma(vararg values: Double) = Recover.recover(engine, observed, null, Penalties(null, values, null))
             val error = assertThrows(InvalidArgument::class.java) { gamma(0.05, 1.0, 5.0) }
             assertEquals(
                 "`gamma` is [0.05, 1.0, 5.0], but on the cameras basis the three channels are one problem.",
                 error.message,
             )
             assertEquals("Give one number.", error.advice)
-            assertTrue(gamma(0.1, 0.1, 0.1).values.contentEquals(gamma(0.1).values))
+            assertTrue(gamma(0.1, 0.1, 0.1).copyValues().contentEquals(gamma(0.1).copyValues()))
         }
     }
 
     @Test
     fun `a learned basis tells its proof, its evidence and how the codes vary together`() {
         OnnxEngine.load("cameras").use { engine ->
-            val told = observation(0.002, 0.03)
-            val ssf = Recover.recover(engine, told, null, defaults)
-            val size = ssf.code.size
-            val spread = ssf.codeCovariance!!
+            val observed = observation(0.002, 0.03)
+            val ssf = Recover.recover(engine, observed, null, defaults)
+            val size = ssf.copyCode().size
+            val spread = ssf.copyCodeCovariance()!!
             assertEquals(72 to 72 * 72, size to spread.size)
             for (i in 0 until size) {
                 // The prior's variance is 1, and signals only take from it.
@@ -144,12 +146,12 @@ class RecoverTest {
             }
             // What is shared by the channels binds them to each other.
             assertTrue((0..23).maxOf { i -> (24..47).maxOf { j -> abs(spread[i * size + j]) } } > 1e-3)
-            assertEquals(1, ssf.layersGap.size)
-            assertTrue(ssf.layersGap[0] <= 1e-10 && ssf.finishSteps.contentEquals(intArrayOf(0)))
-            assertTrue(ssf.gap.all { it == ssf.gap[0] })
-            // A patch that is a fifth too dark speaks against all that was told.
+            assertEquals(1, ssf.copyLayersGap().size)
+            assertTrue(ssf.copyLayersGap()[0] <= 1e-10 && ssf.copyFinishSteps().contentEquals(intArrayOf(0)))
+            assertTrue(ssf.copyGap().all { it == ssf.copyGap()[0] })
+            // A patch that is a fifth too dark speaks against all that was observed.
             val dark = DoubleArray(72) { if (it / 3 == 7) 0.8 * signals[it] else signals[it] }
-            val wrong = Observation(Tensor(dark, 1, 24, 3), told.standardError, told.known)
+            val wrong = Observation(Tensor(dark, 1, 24, 3), observed.standardError, observed.known)
             val misled = Recover.recover(engine, wrong, null, defaults)
             assertTrue(misled.logEvidence!! < ssf.logEvidence!! - 10, "${misled.logEvidence}, ${ssf.logEvidence}")
         }
@@ -157,16 +159,16 @@ class RecoverTest {
 
     @Test
     fun `a wider prior leaves a wider band, and the paper's basis has none`() {
-        val told = observation(0.002, 0.03)
+        val observed = observation(0.002, 0.03)
         OnnxEngine.load("phones").use { engine ->
-            val (plain, wide) = listOf(1.0, 2.0).map { Recover.recover(engine, told, null, defaults, it) }
+            val (plain, wide) = listOf(1.0, 2.0).map { Recover.recover(engine, observed, null, defaults, it) }
             assertEquals(listOf(1.0, 2.0), listOf(plain.priorScale, wide.priorScale))
             assertTrue(wide.halfWidth > 1.05 * plain.halfWidth, "${wide.halfWidth}, ${plain.halfWidth}")
             assertNotEquals(plain.logEvidence, wide.logEvidence)
             for (scale in listOf(0.0, -1.0, Double.NaN, Double.POSITIVE_INFINITY)) {
                 for (call in listOf<(Double) -> Any>(
-                    { Recover.recover(engine, told, null, defaults, it) },
-                    { Recover.logEvidence(engine, told, it) },
+                    { Recover.recover(engine, observed, null, defaults, it) },
+                    { Recover.logEvidence(engine, observed, it) },
                 )) {
                     assertThrows(InvalidArgument::class.java) { call(scale) }
                 }
@@ -174,7 +176,7 @@ class RecoverTest {
         }
         OnnxEngine.load("gaussian").use { engine ->
             val error =
-                assertThrows(InvalidArgument::class.java) { Recover.recover(engine, told, null, defaults, 2.0) }
+                assertThrows(InvalidArgument::class.java) { Recover.recover(engine, observed, null, defaults, 2.0) }
             assertEquals("a prior cannot be 2.0 times as wide on the gaussian basis.", error.message)
         }
     }
@@ -185,7 +187,7 @@ class RecoverTest {
         OnnxEngine.load("gaussian").use { engine ->
             fun least(nonnegative: Boolean?): Double {
                 val penalties = Penalties(1.0, doubleArrayOf(0.0), nonnegative)
-                return Recover.recover(engine, observation(0.002), null, penalties).code.min()
+                return Recover.recover(engine, observation(0.002), null, penalties).copyCode().min()
             }
             val signed = least(false)
             assertTrue(signed < -1e-6, "$signed")
@@ -199,8 +201,8 @@ class RecoverTest {
     fun `the paper's basis has three problems and no prior`() {
         OnnxEngine.load("gaussian").use { engine ->
             val ssf = Recover.recover(engine, observation(0.004), null, defaults)
-            assertEquals(3 to 3, ssf.layersGap.size to ssf.finishSteps.size)
-            assertEquals(listOf(null, null, null), listOf(ssf.std, ssf.codeCovariance, ssf.logEvidence))
+            assertEquals(3 to 3, ssf.copyLayersGap().size to ssf.copyFinishSteps().size)
+            assertEquals(listOf(null, null, null), listOf(ssf.copyStd(), ssf.copyCodeCovariance(), ssf.logEvidence))
         }
     }
 
@@ -209,7 +211,7 @@ class RecoverTest {
         val engine = OnnxEngine.load("cameras")
         val first = Recover.recover(engine, observation(0.002, 0.03), null, defaults)
         val again = Recover.recover(engine, observation(0.002, 0.03), null, defaults)
-        assertTrue(first.values.contentEquals(again.values))
+        assertTrue(first.copyValues().contentEquals(again.copyValues()))
         engine.close()
         engine.close()
         assertThrows(IllegalStateException::class.java) {
@@ -218,10 +220,27 @@ class RecoverTest {
     }
 
     @Test
+    fun `learned bases share a model until the last one is closed`() {
+        val (phones, cameras) = listOf("phones", "cameras").map { OnnxEngine.load(it) }
+        assertEquals(phones.sha256, cameras.sha256)
+        assertTrue(phones.metadata["basis_sha256"] != cameras.metadata["basis_sha256"])
+        val first = Recover.recover(cameras, observation(0.002, 0.03), null, defaults)
+        phones.close()
+        phones.close()
+        val again = Recover.recover(cameras, observation(0.002, 0.03), null, defaults)
+        assertTrue(first.copyValues().contentEquals(again.copyValues()))
+        cameras.close()
+        OnnxEngine.load("cameras").use { anew ->
+            val found = Recover.recover(anew, observation(0.002, 0.03), null, defaults)
+            assertTrue(first.copyValues().contentEquals(found.copyValues()))
+        }
+    }
+
+    @Test
     fun `another model is refused`() {
         assertThrows(InvalidArgument::class.java) { OnnxEngine.load("sparse") }
         val content = Models.read("camssf-gaussian.onnx")
-        assertThrows(InvalidArgument::class.java) { OnnxEngine.open("cameras", "camssf-cameras.onnx", content) }
+        assertThrows(InvalidArgument::class.java) { OnnxEngine.open("cameras", "camssf-learned.onnx", content) }
         val half = content.copyOf(content.size / 2)
         assertThrows(InvalidArgument::class.java) { OnnxEngine.open("gaussian", "camssf-gaussian.onnx", half) }
     }

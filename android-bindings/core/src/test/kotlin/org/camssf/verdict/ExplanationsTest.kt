@@ -90,8 +90,8 @@ class ExplanationsTest {
             val mild = Reason("blurred", "mild", "wait", 1.0, 2.0)
             val grave = Reason(code, "grave", "go", 3.0, 4.0, true)
             val error = Reasons.refusal(Verdict(Status.REFUSED, listOf(mild, grave)))
-            val told = error.run { listOf(code, message, advice, value, threshold) }
-            assertEquals(listOf(code, "grave", "go", 3.0, 4.0), told)
+            val fields = error.run { listOf(code, message, advice, value, threshold) }
+            assertEquals(listOf(code, "grave", "go", 3.0, 4.0), fields)
         }
         val (mild, grave) = listOf(false, true).map { Reason("glare", "", "", null, null, it) }
         assertEquals(Status.ACCEPTED, Status.of(emptyList()))

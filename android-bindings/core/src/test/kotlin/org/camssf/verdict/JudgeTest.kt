@@ -31,7 +31,7 @@ class JudgeTest {
     private var asked = 0
 
     private val curves = DoubleArray(3 * Grid.SIZE) {
-        val u = (Grid.WAVELENGTHS[it / 3] - listOf(600.0, 540.0, 455.0)[it % 3]) / 35
+        val u = (Grid.wavelengths[it / 3] - listOf(600.0, 540.0, 455.0)[it % 3]) / 35
         exp(-0.5 * u * u)
     }
 
@@ -60,7 +60,7 @@ class JudgeTest {
         val (chart, flat, dark) = listOf(y, DoubleArray(3 * n) { 1.0 }, DoubleArray(3 * n)).map { frame(it) }
         val error = DoubleArray(3 * n) { 0.003 }
         val used = BooleanArray(n) { true }
-        val signals = Signals(1, n, y, error, chart.mean, flat.mean, dark.mean, used, emptyList())
+        val signals = Signals(1, n, y, error, chart.copyMean(), flat.copyMean(), dark.copyMean(), used, emptyList())
         val std = DoubleArray(3 * Grid.SIZE) { 0.01 }
         val ssf = Ssf(
             Ssf.Curves(curves, std, DoubleArray(72) { 0.1 }, null, predicted, lamp.sharedValues),
@@ -69,7 +69,7 @@ class JudgeTest {
             DoubleArray(3),
             1.0,
             "phones",
-        ).chosen(choice).let { own -> test?.let { own.tested(it, 0.0) } ?: own }
+        ).chosen(choice).let { own -> test?.let { own.withFamilyTest(it, 0.0) } ?: own }
         val square = doubleArrayOf(-1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0)
         val quads = DoubleArray(8 * n) { square[it % 8] + 10.0 * if (it % 2 == 0) it / 8 % 6 else it / 8 / 6 }
         val pose = ChartPose("classic24", square, quads, 0, "by hand", 1.0, emptyList())
@@ -126,8 +126,8 @@ class JudgeTest {
         val maker = Rules.shipped.number("choice.maker")
         for ((family, odds) in listOf("phones" to maker, "cameras" to 1 / maker, null to 1.0)) {
             fun said(phone: Double): Pair<Boolean, Double?>? {
-                val told = phone / (1.0 - phone) * odds
-                return Light.unnamed(weights(told / (1.0 + told)), family).singleOrNull()?.let {
+                val ratio = phone / (1.0 - phone) * odds
+                return Light.unnamed(weights(ratio / (1.0 + ratio)), family).singleOrNull()?.let {
                     it.fatal to it.value
                 }
             }
@@ -135,8 +135,8 @@ class JudgeTest {
             assertEquals(false to 0.76, said(0.76)!!.let { it.first to Math.round(it.second!! * 1e9) / 1e9 })
             assertEquals(true to 0.19, said(0.19)!!.let { it.first to Math.round(it.second!! * 1e9) / 1e9 })
         }
-        val told = listOf(Hypothesis("phones", 0.0, 1.0, listOf("bulb")))
-        assertEquals(emptyList<Reason>(), Light.unnamed(told, null))
+        val choice = listOf(Hypothesis("phones", 0.0, 1.0, listOf("bulb")))
+        assertEquals(emptyList<Reason>(), Light.unnamed(choice, null))
         val doubtful = Light.unnamed(weights(0.5), null).single()
         assertEquals("lamp_unfit" to 0.77, doubtful.code to doubtful.threshold)
         assertTrue("50%" in doubtful.message && "--lamp" !in doubtful.advice, doubtful.advice)

@@ -42,6 +42,15 @@ class LightTest {
     }
 
     @Test
+    fun `with the raw white of the same shot the smaller bound refuses, and the check says so`() {
+        val checks = Checks()
+        val found = Light.rivalLamp(listOf(Rival(0, "A", 5.0)), lamps, listOf(0), checks).single()
+        assertTrue(found.fatal)
+        assertEquals(4.0, found.threshold)
+        assertEquals(4.0, checks.all.single().refuses)
+    }
+
+    @Test
     fun `rival lamps, their prior and the most shots are those of the rules`() {
         assertEquals(Rules.shipped.rivals, Light.RIVALS)
         assertEquals(18, Light.RIVALS.size)

@@ -35,22 +35,22 @@ public class ChartFinder private constructor(private val kinds: List<ChartKind>)
      */
     public fun find(picture: Picture): Found {
         whole.read(picture)
-        var sightings = look(whole)
-        if (sightings.isEmpty() && min(whole.width, whole.height) >= 2 * limits.smallest) {
+        var candidates = look(whole)
+        if (candidates.isEmpty() && min(whole.width, whole.height) >= 2 * limits.smallest) {
             half.halve(whole)
-            sightings = look(half)
+            candidates = look(half)
         }
         val findings = LinkedHashSet<Finding>()
-        if (sightings.isEmpty()) findings += Finding.NONE
-        if (sightings.isNotEmpty() && sightings[0].mirrored) findings += Finding.MIRRORED
-        if (sightings.size > 1) findings += Finding.TWO_CHARTS
-        return Found(sightings, findings)
+        if (candidates.isEmpty()) findings += Finding.NONE
+        if (candidates.isNotEmpty() && candidates[0].mirrored) findings += Finding.MIRRORED
+        if (candidates.size > 1) findings += Finding.TWO_CHARTS
+        return Found(candidates, findings)
     }
 
-    private fun look(codes: Codes): List<Sighting> {
+    private fun look(codes: Codes): List<Candidate> {
         blobs.find(codes)
         val accept = if (codes.channels == 3) limits.accept else limits.acceptLuma
-        val sightings = ArrayList<Sighting>()
+        val candidates = ArrayList<Candidate>()
         for (grid in lattices.find().take(limits.mostGrids)) {
             var best: OrientedGrid? = null
             for (kind in kinds) {
@@ -59,12 +59,12 @@ public class ChartFinder private constructor(private val kinds: List<ChartKind>)
             }
             if (best == null) continue
             val (h, seen) = orientation.placed(grid, best) ?: continue
-            sightings += sighting(codes, h, best, seen)
+            candidates += candidate(codes, h, best, seen)
         }
-        return apart(sightings.sortedBy { -it.confidence })
+        return apart(candidates.sortedBy { -it.confidence })
     }
 
-    private fun sighting(codes: Codes, h: DoubleArray, found: OrientedGrid, seen: Int): Sighting {
+    private fun candidate(codes: Codes, h: DoubleArray, found: OrientedGrid, seen: Int): Candidate {
         val kind = found.kind
         val half = kind.sideX / 2
         val edge = kind.sideY / 2
@@ -73,7 +73,7 @@ public class ChartFinder private constructor(private val kinds: List<ChartKind>)
 
         fun point(u: Double, v: Double): Point =
             Point(codes.toSource(Maps.x(h, u, v), 0), codes.toSource(Maps.y(h, u, v), 1))
-        return Sighting(
+        return Candidate(
             Corners(point(-half, -edge), point(last, -edge), point(last, low), point(-half, low)),
             kind,
             found.mirrored,
@@ -85,15 +85,15 @@ public class ChartFinder private constructor(private val kinds: List<ChartKind>)
         )
     }
 
-    /** Drops sightings that overlap a better one. */
-    private fun apart(sightings: List<Sighting>): List<Sighting> {
-        val kept = ArrayList<Sighting>()
-        for (sighting in sightings) if (kept.none { overlap(sighting, it) }) kept += sighting
+    /** Drops candidates that overlap a better one. */
+    private fun apart(candidates: List<Candidate>): List<Candidate> {
+        val kept = ArrayList<Candidate>()
+        for (candidate in candidates) if (kept.none { overlap(candidate, it) }) kept += candidate
         return kept
     }
 
     /** True if a patch of one is nearer than half a pitch to a patch of the other. */
-    private fun overlap(a: Sighting, b: Sighting): Boolean {
+    private fun overlap(a: Candidate, b: Candidate): Boolean {
         val stepX = b.patches[1].x - b.patches[0].x
         val stepY = b.patches[1].y - b.patches[0].y
         val near = 0.25 * (stepX * stepX + stepY * stepY)

@@ -1,8 +1,9 @@
 package org.camssf.finder
 
-import kotlinx.serialization.json.double
-import kotlinx.serialization.json.jsonArray
-import kotlinx.serialization.json.jsonPrimitive
+import org.camssf.flatten
+import org.camssf.json.list
+import org.camssf.json.number
+import org.camssf.json.numbers
 import org.camssf.spectra.ChartTable
 
 /**
@@ -57,11 +58,8 @@ public class ChartKind private constructor(
         private fun stored(columns: Int, rows: Int, vararg layouts: String): ChartKind =
             ChartKind(columns, rows, layouts.toList()) {
                 val kind = FinderFile.kind(layouts[0])
-                val side = kind.getValue("side").jsonPrimitive.double
-                val patches = kind.getValue("colours").jsonArray
-                val colours = DoubleArray(3 * patches.size) {
-                    patches[it / 3].jsonArray[it % 3].jsonPrimitive.double
-                }
+                val side = kind.number("side")
+                val colours = kind.list("colours").map { numbers(it) }.flatten()
                 Shape(side, side, colours)
             }
     }

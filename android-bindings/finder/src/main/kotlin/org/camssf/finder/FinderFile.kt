@@ -1,14 +1,15 @@
 package org.camssf.finder
 
-import kotlinx.serialization.json.Json
-import kotlinx.serialization.json.JsonArray
-import kotlinx.serialization.json.JsonObject
-import kotlinx.serialization.json.double
-import kotlinx.serialization.json.int
-import kotlinx.serialization.json.jsonArray
-import kotlinx.serialization.json.jsonObject
-import kotlinx.serialization.json.jsonPrimitive
 import org.camssf.InvalidArgument
+import org.camssf.json.JsonText
+import org.camssf.json.Members
+import org.camssf.json.list
+import org.camssf.json.members
+import org.camssf.json.number
+import org.camssf.json.numbers
+import org.camssf.json.part
+import org.camssf.json.text
+import org.camssf.json.whole
 import org.camssf.model.Models
 
 /**
@@ -16,31 +17,29 @@ import org.camssf.model.Models
  * what each limit means, and in what unit.
  */
 internal object FinderFile {
-    private val file: JsonObject by lazy {
+    private val file: Members by lazy {
         val text = try {
             Models.read("finder.json").decodeToString()
         } catch (error: IllegalStateException) {
             throw InvalidArgument(error.message.orEmpty(), "Add camssf-model unchanged.", cause = error)
         }
-        Json.parseToJsonElement(text).jsonObject.also {
-            check(it.getValue("format").jsonPrimitive.content == "camssf-finder/1") {
-                "finder.json is of another version"
-            }
+        members(JsonText.parse(text)).also {
+            check(it.text("format") == "camssf-finder/1") { "finder.json is of another version" }
         }
     }
 
     /** The limits. */
-    val limits: Limits by lazy { Limits(file.getValue("limits").jsonObject) }
+    val limits: Limits by lazy { Limits(file.part("limits")) }
 
     /** Edge of a patch in pitches, and the patches' colours, of the chart of this layout. */
-    fun kind(layout: String): JsonObject = file.getValue("kinds").jsonObject.getValue(layout).jsonObject
+    fun kind(layout: String): Members = file.part("kinds").part(layout)
 
     /** The limits by their names in the file. */
-    class Limits internal constructor(private val json: JsonObject) {
+    class Limits internal constructor(private val json: Members) {
         val longest = whole("longest")
         val smallest = whole("smallest")
-        val passes = entry("passes").jsonArray.map { pass ->
-            pass.jsonArray.map { it.jsonPrimitive.int }.toIntArray()
+        val passes = json.part("passes").list("value").map { pass ->
+            (pass as List<*>).map { (it as Long).toInt() }.toIntArray()
         }
         val mostBlobs = whole("most_blobs")
         val smallestArea = whole("smallest_area")
@@ -68,12 +67,10 @@ internal object FinderFile {
         val accept = number("accept")
         val acceptLuma = number("accept_luma")
 
-        private fun entry(name: String) = json.getValue(name).jsonObject.getValue("value")
+        private fun whole(name: String) = json.part(name).whole("value")
 
-        private fun whole(name: String) = entry(name).jsonPrimitive.int
+        private fun number(name: String) = json.part(name).number("value")
 
-        private fun number(name: String) = entry(name).jsonPrimitive.double
-
-        private fun numbers(name: String) = (entry(name) as JsonArray).map { it.jsonPrimitive.double }.toDoubleArray()
+        private fun numbers(name: String) = json.part(name).numbers("value")
     }
 }

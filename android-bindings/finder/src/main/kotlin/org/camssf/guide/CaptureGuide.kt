@@ -83,15 +83,15 @@ public class CaptureGuide @JvmOverloads constructor(focal: Double = 0.75, chart:
      * @throws InvalidArgument the picture does not consist of 8-bit planes.
      */
     public fun take(frame: Picture, found: Found, time: Long): Guidance {
-        val sighting = found.sighting?.takeIf { it.confidence >= Limits.CONFIDENCE }
-        val pitch = sighting?.let { ChartPlane.of(it)?.pitch }
-        if (sighting == null || pitch == null) return missed()
+        val candidate = found.candidate?.takeIf { it.confidence >= Limits.CONFIDENCE }
+        val pitch = candidate?.let { ChartPlane.of(it)?.pitch }
+        if (candidate == null || pitch == null) return missed()
         if (lost >= Limits.LOST) forget()
         lost = 0
-        val measures = meter.measure(frame, sighting, motion.speed(sighting, time, pitch)) ?: return missed()
+        val measures = meter.measure(frame, candidate, motion.speed(candidate, time, pitch)) ?: return missed()
         keep(measures)
         val due = when {
-            sighting.mirrored || Finding.MIRRORED in found.findings -> Advice.MIRRORED
+            candidate.mirrored || Finding.MIRRORED in found.findings -> Advice.MIRRORED
             Finding.TWO_CHARTS in found.findings -> Advice.TWO_CHARTS
             else -> due()
         }
@@ -128,7 +128,7 @@ public class CaptureGuide @JvmOverloads constructor(focal: Double = 0.75, chart:
     private fun keep(found: FrameMeasures) {
         softness = found.blur ?: softness
         if (found.glare.isNotEmpty()) shining = found.glare.size
-        patches = found.sighting.patches.size
+        patches = found.candidate.patches.size
         margin.take(found.margin)
         size.take(found.size)
         tilt.take(found.tilt)

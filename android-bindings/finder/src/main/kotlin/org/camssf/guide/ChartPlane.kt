@@ -1,6 +1,6 @@
 package org.camssf.guide
 
-import org.camssf.finder.Sighting
+import org.camssf.finder.Candidate
 import org.camssf.photo.Point
 import kotlin.math.acos
 import kotlin.math.hypot
@@ -91,10 +91,10 @@ internal class ChartPlane private constructor(private val m: DoubleArray, val co
          */
         private const val BORDER = 0.75
 
-        /** The plane of a sighting; null if its corner patches form no quadrilateral. */
-        fun of(sighting: Sighting): ChartPlane? {
-            val (columns, rows) = sighting.kind.columns to sighting.kind.rows
-            val all = sighting.patches
+        /** The plane of a candidate; null if its corner patches form no quadrilateral. */
+        fun of(candidate: Candidate): ChartPlane? {
+            val (columns, rows) = candidate.kind.columns to candidate.kind.rows
+            val all = candidate.patches
             val corners = listOf(all[0], all[columns - 1], all[all.size - 1], all[all.size - columns])
             val square = square(corners) ?: return null
             // From pitches to the unit square: divide by the number of steps.

@@ -1,6 +1,6 @@
 package org.camssf.guide
 
-import org.camssf.finder.Sighting
+import org.camssf.finder.Candidate
 
 /**
  * Measures of one frame.
@@ -8,7 +8,7 @@ import org.camssf.finder.Sighting
  * Light is linear, on the assumption that the frame's values are sRGB. A preview has its own tone curve, so stops are
  * for guidance only.
  *
- * @property sighting the chart that was measured.
+ * @property candidate the chart that was measured.
  * @property size longer side of the block of patches / longer side of the picture.
  * @property margin distance from the chart, including its border, to the picture's nearest border, in patch pitches;
  *   below 0 the chart is cut.
@@ -31,7 +31,7 @@ import org.camssf.finder.Sighting
  *   mean, where white is 1. Null if the frame has no colours.
  */
 public class FrameMeasures internal constructor(
-    public val sighting: Sighting,
+    public val candidate: Candidate,
     public val size: Double,
     public val margin: Double,
     public val tilt: Double,

@@ -1,11 +1,11 @@
 package org.camssf.guide
 
+import org.camssf.finder.Candidate
 import org.camssf.finder.ChartKind
 import org.camssf.finder.Picture
-import org.camssf.finder.Sighting
 import kotlin.math.max
 
-/** Measures one frame, given its sighting. The arrays for each kind of chart are reused from frame to frame. */
+/** Measures one frame, given its candidate. The arrays for each kind of chart are reused from frame to frame. */
 internal class FrameMeter(private val focal: Double) {
     private class Kept(kind: ChartKind) {
         val light = PatchLight(kind.columns, kind.rows)
@@ -16,11 +16,11 @@ internal class FrameMeter(private val focal: Double) {
     private val kept = HashMap<ChartKind, Kept>()
     private val sharpness = Sharpness()
 
-    /** The measures of a frame; null if the sighting is no quadrilateral. */
-    fun measure(picture: Picture, sighting: Sighting, speed: Double?): FrameMeasures? {
-        val plane = ChartPlane.of(sighting) ?: return null
+    /** The measures of a frame; null if the candidate is no quadrilateral. */
+    fun measure(picture: Picture, candidate: Candidate, speed: Double?): FrameMeasures? {
+        val plane = ChartPlane.of(candidate) ?: return null
         val pixels = Pixels(picture)
-        val own = kept.getOrPut(sighting.kind) { Kept(sighting.kind) }
+        val own = kept.getOrPut(candidate.kind) { Kept(candidate.kind) }
         val light = own.light
         light.read(pixels, plane)
         val reference = own.reference
@@ -36,7 +36,7 @@ internal class FrameMeter(private val focal: Double) {
         }
         val longer = max(picture.width, picture.height)
         return FrameMeasures(
-            sighting = sighting,
+            candidate = candidate,
             size = plane.longest / longer,
             margin = plane.margin(picture.width, picture.height),
             tilt = plane.tilt(picture.width, picture.height, focal * longer),
@@ -59,10 +59,10 @@ internal class FrameMeter(private val focal: Double) {
      */
     private fun white(light: PatchLight, reference: Reference?, index: Int): Double {
         if (reference == null || light.clipped[index] < Limits.CLIPPED.end) return light.level[index]
-        val told = (0 until light.count).filter {
+        val estimates = (0 until light.count).filter {
             light.clipped[it] < Limits.CLIPPED.end && reference.luminance[it] > 0.08
         }.map { light.level[it] * reference.luminance[index] / reference.luminance[it] }.sorted()
-        return max(light.level[index], if (told.isEmpty()) CLIPPED_ALL else told[told.size / 2])
+        return max(light.level[index], if (estimates.isEmpty()) CLIPPED_ALL else estimates[estimates.size / 2])
     }
 
     /**

@@ -10,7 +10,7 @@ package org.camssf.guide
  * variation of a measure between frames of a steady preview.
  */
 internal object Limits {
-    /** Smallest confidence of a sighting that counts as a chart, as in the finder. */
+    /** Smallest confidence of a candidate that counts as a chart, as in the finder. */
     const val CONFIDENCE = 0.75
 
     /**

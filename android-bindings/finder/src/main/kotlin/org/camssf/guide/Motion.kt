@@ -1,6 +1,6 @@
 package org.camssf.guide
 
-import org.camssf.finder.Sighting
+import org.camssf.finder.Candidate
 import org.camssf.photo.Corners
 import kotlin.math.hypot
 
@@ -18,15 +18,15 @@ internal class Motion {
      * @param time ns, from any clock.
      * @param pitch px.
      */
-    fun speed(sighting: Sighting, time: Long, pitch: Double): Double? {
+    fun speed(candidate: Candidate, time: Long, pitch: Double): Double? {
         while (past.isNotEmpty() && seconds(past.first().time, time).let { it > Limits.PAUSE || it <= 0 }) {
             past.removeFirst()
         }
         while (past.size > 1 && seconds(past[1].time, time) >= Limits.SPAN) past.removeFirst()
         val before = past.firstOrNull()
-        past.addLast(Past(time, sighting.corners))
+        past.addLast(Past(time, candidate.corners))
         if (before == null) return null
-        val far = before.corners.points.zip(sighting.corners.points) { a, b -> hypot(b.x - a.x, b.y - a.y) }.max()
+        val far = before.corners.points.zip(candidate.corners.points) { a, b -> hypot(b.x - a.x, b.y - a.y) }.max()
         return far / pitch / seconds(before.time, time)
     }
 

@@ -26,11 +26,12 @@ internal class Reference private constructor(
     companion object {
         private val classic: Reference by lazy {
             val table = ChartTable.read("classic24")
-            val values = table.values
+            val values = table.copyValues()
+            val grid = Grid.copyWavelengths()
             fun seen(patch: Int, centre: Double, width: Double): Double {
                 var (sum, total) = 0.0 to 0.0
                 for (i in 0 until Grid.SIZE) {
-                    val off = (Grid.WAVELENGTHS[i] - centre) / width
+                    val off = (grid[i] - centre) / width
                     val weight = exp(-off * off / 2)
                     sum += weight * values[patch * Grid.SIZE + i]
                     total += weight

@@ -24,8 +24,8 @@ class ChartFinderTest {
         return DngSource.of(file).use { DngReader.read(it) }
     }
 
-    private fun assertAt(x: Double, y: Double, sighting: Sighting, patch: Int) {
-        val found = sighting.patches[patch]
+    private fun assertAt(x: Double, y: Double, candidate: Candidate, patch: Int) {
+        val found = candidate.patches[patch]
         assertTrue(abs(found.x - x) < 0.6 && abs(found.y - y) < 0.6, "patch $patch at $found, not ($x, $y)")
     }
 
@@ -33,21 +33,24 @@ class ChartFinderTest {
     fun `a chart is found where it lies, its first patch named, in each quarter`() {
         for (turn in 0..3) {
             val found = finder.find(Painter().chart(300.0, 250.0, 40.0, 90.0 * turn).picture())
-            val sighting = found.sighting!!
+            val candidate = found.candidate!!
             assertEquals(emptySet<Finding>(), found.findings)
-            assertEquals(ChartKind.CLASSIC_24, sighting.kind)
-            assertEquals(turn, sighting.corners.quarterTurns)
+            assertEquals(ChartKind.CLASSIC_24, candidate.kind)
+            assertEquals(turn, candidate.corners.quarterTurns)
             val (dx, dy) = listOf(-100.0 to -60.0, 60.0 to -100.0, 100.0 to 60.0, -60.0 to 100.0)[turn]
-            assertAt(300 + dx, 250 + dy, sighting, 0)
-            assertAt(300 - dx, 250 - dy, sighting, 23)
-            assertTrue(sighting.confidence > 0.99 && sighting.seen >= 18, "${sighting.confidence}, ${sighting.seen}")
+            assertAt(300 + dx, 250 + dy, candidate, 0)
+            assertAt(300 - dx, 250 - dy, candidate, 23)
+            assertTrue(
+                candidate.confidence > 0.99 && candidate.seen >= 18,
+                "${candidate.confidence}, ${candidate.seen}",
+            )
         }
     }
 
     @Test
     fun `the corners are half a patch beyond the corner patches`() {
-        val sighting = finder.find(Painter().chart(300.0, 250.0, 40.0).picture()).sighting!!
-        val corners = sighting.corners.toArray()
+        val candidate = finder.find(Painter().chart(300.0, 250.0, 40.0).picture()).candidate!!
+        val corners = candidate.corners.toArray()
         val wanted = doubleArrayOf(182.4, 172.4, 417.6, 172.4, 417.6, 327.6, 182.4, 327.6)
         for (i in wanted.indices) assertEquals(wanted[i], corners[i], 0.6)
     }
@@ -57,15 +60,15 @@ class ChartFinderTest {
         for (turn in listOf(0.0, 70.0)) {
             val found = finder.find(Painter().chart(320.0, 240.0, 40.0, turn, mirrored = true).picture())
             assertEquals(setOf(Finding.MIRRORED), found.findings)
-            assertTrue(found.sighting!!.mirrored)
+            assertTrue(found.candidate!!.mirrored)
         }
     }
 
     @Test
-    fun `two charts are two sightings`() {
+    fun `two charts are two candidates`() {
         val found = finder.find(Painter().chart(150.0, 120.0, 40.0).chart(480.0, 350.0, 35.0, 180.0).picture())
         assertEquals(setOf(Finding.TWO_CHARTS), found.findings)
-        assertEquals(setOf(0, 2), found.sightings.map { it.corners.quarterTurns }.toSet())
+        assertEquals(setOf(0, 2), found.candidates.map { it.corners.quarterTurns }.toSet())
     }
 
     @Test
@@ -75,23 +78,23 @@ class ChartFinderTest {
         for (picture in listOf(Painter(), Painter().noise(60), keys, half)) {
             val found = finder.find(picture.picture())
             assertEquals(setOf(Finding.NONE), found.findings)
-            assertNull(found.sighting)
+            assertNull(found.candidate)
         }
     }
 
     @Test
     fun `a finder that has seen one picture finds the same in the next`() {
         val picture = Painter().keys(24).chart(300.0, 250.0, 30.0, 20.0).picture()
-        val first = finder.find(picture).sighting!!
+        val first = finder.find(picture).candidate!!
         finder.find(Painter(200, 900).noise(40).picture())
-        assertEquals(first.corners, finder.find(picture).sighting!!.corners)
-        assertEquals(first.corners, ChartFinder().find(picture).sighting!!.corners)
+        assertEquals(first.corners, finder.find(picture).candidate!!.corners)
+        assertEquals(first.corners, ChartFinder().find(picture).candidate!!.corners)
     }
 
     @Test
     fun `strides and positions of a buffer change nothing`() {
         val painter = Painter().chart(300.0, 250.0, 40.0, 10.0)
-        val plain = finder.find(painter.picture()).sighting!!
+        val plain = finder.find(painter.picture()).candidate!!
         val stride = 3 * 640 + 17
         val mixed = ByteBuffer.allocateDirect(480 * stride)
         for (y in 0 until 480) {
@@ -104,33 +107,33 @@ class ChartFinderTest {
         }
         mixed.position(7)
         val picture = Picture.rgb(planes[0], planes[1], planes[2], 640, 480)
-        assertEquals(plain.corners, finder.find(picture).sighting!!.corners)
+        assertEquals(plain.corners, finder.find(picture).candidate!!.corners)
     }
 
     @Test
     fun `luma alone is enough in even light`() {
         val painter = Painter().chart(300.0, 250.0, 40.0, 100.0)
-        val sighting = finder.find(Picture.luma(Plane(painter.planes[1], 640), 640, 480)).sighting!!
-        assertEquals(1, sighting.corners.quarterTurns)
+        val candidate = finder.find(Picture.luma(Plane(painter.planes[1], 640), 640, 480)).candidate!!
+        assertEquals(1, candidate.corners.quarterTurns)
     }
 
     @Test
     fun `a larger picture is reduced, and its points are its own`() {
-        val sighting = finder.find(Painter(2000, 1500).chart(1200.0, 900.0, 120.0).picture()).sighting!!
-        val first = sighting.patches[0]
+        val candidate = finder.find(Painter(2000, 1500).chart(1200.0, 900.0, 120.0).picture()).candidate!!
+        val first = candidate.patches[0]
         assertTrue(abs(first.x - 900) < 2 && abs(first.y - 720) < 2, "$first")
     }
 
     @Test
     fun `a part of a mosaic gives points of the whole photo`() {
         val whole = read("finder-clutter.dng")
-        val expected = finder.find(Picture.of(whole)).sighting!!
+        val expected = finder.find(Picture.of(whole)).candidate!!
         val region = Region(101, 43, 379, 299)
         val samples = ShortArray(region.width * region.height) {
             whole.samples[(region.top + it / region.width) * whole.width + region.left + it % region.width]
         }
         val part = Mosaic(Mosaic.Origin("part"), whole.width, whole.height, region, samples, whole.sensor)
-        val found = finder.find(Picture.of(part)).sighting!!
+        val found = finder.find(Picture.of(part)).candidate!!
         for ((a, b) in expected.patches.zip(found.patches)) assertTrue(abs(a.x - b.x) < 0.5 && abs(a.y - b.y) < 0.5)
     }
 

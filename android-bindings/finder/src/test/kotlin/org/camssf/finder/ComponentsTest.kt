@@ -8,7 +8,7 @@ class ComponentsTest {
     private val components = Components()
 
     /** Number, Σx, Σy, Σx², Σxy, Σy² of each component, by its first pixel in reading order. */
-    private fun told(picture: List<String>): List<List<Long>> {
+    private fun listed(picture: List<String>): List<List<Long>> {
         components.clear()
         for ((y, row) in picture.withIndex()) {
             components.row(y)
@@ -70,8 +70,8 @@ class ComponentsTest {
 
     @Test
     fun `sums of connected pixels, in whatever shape they meet`() {
-        for (picture in pictures) assertEquals(searched(picture), told(picture))
+        for (picture in pictures) assertEquals(searched(picture), listed(picture))
         // Once more, in what is left of the others.
-        for (picture in pictures.reversed()) assertEquals(searched(picture), told(picture))
+        for (picture in pictures.reversed()) assertEquals(searched(picture), listed(picture))
     }
 }

@@ -1,12 +1,12 @@
 package org.camssf.guide
 
 import org.camssf.Grid
+import org.camssf.finder.Candidate
 import org.camssf.finder.ChartKind
 import org.camssf.finder.Finding
 import org.camssf.finder.Found
 import org.camssf.finder.Picture
 import org.camssf.finder.Plane
-import org.camssf.finder.Sighting
 import org.camssf.photo.Corners
 import org.camssf.photo.Point
 import org.camssf.spectra.ChartTable
@@ -201,18 +201,18 @@ internal data class Drawn(
         Picture.luma(Plane(ByteArray(width * height) { brightness(it).roundToInt().toByte() }, width), width, height)
 
     /** Where the chart truly lies. */
-    fun sighting(mirrored: Boolean = false): Sighting {
+    fun candidate(mirrored: Boolean = false): Candidate {
         val half = (1 - gap) / 2
         val corners = Corners(at(-half, -half), at(5 + half, -half), at(5 + half, 3 + half), at(-half, 3 + half))
         val patches = List(24) { at((it % 6).toDouble(), (it / 6).toDouble()) }
-        return Sighting(corners, ChartKind.CLASSIC_24, mirrored, 0.97, patches, 24)
+        return Candidate(corners, ChartKind.CLASSIC_24, mirrored, 0.97, patches, 24)
     }
 
     fun found(vararg findings: Finding): Found =
-        Found(listOf(sighting(Finding.MIRRORED in findings)), findings.toSet())
+        Found(listOf(candidate(Finding.MIRRORED in findings)), findings.toSet())
 
     /** The measures of this frame alone. */
-    fun measures(picture: Picture = rgb()): FrameMeasures = FrameMeter(focal).measure(picture, sighting(), null)!!
+    fun measures(picture: Picture = rgb()): FrameMeasures = FrameMeter(focal).measure(picture, candidate(), null)!!
 
     companion object {
         private val CODED = DoubleArray(20001) {
@@ -225,10 +225,11 @@ internal data class Drawn(
 
         /** (24, 3) reflectance in red, green, blue. */
         val PATCHES: DoubleArray = ChartTable.read("classic24").let { table ->
-            val values = table.values
+            val values = table.copyValues()
+            val grid = Grid.copyWavelengths()
             DoubleArray(72) { i ->
                 val centre = listOf(605.0, 545.0, 455.0)[i % 3]
-                val weights = DoubleArray(Grid.SIZE) { exp(-0.5 * ((Grid.WAVELENGTHS[it] - centre) / 30).pow(2)) }
+                val weights = DoubleArray(Grid.SIZE) { exp(-0.5 * ((grid[it] - centre) / 30).pow(2)) }
                 weights.indices.sumOf { weights[it] * values[i / 3 * Grid.SIZE + it] } / weights.sum()
             }
         }

@@ -1,11 +1,11 @@
 package org.camssf.guide
 
+import org.camssf.finder.Candidate
 import org.camssf.finder.ChartFinder
 import org.camssf.finder.ChartKind
 import org.camssf.finder.Found
 import org.camssf.finder.Picture
 import org.camssf.finder.Plane
-import org.camssf.finder.Sighting
 import org.camssf.photo.Corners
 import org.camssf.photo.Point
 import java.io.File
@@ -35,10 +35,11 @@ object GuideJudge {
         val size = width * height * 3 / 2
         val said = (0 until count).map { frame ->
             val picture = picture(bytes.copyOfRange(frame * size, (frame + 1) * size), width, height)
-            val told = Found(listOf(sighting(numbers.subList(8 * frame, 8 * frame + 8).toDoubleArray())), emptySet())
+            val corners = numbers.subList(8 * frame, 8 * frame + 8).toDoubleArray()
+            val stated = Found(listOf(candidate(corners)), emptySet())
             val before = allocated()
             val start = THREADS.currentThreadCpuTime
-            val found = if (search) finder.find(picture) else told
+            val found = if (search) finder.find(picture) else stated
             val guidance = guide.take(picture, found, (1e9 * frame / rate).toLong())
             val time = (THREADS.currentThreadCpuTime - start) / 1e6 // this thread's alone
             val garbage = allocated() - before
@@ -55,8 +56,8 @@ object GuideJudge {
         return Picture.yuv(Plane(bytes, width), colour(y), colour(y + y / 4), width, height)
     }
 
-    /** The true corners' sighting: patch centres by the guide's own projective map, of a Classic's gap. */
-    private fun sighting(numbers: DoubleArray): Sighting {
+    /** The true corners' candidate: patch centres by the guide's own projective map, of a Classic's gap. */
+    private fun candidate(numbers: DoubleArray): Candidate {
         val corners = Corners.of(*numbers)
         val near = 0.44 / 5.88 to 0.44 / 3.88 // from the block's border to the first centre, of its sides
         val map = ChartPlane.square(corners.points)!!
@@ -66,7 +67,7 @@ object GuideJudge {
             val depth = map[6] * u + map[7] * v + map[8]
             Point((map[0] * u + map[1] * v + map[2]) / depth, (map[3] * u + map[4] * v + map[5]) / depth)
         }
-        return Sighting(corners, ChartKind.CLASSIC_24, false, 0.95, patches, 24)
+        return Candidate(corners, ChartKind.CLASSIC_24, false, 0.95, patches, 24)
     }
 
     private fun allocated(): Long =

@@ -1,7 +1,7 @@
 package org.camssf.guide
 
+import org.camssf.finder.Candidate
 import org.camssf.finder.ChartKind
-import org.camssf.finder.Sighting
 import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertNotNull
 import org.junit.jupiter.api.Assertions.assertNull
@@ -44,25 +44,26 @@ class MeasuresTest {
         for (tilt in listOf(0.0, 8.0, 25.0, 40.0, 55.0)) {
             for (axis in listOf(0.0, 30.0, 90.0, 160.0)) {
                 val drawn = Drawn(tilt = tilt, axis = axis, rotation = 2 * axis)
-                val found = FrameMeter(0.75).measure(plain.rgb(), drawn.sighting(), null)!!
+                val found = FrameMeter(0.75).measure(plain.rgb(), drawn.candidate(), null)!!
                 assertEquals(tilt, found.tilt, 0.01, "about $axis")
             }
         }
         // Of a chart that faces the camera's plane beside its middle, the angle under which it is seen.
-        val aside = FrameMeter(0.75).measure(plain.rgb(), Drawn(shiftX = 0.3).sighting(), null)!!
+        val aside = FrameMeter(0.75).measure(plain.rgb(), Drawn(shiftX = 0.3).candidate(), null)!!
         assertEquals(Math.toDegrees(Math.atan(0.3 / 0.75)), aside.tilt, 0.01)
         // Half the focal length that was told: perspective says twice the tilt, or nearly.
-        assertTrue(FrameMeter(1.5).measure(plain.rgb(), Drawn(tilt = 20.0).sighting(), null)!!.tilt > 30)
+        assertTrue(FrameMeter(1.5).measure(plain.rgb(), Drawn(tilt = 20.0).candidate(), null)!!.tilt > 30)
     }
 
     @Test
     fun `size and margin`() {
         for (fill in listOf(0.2, 0.35, 0.6)) {
-            val m = FrameMeter(0.75).measure(plain.rgb(), Drawn(fill = fill).sighting(), null)!!
+            val m = FrameMeter(0.75).measure(plain.rgb(), Drawn(fill = fill).candidate(), null)!!
             assertEquals(fill, m.size, 0.01)
         }
         fun margin(x: Double, y: Double) =
-            FrameMeter(0.75).measure(plain.rgb(), Drawn(fill = 0.5, shiftX = x, shiftY = y).sighting(), null)!!.margin
+            FrameMeter(0.75)
+                .measure(plain.rgb(), Drawn(fill = 0.5, shiftX = x, shiftY = y).candidate(), null)!!.margin
         val pitch = 0.5 * 640 / 5.88
         assertEquals((239.5 - 2.25 * pitch) / pitch, margin(0.0, 0.0), 1e-3)
         assertEquals((319.5 - 3.25 * pitch - 0.2 * 640) / pitch, margin(0.2, 0.0), 1e-3)
@@ -175,14 +176,14 @@ class MeasuresTest {
     /** Without a table of its colours the SG has all but the shadow and the veil's reference. */
     @Test
     fun `a Semi Gloss is measured by its brightest patch`() {
-        val own = plain.sighting()
+        val own = plain.candidate()
         val grid = List(140) { i ->
             val (a, b) = own.patches[0] to own.patches[23]
             val (u, v) = i % 14 / 13.0 to i / 14 / 9.0
             org.camssf.photo.Point(a.x + (b.x - a.x) * u, a.y + (b.y - a.y) * v)
         }
-        val sighting = Sighting(own.corners, ChartKind.SG_140, false, 0.9, grid, 140)
-        val m = FrameMeter(0.75).measure(plain.rgb(), sighting, null)!!
+        val candidate = Candidate(own.corners, ChartKind.SG_140, false, 0.9, grid, 140)
+        val m = FrameMeter(0.75).measure(plain.rgb(), candidate, null)!!
         assertNull(m.shadow)
         assertNull(m.veil)
         assertNotNull(m.tint)
@@ -191,8 +192,8 @@ class MeasuresTest {
 
     @Test
     fun `what is no quadrilateral is not measured`() {
-        val flat = Sighting(
-            plain.sighting().corners, ChartKind.CLASSIC_24, false, 0.9,
+        val flat = Candidate(
+            plain.candidate().corners, ChartKind.CLASSIC_24, false, 0.9,
             List(24) { org.camssf.photo.Point(it.toDouble(), 3.0) }, 24,
         )
         assertNull(FrameMeter(0.75).measure(plain.rgb(), flat, null))
@@ -204,7 +205,7 @@ class MeasuresTest {
         val motion = Motion()
         val pitch = 49.0
         fun at(x: Double, time: Double) =
-            motion.speed(Drawn(shiftX = x / 640).sighting(), (1e9 * time).toLong(), pitch)
+            motion.speed(Drawn(shiftX = x / 640).candidate(), (1e9 * time).toLong(), pitch)
         assertNull(at(0.0, 10.0))
         assertEquals(2.0 / pitch * 30, at(2.0, 10 + 1 / 30.0)!!, 1e-6)
         assertEquals(2.0 / pitch * 30, at(4.0, 10 + 2 / 30.0)!!, 1e-6)

@@ -8,6 +8,8 @@ import org.camssf.SsfCalibrator
 import org.camssf.photo.Capture
 import org.camssf.photo.Corners
 import org.camssf.photo.LensShading
+import org.camssf.photo.MeasuredCapture
+import org.camssf.photo.MeasuredShot
 import org.camssf.photo.PhotoSource
 import org.camssf.photo.Shot
 import org.camssf.spectra.ChartTable
@@ -18,7 +20,8 @@ import kotlin.system.exitProcess
 
 /**
  * The library as a command, for comparison with Python's: `calibrate photo.dng ... --lamp D55 ... --corners x,y,... ...
- * -o result.json`, options repeated for several shots in the photos' order.
+ * -o result.json`, options repeated for several shots in the photos' order. With `--write capture` it only measures: each
+ * shot by itself, saved and restored as an app would, then joined.
  *
  * With `--serve` alone, every line on standard input holds such arguments, parted by tabs; the answer is a line with the
  * status (0, 2 for a wrong call, 5 for a refusal), the seconds it took, and those of `toJson`. Models stay open between
@@ -52,6 +55,12 @@ public class Calibrate private constructor() : Closeable {
         val output = File(requireNotNull(given.one("-o")) { "-o is missing" })
         val basis = given.one("--basis") ?: "auto"
         val capture = Capture(given.shots(), chart(given), given.one("--white-reflectance")?.toDouble())
+        val calibrator = calibrators.getOrPut(basis) { SsfCalibrator.open(basis) }
+        if (given.one("--write") == "capture") {
+            val shots = capture.shots.map { restored(calibrator.measure(it, capture.chart), capture.chart) }
+            write(output, MeasuredCapture.of(shots, capture.chart, capture.whiteReflectance).toJson())
+            return 0
+        }
         val settings = Settings(
             given.one("--fit")?.split("-")?.let { (first, last) -> (first.toInt()..last.toInt()).toList() },
             given.one("--l2")?.toDouble(),
@@ -60,16 +69,24 @@ public class Calibrate private constructor() : Closeable {
                 File(it)
             }?.let { PreviousResult.parse(it.readText(), it.name) },
         )
-        val found = calibrators.getOrPut(basis) { SsfCalibrator.open(basis) }.calibrateBlocking(capture, settings)
-        val partial = File(output.path + ".partial")
+        val found = calibrator.calibrateBlocking(capture, settings)
         val start = System.nanoTime()
         val text = found.toJson()
         toJson = System.nanoTime() - start
-        partial.writeText(text)
-        check(partial.renameTo(output)) { "cannot write $output" }
+        write(output, text)
         if (found !is Refused) return 0
         System.err.println(found.error)
         return 5
+    }
+
+    /** A measured shot, saved and read again. */
+    private fun restored(shot: MeasuredShot, chart: ChartTable): MeasuredShot =
+        MeasuredCapture.fromJson(MeasuredCapture.of(listOf(shot), chart).toJson()).shots[0]
+
+    private fun write(output: File, text: String) {
+        val partial = File(output.path + ".partial")
+        partial.writeText(text)
+        check(partial.renameTo(output)) { "cannot write $output" }
     }
 
     private fun chart(given: Arguments): ChartTable {
@@ -133,10 +150,10 @@ public class Calibrate private constructor() : Closeable {
         private const val USAGE =
             "calibrate PHOTO... [--lamp NAME|auto] --corners x,y,x,y,x,y,x,y [--white DNG] [--dark DNG] " +
                 "[--lamp-tolerance T] [--chart NAME] [--white-reflectance R] [--lens-shading as-stored|apply] " +
-                "[--basis NAME] [--l2 V] [--gamma V] [--fit 7-18] [--previous JSON] -o FILE"
+                "[--basis NAME] [--l2 V] [--gamma V] [--fit 7-18] [--previous JSON] [--write capture] -o FILE"
         private val VALUES = setOf(
             "--lamp", "--corners", "--white", "--dark", "--lamp-tolerance", "--chart", "--white-reflectance",
-            "--lens-shading", "--basis", "--l2", "--gamma", "--fit", "--previous", "-o",
+            "--lens-shading", "--basis", "--l2", "--gamma", "--fit", "--previous", "--write", "-o",
         )
 
         @JvmStatic

@@ -12,10 +12,10 @@ import kotlinx.serialization.json.jsonObject
 import kotlinx.serialization.json.jsonPrimitive
 import org.camssf.CaptureFit
 import org.camssf.Grid
+import org.camssf.ProgressReporter
 import org.camssf.Rivals
 import org.camssf.Settings
 import org.camssf.Solve
-import org.camssf.Tell
 import org.camssf.photo.ChartPose
 import org.camssf.photo.ColourMatrix
 import org.camssf.photo.LensShading
@@ -39,7 +39,7 @@ internal class Captures(private val forms: Forms, private val frames: Statistics
 
     fun calibrate(case: GoldenCase, engines: List<Engine>): Map<String, Any?> {
         val capture = capture(case)
-        val done = Solve(engines, capture, settings(case), Tell.NOBODY).run()
+        val done = Solve(engines, capture, settings(case), ProgressReporter.NOBODY).run()
         if (done.verdict.outcome == Status.REFUSED) throw Reasons.refusal(done.verdict)
         val ssf = done.ssf
         fun columns(of: (Int) -> DoubleArray): Tensor {
@@ -48,14 +48,14 @@ internal class Captures(private val forms: Forms, private val frames: Statistics
         }
         val (k, n) = capture.shots.size to capture.chart.patches.size
         return mapOf(
-            "signals" to Tensor(done.signals.values, k, n, 3),
+            "signals" to Tensor(done.signals.copyValues(), k, n, 3),
             "used" to usedOf(done.signals),
             "ssf" to columns { ssf.curve(it) },
-            "ssf_std" to if (ssf.std == null) null else onNodes { ssf.deviation(it)!! },
-            "predicted" to Tensor(ssf.predicted, k, n, 3),
-            "gap" to Tensor(ssf.gap, 3),
-            "channel_gain" to Tensor(ssf.channelGain, 3),
-            "rmsre_percent" to Tensor(done.scores.rmsrePercent, 3),
+            "ssf_std" to if (ssf.sharedStd == null) null else onNodes { ssf.deviation(it)!! },
+            "predicted" to Tensor(ssf.copyPredicted(), k, n, 3),
+            "gap" to Tensor(ssf.copyGap(), 3),
+            "channel_gain" to Tensor(ssf.copyChannelGain(), 3),
+            "rmsre_percent" to Tensor(done.scores.copyRmsrePercent(), 3),
             "codes" to JsonArray(done.verdict.reasons.map { JsonPrimitive(it.code) }),
         )
     }
@@ -63,7 +63,7 @@ internal class Captures(private val forms: Forms, private val frames: Statistics
     /** Curves and light where nobody named a lamp, and the verdict on both, even where it refuses. */
     fun light(case: GoldenCase, engines: List<Engine>): Map<String, Any?> {
         val capture = capture(case)
-        val done = Solve(engines, capture, settings(case), Tell.NOBODY).run()
+        val done = Solve(engines, capture, settings(case), ProgressReporter.NOBODY).run()
         val ssf = done.ssf
         val lights = ssf.lights.filterNotNull()
         val reasons = done.verdict.reasons
@@ -86,12 +86,12 @@ internal class Captures(private val forms: Forms, private val frames: Statistics
             "likeliest" to words(ssf.kinds),
             "ssf" to onNodes { ssf.curve(it) },
             "ssf_std" to onNodes { ssf.deviation(it)!! },
-            "predicted" to Tensor(ssf.predicted, capture.shots.size, capture.chart.patches.size, 3),
-            "gap" to Tensor(ssf.gap, 3),
-            "rmsre_percent" to Tensor(done.scores.rmsrePercent, 3),
+            "predicted" to Tensor(ssf.copyPredicted(), capture.shots.size, capture.chart.patches.size, 3),
+            "gap" to Tensor(ssf.copyGap(), 3),
+            "rmsre_percent" to Tensor(done.scores.copyRmsrePercent(), 3),
             "kinds" to Tensor(kinds, lights.size, kinds.size / lights.size),
-            "power" to powers { it.power },
-            "power_std" to powers { it.std },
+            "power" to powers { it.copyPower() },
+            "power_std" to powers { it.copyStd() },
             "kelvin" to numbers(lights.map { it.kelvin }),
             "kelvin_std" to numbers(lights.map { it.kelvinStd }),
             "status" to done.verdict.outcome.word,
@@ -110,7 +110,7 @@ internal class Captures(private val forms: Forms, private val frames: Statistics
         val signals = Normalise.all(capture.shots.map { it.means }, table.patches, table.white)
         val fit = CaptureFit(engines, capture, signals, settings(case))
         val k = capture.shots.size
-        val used = PatchMask(k, table.patches.size, signals.used)
+        val used = PatchMask(k, table.patches.size, signals.copyUsed())
         val ssf = fit.curves(used, settings(case).gamma?.let { doubleArrayOf(it) })
         val found = Rivals.of(fit, ssf, used) { }
         return mapOf("gains" to Tensor(found.map { it.gain }.toDoubleArray(), k, found.size / k))
@@ -133,6 +133,7 @@ internal class Captures(private val forms: Forms, private val frames: Statistics
             "golden",
             ChartTable.read("classic24").layout,
             List(n) { "patch ${it + 1}" },
+            Grid.wavelengths,
             reflectance.values,
             DoubleArray(n) { maybe(case, "chart_tolerance")!! },
             case.inputs.getValue("white").jsonPrimitive.int,
@@ -193,7 +194,7 @@ internal fun onNodes(of: (Int) -> DoubleArray): Tensor {
 
 /** (k, n) as nested lists. */
 internal fun usedOf(signals: Signals): JsonElement {
-    val used = signals.used
+    val used = signals.copyUsed()
     return JsonArray(
         List(signals.shots) { j ->
             JsonArray(List(signals.patches) { JsonPrimitive(used[j * signals.patches + it]) })

@@ -3,20 +3,42 @@ package org.camssf.golden
 import org.camssf.CalibrationException
 import org.camssf.photo.dng.DngReader
 import org.camssf.photo.dng.DngSource
+import org.camssf.spectra.ChartTable
+import org.camssf.spectra.Lamp
 import java.io.File
 import java.security.MessageDigest
 
 /**
- * What becomes of the DNGs that are named on stdin, a line each: "read", levels and the samples' SHA-256 (as golden cases give
- * it), or the error's code and words. tests/test_kotlin.py holds Python's reader beside it on damaged files.
+ * What becomes of the files that are named on stdin, a line each: of a DNG "read", levels and the samples' SHA-256
+ * (as golden cases give it); of a table, named behind "lamp" or "chart" and a tab, "read" and the values' mean
+ * square; or the error's code and words. tests/test_kotlin.py holds Python's readers beside it.
  */
 internal object Codes {
     @JvmStatic
     fun main(arguments: Array<String>) {
-        for (path in generateSequence(::readlnOrNull)) println(outcome(File(path)))
+        for (line in generateSequence(::readlnOrNull)) {
+            val file = File(line.substringAfter('\t'))
+            println(
+                outcome {
+                    when (line.substringBefore('\t', "")) {
+                        "lamp" -> table(Lamp.parse(file.name, file.readBytes()).copyValues())
+                        "chart" -> table(ChartTable.parse(file.name, file.readBytes()).copyValues())
+                        else -> photo(file)
+                    }
+                },
+            )
+        }
     }
 
-    private fun outcome(file: File): String = try {
+    private fun outcome(read: () -> String): String = try {
+        read()
+    } catch (error: CalibrationException) {
+        "${error.code}\t${error.message.replace(Regex("[\r\n\t]"), " ")}"
+    }
+
+    private fun table(values: DoubleArray): String = "read\t${values.sumOf { it * it } / values.size}"
+
+    private fun photo(file: File): String {
         val mosaic = DngSource.of(file).use { DngReader.read(it) }
         val bytes = ByteArray(2 * mosaic.samples.size)
         for ((i, value) in mosaic.samples.withIndex()) {
@@ -26,8 +48,6 @@ internal object Codes {
         val digest = MessageDigest.getInstance("SHA-256").digest(bytes)
         val hash = digest.joinToString("") { (it.toInt() and 0xff).toString(16).padStart(2, '0') }
         val sensor = mosaic.sensor
-        (listOf("read", hash, sensor.cfa, sensor.white) + sensor.black.toList()).joinToString("\t")
-    } catch (error: CalibrationException) {
-        "${error.code}\t${error.message.replace(Regex("[\r\n\t]"), " ")}"
+        return (listOf("read", hash, sensor.cfa, sensor.white) + sensor.copyBlack().toList()).joinToString("\t")
     }
 }

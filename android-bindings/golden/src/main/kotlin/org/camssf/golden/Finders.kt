@@ -20,7 +20,7 @@ internal class Finders(private val photos: Photos) {
     fun finder(case: GoldenCase): Map<String, Any?> {
         val finder = card(case)?.let { ChartFinder(it) } ?: finder
         val found = finder.find(picture(photos.read(case.inputs.text("dng")), case.inputs.text("form")))
-        val seen = found.sightings
+        val seen = found.candidates
         val corners = seen.map { it.corners.toArray() }.flatten()
         val patches = seen.flatMap { it.patches }.map { doubleArrayOf(it.x, it.y) }.flatten()
         return mapOf(

@@ -32,7 +32,7 @@ internal object Finding {
     }
 
     private fun line(name: String, found: Found, times: List<Double>): String {
-        val seen = found.sighting
+        val seen = found.candidate
         val chart = if (seen == null) {
             listOf("none", false, 0, 0.0) + List(8) { 0.0 }
         } else {

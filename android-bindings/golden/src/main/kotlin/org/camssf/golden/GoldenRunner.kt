@@ -168,7 +168,7 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         "calibrate" -> captures.calibrate(case, engines(case))
         "light" -> captures.light(case, engines(case))
         "rivals" -> captures.rivals(case, engines(case))
-        "verdict" -> Weighing(forms, frames).verdict(case)
+        "verdict" -> VerdictStage(forms, frames).verdict(case)
         "colour" -> colours.colour(case)
         "spectrum" -> colours.spectrum(case)
         "regions" -> colours.regions(case)
@@ -182,8 +182,8 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         val shots = case.inputs.getValue("shots").jsonArray.map { frames.means(it.jsonObject) }
         val found = Normalise.all(shots, List(n) { "patch ${it + 1}" }, white)
         return mapOf(
-            "signals" to Tensor(found.values, shots.size, n, 3),
-            "standard_error" to Tensor(found.standardError, shots.size, n, 3),
+            "signals" to Tensor(found.copyValues(), shots.size, n, 3),
+            "standard_error" to Tensor(found.copyStandardError(), shots.size, n, 3),
             "used" to usedOf(found),
             "assumptions" to JsonArray(found.assumptions.map { JsonPrimitive(it.code) }),
         )
@@ -285,8 +285,8 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
             "chart_fading" to Tensor.scalar(ssf.chartFading),
             "ssf" to onNodes { ssf.curve(it) },
             "ssf_std" to onNodes { ssf.deviation(it)!! },
-            "predicted" to Tensor(ssf.predicted, *chart.shape),
-            "gap" to Tensor(ssf.gap, 3),
+            "predicted" to Tensor(ssf.copyPredicted(), *chart.shape),
+            "gap" to Tensor(ssf.copyGap(), 3),
         )
     }
 

@@ -32,26 +32,26 @@ internal class Photos(private val files: GoldenFiles, private val forms: Forms) 
             "height" to found.height,
             "samples_sha256" to hash(found.samples),
             "cfa" to found.sensor.cfa,
-            "black" to tensor(found.sensor.black),
+            "black" to tensor(found.sensor.copyBlack()),
             "white" to found.sensor.white,
             "make" to found.origin.make,
             "model" to found.origin.model,
             "exposure" to found.origin.exposure,
             "iso" to found.origin.iso,
             "orientation" to found.origin.orientation,
-            "color_matrix1" to tensor(found.colours.colorMatrix1),
-            "color_matrix2" to tensor(found.colours.colorMatrix2),
-            "as_shot_neutral" to tensor(found.colours.asShotNeutral),
+            "color_matrix1" to tensor(found.colours.copyColorMatrix1()),
+            "color_matrix2" to tensor(found.colours.copyColorMatrix2()),
+            "as_shot_neutral" to tensor(found.colours.copyAsShotNeutral()),
             "gain_maps" to JsonArray(found.corrections.gainMaps.map { gainMap(it) }),
-            "as_shot_white_xy" to tensor(found.colours.asShotWhiteXY),
-            "noise_profile" to tensor(found.sensor.noiseProfile),
+            "as_shot_white_xy" to tensor(found.colours.copyAsShotWhiteXY()),
+            "noise_profile" to tensor(found.sensor.copyNoiseProfile()),
             "masked_areas" to JsonArray(found.sensor.maskedAreas.map { area(it) }),
             "bad_pixels" to JsonArray(
                 found.corrections.badPixels.map { each ->
                     buildJsonObject {
                         put("list", JsonPrimitive(each.list))
                         put("constant", each.constant?.let { JsonPrimitive(it) } ?: JsonNull)
-                        put("points", JsonArray(each.points.toList().chunked(2) { whole(it) }))
+                        put("points", JsonArray(each.copyPoints().toList().chunked(2) { whole(it) }))
                         put("areas", JsonArray(each.areas.map { area(it) }))
                     }
                 },
@@ -72,7 +72,7 @@ internal class Photos(private val files: GoldenFiles, private val forms: Forms) 
         put("column_pitch", JsonPrimitive(map.columnPitch))
         put("spacing", JsonArray(listOf(JsonPrimitive(map.spacingV), JsonPrimitive(map.spacingH))))
         put("origin", JsonArray(listOf(JsonPrimitive(map.originV), JsonPrimitive(map.originH))))
-        val gains = map.gains.map { JsonPrimitive(it.toDouble()) }
+        val gains = map.copyGains().map { JsonPrimitive(it.toDouble()) }
         val points = gains.chunked(map.mapPlanes) { JsonArray(it.toList()) }
         put("gains", JsonArray(points.chunked(map.pointsH) { JsonArray(it.toList()) }))
     }
@@ -89,7 +89,7 @@ internal class Photos(private val files: GoldenFiles, private val forms: Forms) 
         val found = ChartPose.refine(read(case.inputs.text("dng")), Corners.of(*corners), chart)
         return mapOf(
             "corners" to Tensor(found.corners.toArray(), 4, 2),
-            "quads" to Tensor(found.quads, found.quads.size / 8, 4, 2),
+            "quads" to Tensor(found.sharedQuads, found.sharedQuads.size / 8, 4, 2),
             "quarter_turns" to found.quarterTurns,
             "score" to Tensor.scalar(found.score),
             "kept" to found.notes.isNotEmpty(),
@@ -111,16 +111,16 @@ internal class Photos(private val files: GoldenFiles, private val forms: Forms) 
                     it.value
             }
         }
-            .toMap() + mapOf("black" to Tensor(found.black, 3), "saturation" to found.saturation)
+            .toMap() + mapOf("black" to Tensor(found.copyBlack(), 3), "saturation" to found.saturation)
     }
 
     private fun statistics(frame: FrameMeans?, n: Int): Map<String, Tensor?> = mapOf(
-        "mean" to frame?.let { Tensor(it.mean, n, 3) },
-        "standard_error" to frame?.let { Tensor(it.standardError, n, 3) },
-        "count" to frame?.let { found -> Tensor(DoubleArray(3 * n) { found.count[it].toDouble() }, n, 3) },
-        "clipped" to frame?.let { Tensor(it.clipped, n, 3) },
-        "dead" to frame?.let { Tensor(it.dead, n, 3) },
-        "gradient" to frame?.let { Tensor(it.gradient, n, 3) },
-        "greens" to frame?.let { Tensor(it.greens, n, 2) },
+        "mean" to frame?.let { Tensor(it.copyMean(), n, 3) },
+        "standard_error" to frame?.let { Tensor(it.copyStandardError(), n, 3) },
+        "count" to frame?.let { found -> Tensor(DoubleArray(3 * n) { found.sharedCount[it].toDouble() }, n, 3) },
+        "clipped" to frame?.let { Tensor(it.copyClipped(), n, 3) },
+        "dead" to frame?.let { Tensor(it.copyDead(), n, 3) },
+        "gradient" to frame?.let { Tensor(it.copyGradient(), n, 3) },
+        "greens" to frame?.let { Tensor(it.copyGreens(), n, 2) },
     )
 }

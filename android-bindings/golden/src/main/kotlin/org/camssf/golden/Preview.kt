@@ -1,8 +1,8 @@
 package org.camssf.golden
 
-import org.camssf.Space
-import org.camssf.Standardiser
 import org.camssf.colour.RawPixels
+import org.camssf.colour.Space
+import org.camssf.colour.Standardiser
 import org.camssf.photo.Mosaic
 import org.camssf.photo.Region
 import java.io.File

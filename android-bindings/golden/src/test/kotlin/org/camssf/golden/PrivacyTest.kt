@@ -90,9 +90,9 @@ class PrivacyTest {
                 val manifest = "META-INF/MANIFEST.MF"
                 out.putNextEntry(ZipEntry(manifest))
                 val said = jar.getInputStream(jar.getEntry(manifest)).bufferedReader().readText()
-                val told = said.replace(Regex("(Implementation-Version: )\\S+"), "$11.29.0")
-                assertTrue(told != said, said)
-                out.write(told.toByteArray())
+                val changed = said.replace(Regex("(Implementation-Version: )\\S+"), "$11.29.0")
+                assertTrue(changed != said, said)
+                out.write(changed.toByteArray())
                 for (entry in jar.entries().toList().filter { it.name.endsWith(".class") }) {
                     out.putNextEntry(ZipEntry(entry.name))
                     jar.getInputStream(entry).use { it.copyTo(out) }

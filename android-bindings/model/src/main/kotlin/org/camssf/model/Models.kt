@@ -2,13 +2,15 @@ package org.camssf.model
 
 import java.io.InputStream
 
-/** The files in this jar: the models, tables and rules that Python also uses, each with the SHA-256 of its build. */
+/** The files in this jar: the models, bases, tables and rules that Python also uses, each with the SHA-256 of its build. */
 public object Models {
+    private const val FOLDER = "org/camssf/model"
+
     /** Names of the files. */
     @JvmField
     public val NAMES: List<String> = listOf(
-        "camssf-phones.onnx", "camssf-cameras.onnx", "camssf-ryyb.onnx", "camssf-gaussian.onnx",
-        "spectra.json", "rules.json", "colour.json", "finder.json",
+        "camssf-learned.onnx", "camssf-gaussian.onnx", "bases.f64",
+        "spectra.json", "rules.json", "finder.json",
     )
 
     /**
@@ -17,10 +19,7 @@ public object Models {
      * @throws IllegalStateException the file is missing from the jar (an app's packaging rules can remove it).
      */
     @JvmStatic
-    public fun open(name: String): InputStream =
-        checkNotNull(Models::class.java.getResourceAsStream("/org/camssf/model/$name")) {
-            "$name is missing from the app: keep the resources org/camssf/model/* when packaging."
-        }
+    public fun open(name: String): InputStream = open(Models::class.java, FOLDER, name)
 
     /**
      * Reads one of [NAMES] and checks its hash.
@@ -28,11 +27,29 @@ public object Models {
      * @throws IllegalStateException the file is missing or differs from the one that this jar was built with.
      */
     @JvmStatic
-    public fun read(name: String): ByteArray = checked(name, open(name).use { it.readBytes() })
+    public fun read(name: String): ByteArray = read(Models::class.java, FOLDER, name)
 
-    internal fun checked(name: String, content: ByteArray): ByteArray {
-        val known = open("$name.sha256").use { it.readBytes() }.toString(Charsets.US_ASCII).trim()
-        check(sha256(content) == known) {
+    /**
+     * Reads a file of a camssf jar and checks its hash.
+     *
+     * @param owner a class in that jar.
+     * @param folder of the file in that jar.
+     * @throws IllegalStateException the file is missing or differs from the one that the jar was built with.
+     */
+    internal fun read(owner: Class<*>, folder: String, name: String): ByteArray {
+        val (content, hash) = listOf(name, "$name.sha256").map {
+            open(owner, folder, it).use { file -> file.readBytes() }
+        }
+        return checked(name, content, hash)
+    }
+
+    private fun open(owner: Class<*>, folder: String, name: String): InputStream =
+        checkNotNull(owner.getResourceAsStream("/$folder/$name")) {
+            "$name is missing from the app: keep the resources $folder/* when packaging."
+        }
+
+    internal fun checked(name: String, content: ByteArray, hash: ByteArray): ByteArray {
+        check(sha256(content) == hash.toString(Charsets.US_ASCII).trim()) {
             "$name is not the file that this version of camssf was built with: it was changed when packaging."
         }
         return content

@@ -20,7 +20,8 @@ class ModelsTest {
         for (name in Models.NAMES) {
             val content = Models.read(name)
             content[content.size / 2] = (content[content.size / 2].toInt() xor 1).toByte()
-            val error = assertThrows(IllegalStateException::class.java) { Models.checked(name, content) }
+            val hash = Models.open("$name.sha256").use { it.readBytes() }
+            val error = assertThrows(IllegalStateException::class.java) { Models.checked(name, content, hash) }
             assertTrue(name in error.message!!)
         }
     }

@@ -5,7 +5,7 @@ import java.io.File
 /** The files that this build ships. */
 internal object Artifacts {
     /** Modules that apps take: jars, and camera2 an AAR around its jar. */
-    val SHIPPED = listOf("model", "core", "finder", "camera2", "camerax", "passport", "testing")
+    val SHIPPED = listOf("model", "core", "colour", "finder", "camera2", "camerax", "passport", "testing")
 
     /** The folder android-bindings. */
     val FOLDER = File(System.getProperty("camssf.root"), "android-bindings")

@@ -117,11 +117,14 @@ class ReleaseTest {
     }
 
     @Test
-    fun `JSON's library runs, and is not compiled against`() {
+    fun `coroutines are all that is compiled against, and no JSON library is brought along`() {
         val dependencies = elements(file("core", ".pom"), "dependency")
         val scopes = dependencies.associate { text(it, "artifactId") to text(it, "scope") }
-        assertEquals("runtime", scopes.getValue("kotlinx-serialization-json-jvm"))
         assertEquals("compile", scopes.getValue("kotlinx-coroutines-core-jvm"))
+        for (name in Artifacts.SHIPPED) {
+            val brought = elements(file(name, ".pom"), "dependency").map { text(it, "artifactId") }
+            assertEquals(emptyList<String>(), brought.filter { "serialization" in it }, name)
+        }
     }
 
     @Test

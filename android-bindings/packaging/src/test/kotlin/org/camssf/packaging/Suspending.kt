@@ -3,10 +3,10 @@ package org.camssf.packaging
 import kotlinx.coroutines.runBlocking
 import org.camssf.Calibrated
 import org.camssf.SsfCalibrator
-import org.camssf.Standardiser
 import org.camssf.colour.RawPixels
 import org.camssf.colour.RawRegion
 import org.camssf.colour.Reference
+import org.camssf.colour.Standardiser
 import org.camssf.photo.Capture
 import org.camssf.photo.Corners
 import org.camssf.photo.PhotoSource
@@ -35,8 +35,8 @@ internal object Suspending {
         val area = Region(22, 94, 38, 110)
         val (white, same) = RawRegion.measure(mosaic, listOf(area, area))
         val standardiser = Standardiser.of(found, Lamp.read("D55"), Reference(white))
-        val lightness = standardiser.colourOf(same).lab[0]
-        val pixels = standardiser.standardise(RawPixels.of(area).read(mosaic))
+        val lightness = standardiser.colourOf(same).copyLab()[0]
+        val pixels = standardiser.standardise(mosaic, RawPixels.of(area))
         check(abs(lightness - 100) < 0.25 && pixels.all { it.isFinite() }) { "L* of white is $lightness" }
     }
 }

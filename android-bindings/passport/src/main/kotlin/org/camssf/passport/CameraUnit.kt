@@ -39,7 +39,7 @@ public class CameraUnit @JvmOverloads constructor(
      * @throws InvalidArgument a field is known in both and differs.
      */
     internal fun agreed(other: CameraUnit, source: String): CameraUnit {
-        for ((mine, theirs) in told().zip(other.told())) {
+        for ((mine, theirs) in stated().zip(other.stated())) {
             val (name, own) = mine
             val there = theirs.second
             if (own != null && there != null && own != there) {
@@ -62,7 +62,7 @@ public class CameraUnit @JvmOverloads constructor(
         .map { (mine, theirs) -> "${mine.first} '${mine.second}' against '${theirs.second}'" }
 
     /** The fields by their names; null where unknown. */
-    private fun told(): List<Pair<String, Any?>> = words().map { (name, word) -> name to word.ifEmpty { null } } +
+    private fun stated(): List<Pair<String, Any?>> = words().map { (name, word) -> name to word.ifEmpty { null } } +
         sizes()
 
     private fun words() =
@@ -78,7 +78,7 @@ public class CameraUnit @JvmOverloads constructor(
                 throw InvalidArgument("The unit's $name is $size.", "Give a number above 0, or null.")
             }
         }
-        return (words().map { (name, value) -> name to Sound.quote(value) } + sizes())
+        return (words().map { (name, value) -> name to PassportJson.write(value) } + sizes())
             .joinToString(",", "{", "}") { (name, value) -> "\"$name\":$value" }
     }
 

@@ -1,6 +1,8 @@
 package org.camssf.passport
 
 import org.camssf.PassportInvalid
+import org.camssf.json.JsonText
+import org.camssf.json.NotJson
 
 /** In bytes, as in Python. */
 internal const val LARGEST_PASSPORT = 100_000
@@ -67,7 +69,7 @@ internal class Parts private constructor(
             val header = decoded(data, 0, first, what)
             val payload = decoded(data, first + 1, last, what)
             val signature = decoded(data, last + 1, data.size, what)
-            val values = members(text(header, "header", what), "header", what).values
+            val values = members(text(header, "header", what), "header", what)
             val kid = values["kid"] as? String
             if (kid == null || !PassportKeys.KEY.matches(kid)) throw invalid(what, " names no key")
             if (values != mapOf("alg" to ALGORITHM, "kid" to kid, "typ" to type)) { // `none`, HS256, crit, jwk
@@ -86,14 +88,21 @@ internal class Parts private constructor(
             Base64Url.decode(data, from, until)
                 ?: throw PassportInvalid("A part of $what is not base64url.", advice(what))
 
-        fun members(text: String, name: String, what: String): Members =
-            sound(name, what) { Sound.parse(text) } as? Members ?: throw invalid(what, "'s $name is not an object")
+        /** The members of an object; `place` as in [JsonText.parse]. */
+        fun members(
+            text: String,
+            name: String,
+            what: String,
+            place: (String, IntRange) -> Unit = { _, _ -> },
+        ): Map<*, *> = strictly(name, what) { JsonText.parse(text, place) } as? Map<*, *>
+            ?: throw invalid(what, "'s $name is not an object")
 
-        fun text(data: ByteArray, name: String, what: String): String = sound(name, what) { Sound.text(data) }
+        fun text(data: ByteArray, name: String, what: String): String =
+            strictly(name, what) { PassportJson.text(data) }
 
-        private fun <T> sound(name: String, what: String, read: () -> T): T = try {
+        private fun <T> strictly(name: String, what: String, read: () -> T): T = try {
             read()
-        } catch (error: UnsoundException) {
+        } catch (error: NotJson) {
             throw invalid(what, "'s $name is not valid JSON", error)
         }
     }

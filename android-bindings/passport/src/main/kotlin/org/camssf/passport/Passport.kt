@@ -4,6 +4,9 @@ import org.camssf.Camssf
 import org.camssf.InvalidArgument
 import org.camssf.PassportInvalid
 import org.camssf.UnitDiffers
+import org.camssf.json.JsonText
+import org.camssf.json.NotJson
+import org.camssf.photo.DocumentForm
 import org.camssf.photo.Photo
 import java.security.GeneralSecurityException
 import java.security.KeyPair
@@ -70,18 +73,18 @@ public class Passport internal constructor(
 
     /** Names of the claims, and their values as JSON. */
     internal fun claims(): List<Pair<String, String>> {
-        val lamps = lampSerials.joinToString(",", "[", "]") { Sound.quote(it) }
+        val lamps = lampSerials.joinToString(",", "[", "]") { PassportJson.write(it) }
         return listOf(
-            "format" to Sound.quote(Claims.FORMAT),
-            "jti" to Sound.quote(id),
+            "format" to PassportJson.write(Claims.FORMAT),
+            "jti" to PassportJson.write(id),
             "iat" to issued.epochSeconds.toString(),
             "nbf" to begins.epochSeconds.toString(),
             "exp" to ends.epochSeconds.toString(),
             "unit" to unit.toJson(),
-            "captured" to Sound.quote(captured),
-            "serials" to """{"chart":${Sound.quote(chartSerial)},"lamps":$lamps}""",
-            "software" to """{"name":"camssf","version":${Sound.quote(software)}}""",
-            "result_sha256" to Sound.quote(resultSha256),
+            "captured" to PassportJson.write(captured),
+            "serials" to """{"chart":${PassportJson.write(chartSerial)},"lamps":$lamps}""",
+            "software" to """{"name":"camssf","version":${PassportJson.write(software)}}""",
+            "result_sha256" to PassportJson.write(resultSha256),
             "result" to result,
         )
     }
@@ -147,7 +150,6 @@ public class Passport internal constructor(
     override fun toString(): String = "passport $id of $unit, valid from ${iso(begins)} to ${iso(ends)}"
 
     public companion object {
-        private const val LARGEST_DOCUMENT = 64 * 1024 * 1024
         private const val LONGEST_DAYS = 36500
 
         /** Number of characters of a signature and the dot before it. */
@@ -178,20 +180,16 @@ public class Passport internal constructor(
             now: Instant = Clock.System.now(),
             photos: List<Photo> = emptyList(),
         ): Passport {
-            val whole = document(result)
-            val document = whole.values
-            val camera = (document["camera"] as? Members)?.values ?: throw noResult("has no camera")
-            val shots = document["shots"] as? List<*> ?: throw noResult("has no shots")
-            if (document["format"] != "camssf-result/1") throw noResult("has another format")
-            if ("ssf" !in document || ResultForm.isRefused(whole)) {
+            val document = document(result)
+            val capture = document.capture
+            if (document.answer == null || capture == null) {
                 throw InvalidArgument("The result was refused: it has no curves to sign.", "Calibrate again.")
             }
-            if ("excerpt" in document) throw noResult("is the excerpt that a passport holds")
-            val excerpt = Excerpt.of(whole)
-            if (!ResultForm.holds(excerpt)) throw noResult("breaks its form")
+            val shots = capture.shots
+            val excerpt = Excerpt.of(document)
             var unit = said.unit
             for (photo in photos) {
-                if (shots.none { photo.sha256.isNotEmpty() && sha256(it) == photo.sha256 }) {
+                if (shots.none { photo.sha256.isNotEmpty() && it.photo.sha256 == photo.sha256 }) {
                     throw InvalidArgument(
                         "The result was not made from ${photo.name}.",
                         "Give the original file, or leave it out.",
@@ -199,7 +197,7 @@ public class Passport internal constructor(
                 }
                 unit = unit.agreed(CameraUnit.of(photo), photo.name)
             }
-            val told = CameraUnit(camera["make"] as? String ?: "", camera["model"] as? String ?: "")
+            val ofPhoto = shots[0].photo.let { CameraUnit(it.make, it.model) }
             val times = listOf(said.captured) + photos.map { it.captured }
             val lamps = said.lampSerials.ifEmpty { List(shots.size) { "" } }
             if (lamps.size != shots.size) {
@@ -223,35 +221,24 @@ public class Passport internal constructor(
                 issued = second(now.epochSeconds),
                 begins = second(begins),
                 ends = second(ends),
-                unit = unit.agreed(told, "the result"),
+                unit = unit.agreed(ofPhoto, "the result"),
                 captured = captured(times.firstOrNull { it.isNotEmpty() }.orEmpty()),
                 chartSerial = said.chartSerial,
                 lampSerials = lamps,
                 software = Camssf.VERSION,
                 resultSha256 = hex(PassportKeys.sha256(result)),
-                result = Sound.write(excerpt),
+                result = PassportJson.write(excerpt),
             ).also { it.unit.toJson() }
         }
 
-        /** SHA-256 of a shot's photo. */
-        private fun sha256(shot: Any?): Any? {
-            val photo = (shot as? Members)?.values?.get("photo") as? Members
-            return photo?.values?.get("sha256")
-        }
-
-        private fun document(result: ByteArray): Members {
-            if (result.size > LARGEST_DOCUMENT) throw noResult("is larger than $LARGEST_DOCUMENT bytes")
-            return try {
-                Sound.parse(Sound.text(result)) as? Members ?: throw noResult("is not an object")
-            } catch (error: UnsoundException) {
-                throw noResult("is not valid JSON (${error.message})")
+        private fun document(result: ByteArray): DocumentForm {
+            val text = try {
+                PassportJson.text(result)
+            } catch (error: NotJson) {
+                throw InvalidArgument("The result is not valid JSON (${error.message}).", DocumentForm.ADVICE)
             }
+            return DocumentForm.read(text, "The result")
         }
-
-        private fun noResult(why: String) = InvalidArgument(
-            "The result $why.",
-            "Give the bytes of a \"camssf-result/1\", as Calibration.toJson has it.",
-        )
 
         private fun hex(data: ByteArray): String =
             data.joinToString("") { (it.toInt() and 0xff).toString(16).padStart(2, '0') }
@@ -306,7 +293,7 @@ public class Passport internal constructor(
                 val words = "The result that was signed is not in the form of one."
                 throw PassportInvalid(words, Parts.advice(Parts.WHAT), cause = error)
             }
-            if (!Sound.isSame(Excerpt.of(whole), Sound.parse(passport.result))) {
+            if (whole.answer == null || !PassportJson.isSame(Excerpt.of(whole), JsonText.parse(passport.result))) {
                 throw PassportInvalid(
                     "The passport's excerpt differs from the signed result.",
                     Parts.advice(Parts.WHAT),

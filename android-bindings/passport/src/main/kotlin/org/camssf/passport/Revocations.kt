@@ -18,12 +18,12 @@ internal object Revocations {
             )
         }
         val parts = Parts.verified(data, TYPE, points, WHAT)
-        val payload = Parts.members(Parts.text(parts.payload, "payload", WHAT), "payload", WHAT).values
+        val payload = Parts.members(Parts.text(parts.payload, "payload", WHAT), "payload", WHAT)
         val names = payload["revoked"] as? List<*>
         val sound = payload["format"] == FORMAT && listOf("iat", "exp").all { Claims.isSecond(payload[it]) } &&
             names != null && names.all { it is String && isName(it) }
         if (!sound) throw invalid("is not in the form $FORMAT")
-        val ends = (payload.getValue("exp") as Numeral).whole!!
+        val ends = payload["exp"] as Long
         if (now >= ends) {
             throw PassportInvalid(
                 "The revocation list ended at ${iso(second(ends))}.",

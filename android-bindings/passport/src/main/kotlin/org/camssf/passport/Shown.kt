@@ -1,5 +1,7 @@
 package org.camssf.passport
 
+import org.camssf.json.JsonText
+
 /**
  * The content of a document that has the form of a passport. Nothing is verified: anybody may have written it.
  *
@@ -11,15 +13,15 @@ public class Shown internal constructor(public val passport: Passport, public va
 
     /** The content as `camssf passport show` prints it, without the result. */
     public fun toJson(): String {
-        val verdict = (Sound.parse(passport.result) as Members).values["verdict"] as? Members
-        val status = (verdict?.values?.get("status") as? String)?.let { Sound.quote(it) }
+        val verdict = (JsonText.parse(passport.result) as Map<*, *>)["verdict"] as? Map<*, *>
+        val status = (verdict?.get("status") as? String)?.let { PassportJson.write(it) }
         val head = listOf(
-            "key" to Sound.quote(key),
+            "key" to PassportJson.write(key),
             "verified" to "false",
-            "id" to Sound.quote(passport.id),
-            "issued" to Sound.quote(iso(passport.issued)),
-            "begins" to Sound.quote(iso(passport.begins)),
-            "ends" to Sound.quote(iso(passport.ends)),
+            "id" to PassportJson.write(passport.id),
+            "issued" to PassportJson.write(iso(passport.issued)),
+            "begins" to PassportJson.write(iso(passport.begins)),
+            "ends" to PassportJson.write(iso(passport.ends)),
         )
         val claims = passport.claims().filter { it.first !in setOf("jti", "iat", "nbf", "exp", "result") }
         return (head + claims + ("verdict" to status)).joinToString(",", "{", "}") { (name, value) ->

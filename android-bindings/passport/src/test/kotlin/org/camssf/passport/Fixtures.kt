@@ -11,6 +11,8 @@ import kotlinx.serialization.json.jsonObject
 import kotlinx.serialization.json.jsonPrimitive
 import kotlinx.serialization.json.long
 import org.camssf.PassportInvalid
+import org.camssf.json.JsonText
+import org.camssf.photo.DocumentForm
 import org.junit.jupiter.api.Assertions.assertTrue
 import org.junit.jupiter.api.assertThrows
 import java.io.File
@@ -42,15 +44,18 @@ internal object Fixtures {
         Json.parseToJsonElement(it.readText()).jsonObject
     }
     val CASES = content.getValue("cases").jsonArray.map { Case(it.jsonObject) }
-    val RESULT = content.getValue("result").jsonPrimitive.content.toByteArray()
+    val RESULT = text("result").toByteArray()
 
     /** A whole result, about as short as one can be. */
-    val SMALL = content.getValue("small").jsonPrimitive.content
+    val SMALL = text("small")
 
     /** Revocation lists, and what Python says of them. */
     val LISTS = content.getValue("lists").jsonArray.map { it.jsonObject }
     val LATER: Instant = case("small").at
     val SIGNER: PublicKey = PassportKeys.readPublic(pem("signer").toByteArray())
+
+    /** A result's text by its name: "result" or "small". */
+    fun text(name: String): String = content.getValue(name).jsonPrimitive.content
 
     fun case(name: String): Case = CASES.single { it.name == name }
 
@@ -71,7 +76,21 @@ internal object Fixtures {
     }
 
     /** What a passport holds of a result. */
-    fun excerpt(result: String): String = Sound.write(Excerpt.of(Sound.parse(result) as Members))
+    fun excerpt(result: String): String = PassportJson.write(Excerpt.of(DocumentForm.read(result, "it")))
+
+    /** [SMALL] without the hash of its content, changed: a document in plain values. */
+    @Suppress("UNCHECKED_CAST")
+    fun changed(change: (MutableMap<String, Any?>) -> Unit): String {
+        val document = JsonText.parse(SMALL) as MutableMap<String, Any?>
+        document.remove("sha256")
+        change(document)
+        return JsonText.write(document)
+    }
+
+    /** A part of a document in plain values. */
+    @Suppress("UNCHECKED_CAST")
+    fun part(document: Map<String, Any?>, name: String): MutableMap<String, Any?> =
+        document.getValue(name) as MutableMap<String, Any?>
 
     fun refused(data: ByteArray, key: PublicKey, words: String = ""): PassportInvalid {
         val error = assertThrows<PassportInvalid> { Passport.verify(data, listOf(key), now = LATER) }

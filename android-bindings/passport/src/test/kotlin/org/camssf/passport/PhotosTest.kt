@@ -1,11 +1,5 @@
 package org.camssf.passport
 
-import kotlinx.serialization.json.Json
-import kotlinx.serialization.json.JsonArray
-import kotlinx.serialization.json.JsonObject
-import kotlinx.serialization.json.JsonPrimitive
-import kotlinx.serialization.json.jsonArray
-import kotlinx.serialization.json.jsonObject
 import org.camssf.InvalidArgument
 import org.camssf.UnitDiffers
 import org.camssf.photo.Photo
@@ -37,14 +31,22 @@ class PhotosTest {
     ) = CameraUnit(make, model, cameraId, serial, lens, focalLength, aperture)
 
     /** [Fixtures.SMALL] of these photos. */
-    private fun result(vararg of: Photo): ByteArray {
-        val whole = Json.parseToJsonElement(Fixtures.SMALL).jsonObject
-        val shot = whole.getValue("shots").jsonArray.single().jsonObject
-        val shots = of.map { JsonObject(shot + ("photo" to JsonObject(mapOf("sha256" to JsonPrimitive(it.sha256))))) }
-        val camera = mapOf("make" to "Maker", "model" to "Model 1").mapValues { JsonPrimitive(it.value) }
-        val changed = mapOf("shots" to JsonArray(shots), "camera" to JsonObject(camera))
-        return JsonObject(whole + changed).toString().toByteArray()
-    }
+    @Suppress("UNCHECKED_CAST")
+    private fun result(vararg of: Photo): ByteArray = Fixtures.changed { document ->
+        val capture = Fixtures.part(document, "capture")
+        val shot = (capture.getValue("shots") as List<*>).single() as Map<String, Any?>
+        capture["shots"] = of.map { photo ->
+            val noFrames = mapOf("white" to null, "dark" to null)
+            val own = Fixtures.part(shot, "photo") - setOf("unit", "active_area") +
+                mapOf("sha256" to photo.sha256, "make" to "Maker", "model" to "Model 1")
+            shot + noFrames + mapOf("photo" to own, "means" to Fixtures.part(shot, "means") + noFrames)
+        }
+        val answer = Fixtures.part(document, "answer")
+        for (name in listOf("used", "level", "predicted", "unseen", "predicted_std", "unseen_std", "lights")) {
+            val rows = answer[name] as List<*>? ?: continue
+            answer[name] = if (rows.isEmpty()) rows else of.map { rows[0] }
+        }
+    }.toByteArray()
 
     @Test
     fun `unit and time are the photo's`() {

@@ -27,8 +27,8 @@ class PythonsTest {
     fun `the answers are Python's`(): List<DynamicTest> = Fixtures.CASES.map { case ->
         dynamicTest(case.name) {
             val verified = answer { Passport.verify(case.data, listOf(Fixtures.SIGNER), case.revoked, case.at) }
-            assertEquals(told(case.verified), verified)
-            assertEquals(told(case.read), answer { Passport.show(case.data).passport })
+            assertEquals(stated(case.verified), verified)
+            assertEquals(stated(case.read), answer { Passport.show(case.data).passport })
         }
     }
 
@@ -60,8 +60,8 @@ class PythonsTest {
             } catch (error: PassportInvalid) {
                 error.message
             }
-            val told = of.getValue("told")
-            assertEquals(if (told is JsonArray) Fixtures.plain(told) else told(told), names)
+            val expected = of.getValue("told")
+            assertEquals(if (expected is JsonArray) Fixtures.plain(expected) else stated(expected), names)
         }
     }
 
@@ -76,8 +76,8 @@ class PythonsTest {
     }
 
     /**
-     * What Python's tests/test_passport.py reads: `mvn -f android-bindings verify -Dpassports.write` writes it anew. The
-     * private key was made for it and is gone.
+     * What Python's tests/test_passport.py reads: `mvn -f android-bindings verify -Dpassports.write` writes it anew, of
+     * the results that python.json.gz holds. The private key was made for it and is gone.
      */
     @Test
     fun `passports for Python`() {
@@ -89,7 +89,7 @@ class PythonsTest {
         assertEquals(3, passports.size)
         for (each in passports.map { it as JsonObject }) {
             val data = each.getValue("data").jsonPrimitive.content.toByteArray()
-            val result = each.getValue("result").jsonPrimitive.content
+            val result = Fixtures.text(each.getValue("result").jsonPrimitive.content)
             val found = Passport.verify(data, listOf(key), now = Fixtures.LATER, result = result.toByteArray())
             assertEquals(Fixtures.plain(each.getValue("shown")), Fixtures.plain(Passport.show(data).toJson()))
             assertEquals(Fixtures.plain(Fixtures.excerpt(result)), Fixtures.plain(found.result))
@@ -99,18 +99,18 @@ class PythonsTest {
     private fun written(): JsonObject {
         val keys = Fixtures.pair()
         val unit = CameraUnit("", "", "rear \uD800 wide", "Ä \"1\"\u0000\n\uD83D\uDE00", "24 mm", 5.4, 1.8)
-        val whole = String(Fixtures.RESULT)
-        val sayings = listOf(
-            PassportRequest() to whole,
-            PassportRequest(unit, "2026-11-20 10:00Z", "7\u2028", listOf("lamp\\3"), 90.5) to Fixtures.SMALL,
+        val requests = listOf(
+            PassportRequest() to "result",
+            PassportRequest(unit, "2026-11-20 10:00Z", "7\u2028", listOf("lamp\\3"), 90.5) to "small",
             PassportRequest(
                 captured = "2026-11-20T10:00:00.25+01:00", days = 36500.0, begins = Fixtures.LATER - 1.days,
-            ) to Fixtures.SMALL,
+            ) to "small",
         )
         val body = Base64.getMimeEncoder(64, "\n".toByteArray()).encodeToString(keys.public.encoded)
         val pem = "-----BEGIN PUBLIC KEY-----\n$body\n-----END PUBLIC KEY-----\n"
-        val passports = sayings.map { (said, result) ->
-            val data = Passport.create(result.toByteArray(), said, Fixtures.LATER - 2.days).sign(keys)
+        val passports = requests.map { (request, result) ->
+            val text = Fixtures.text(result).toByteArray()
+            val data = Passport.create(text, request, Fixtures.LATER - 2.days).sign(keys)
             val shown = Json.parseToJsonElement(Passport.show(data).toJson())
             val texts = mapOf("data" to String(data), "result" to result).mapValues { JsonPrimitive(it.value) }
             JsonObject(texts + ("shown" to shown))
@@ -125,6 +125,6 @@ class PythonsTest {
         error.message
     }
 
-    private fun told(of: JsonElement): Any? =
+    private fun stated(of: JsonElement): Any? =
         if (of is JsonObject) Fixtures.plain(of) else of.jsonPrimitive.content
 }

@@ -69,6 +69,14 @@ class SigningTest {
         assertTrue(high in 20..80, "$high")
     }
 
+    private fun ofModel(name: String): ByteArray = Fixtures.changed { document ->
+        val shot = (Fixtures.part(document, "capture").getValue("shots") as List<*>).single() as Map<*, *>
+        for (role in listOf("photo", "white", "dark")) {
+            @Suppress("UNCHECKED_CAST")
+            (shot[role] as MutableMap<String, Any?>?)?.set("model", name)
+        }
+    }.toByteArray()
+
     @Test
     fun `what cannot be signed`() {
         fun refused(
@@ -82,14 +90,16 @@ class SigningTest {
         }
         refused("not valid JSON", "{")
         refused("not valid JSON", "{\"a\":1,\"a\":1}")
-        refused("is not an object", "[]")
-        refused("has no camera", "{}")
-        refused("has no shots", """{"camera":{}}""")
-        refused("another format", Fixtures.SMALL.replace("result/1", "result/2"))
-        refused("was refused", Fixtures.SMALL.replace("\"ssf\"", "\"no\""))
-        refused("was refused", Fixtures.SMALL.replace("\"doubtful\"", "\"refused\""))
-        refused("breaks its form", Fixtures.SMALL.replace("\"channel_gain\"", "\"no\""))
-        refused("the excerpt", Fixtures.SMALL.replaceFirst("{", "{\"excerpt\": {}, "))
+        refused("The result: the document must be an object", "[]")
+        refused("it has no \"format\"", "{}")
+        refused("is camssf/3, not camssf/2", Fixtures.changed { it["format"] = "camssf/3" })
+        refused("is not the hash of the rest", Fixtures.SMALL.replace("\"Model A\"", "\"Model B\""))
+        val none = Fixtures.changed {
+            it.remove("answer")
+            Fixtures.part(it, "verdict")["status"] = "refused"
+        }
+        refused("was refused", none)
+        refused("answer lacks channel_gain", Fixtures.changed { Fixtures.part(it, "answer").remove("channel_gain") })
         val long = Passport.create(result, PassportRequest(chartSerial = "x".repeat(4097)), now)
         assertTrue("serials" in assertThrows<InvalidArgument> { long.sign(keys) }.message)
         refused("2 serials of lamps for 1 shots", said = PassportRequest(lampSerials = listOf("a", "b")))
@@ -150,7 +160,7 @@ class SigningTest {
     fun `the excerpt is what the signed result holds`() {
         val drawn = Passport.create(result, now = now)
         assertTrue(drawn.sign(keys).size < 100_000)
-        val other = Passport.create(Fixtures.SMALL.replace("Model A", "Model B").toByteArray(), now = now)
+        val other = Passport.create(ofModel("Model B"), now = now)
         val claims = other.toJson().replace(other.resultSha256, drawn.resultSha256)
         val text = Base64Url.encode(Parts.header(PassportKeys.name(keys.public)).toByteArray()) + "." +
             Base64Url.encode(claims.toByteArray())

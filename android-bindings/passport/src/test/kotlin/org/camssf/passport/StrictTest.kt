@@ -1,14 +1,15 @@
 package org.camssf.passport
 
 import kotlinx.serialization.json.Json
+import org.camssf.json.JsonText
+import org.camssf.json.NotJson
 import org.junit.jupiter.api.Assertions.assertThrows
 import org.junit.jupiter.api.DynamicTest
 import org.junit.jupiter.api.DynamicTest.dynamicTest
 import org.junit.jupiter.api.TestFactory
 
 /**
- * Why passports have a parser of their own: these texts are no JSON, or mean two things. Python refuses them, and the
- * library that core reads its own files with takes them.
+ * Texts that are no JSON, or mean two things: as Python, the parser refuses them; kotlinx takes them.
  */
 class StrictTest {
     @TestFactory
@@ -21,7 +22,7 @@ class StrictTest {
     ).map { text ->
         dynamicTest(text) {
             Json.parseToJsonElement(text)
-            assertThrows(UnsoundException::class.java) { Sound.parse(text) }
+            assertThrows(NotJson::class.java) { JsonText.parse(text) }
         }
     }
 }

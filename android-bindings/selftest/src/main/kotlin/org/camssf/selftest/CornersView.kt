@@ -86,11 +86,12 @@ internal class CornersView(context: Context) : View(context) {
             val (width, height) = mosaic.width / step to mosaic.height / step
             val colors = IntArray(width * height)
             val green = mosaic.sensor.cfa.indexOf('G')
-            val range = mosaic.sensor.white - mosaic.sensor.black[green]
+            val black = mosaic.sensor.copyBlack()[green]
+            val range = mosaic.sensor.white - black
             for (y in 0 until height) {
                 for (x in 0 until width) {
                     val sample = mosaic[x * step / 2 * 2 + (green and 1), y * step / 2 * 2 + (green shr 1)]
-                    val part = ((sample - mosaic.sensor.black[green]) / range).coerceIn(0.0, 1.0)
+                    val part = ((sample - black) / range).coerceIn(0.0, 1.0)
                     val grey = (255 * Math.pow(part, 1 / 2.2)).toInt()
                     colors[y * width + x] = Color.rgb(grey, grey, grey)
                 }

@@ -42,7 +42,7 @@ internal class GuideLog {
     private fun measures(m: FrameMeasures): JSONObject {
         fun known(value: Double?): Any = value ?: JSONObject.NULL
         return JSONObject()
-            .put("confidence", m.sighting.confidence)
+            .put("confidence", m.candidate.confidence)
             .put("size", m.size)
             .put("tilt", m.tilt)
             .put("white", m.white)

@@ -26,7 +26,7 @@ internal class GuideView(context: Context) : View(context) {
      */
     fun show(said: Guidance, frame: PreviewMap, view: PreviewMap) {
         guidance = said
-        outline = (said as? Guidance.Measured)?.let { view.fromMosaic(frame.toMosaic(it.measures.sighting.corners)) }
+        outline = (said as? Guidance.Measured)?.let { view.fromMosaic(frame.toMosaic(it.measures.candidate.corners)) }
         invalidate()
     }
 

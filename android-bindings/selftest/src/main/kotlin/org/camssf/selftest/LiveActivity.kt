@@ -94,8 +94,8 @@ public class LiveActivity : Activity(), TextureView.SurfaceTextureListener {
                 val facing = manager.getCameraCharacteristics(it).get(CameraCharacteristics.LENS_FACING)
                 facing == CameraCharacteristics.LENS_FACING_BACK
             } ?: return finish()
-            val told = manager.getCameraCharacteristics(id)
-            manager.openCamera(id, opened(told), handler)
+            val characteristics = manager.getCameraCharacteristics(id)
+            manager.openCamera(id, opened(characteristics), handler)
         } catch (_: CameraAccessException) {
             finish() // another app uses the camera, or a policy forbids it
         } catch (_: SecurityException) {
@@ -103,10 +103,10 @@ public class LiveActivity : Activity(), TextureView.SurfaceTextureListener {
         }
     }
 
-    private fun opened(told: CameraCharacteristics) = object : CameraDevice.StateCallback() {
+    private fun opened(characteristics: CameraCharacteristics) = object : CameraDevice.StateCallback() {
         override fun onOpened(device: CameraDevice) {
             camera = device
-            preview(device, told)
+            preview(device, characteristics)
         }
 
         override fun onDisconnected(device: CameraDevice) = device.close()
@@ -115,10 +115,10 @@ public class LiveActivity : Activity(), TextureView.SurfaceTextureListener {
     }
 
     @Suppress("DEPRECATION") // its replacement needs API 28
-    private fun preview(device: CameraDevice, told: CameraCharacteristics) {
+    private fun preview(device: CameraDevice, characteristics: CameraCharacteristics) {
         val surface = texture.surfaceTexture?.apply { setDefaultBufferSize(WIDTH, HEIGHT) } ?: return
-        val guide = CaptureGuide(PreviewFrames.focal(told))
-        val frame = PreviewFrames.map(told, Size(WIDTH, HEIGHT))
+        val guide = CaptureGuide(PreviewFrames.focal(characteristics))
+        val frame = PreviewFrames.map(characteristics, Size(WIDTH, HEIGHT))
         val taking = ImageReader.newInstance(WIDTH, HEIGHT, ImageFormat.YUV_420_888, 3)
         reader = taking
         val looking = PreviewFrames.listener(guide) { said ->
@@ -126,7 +126,8 @@ public class LiveActivity : Activity(), TextureView.SurfaceTextureListener {
                 if (advice.width > 0) {
                     // A TextureView stretches its stream; the manifest fixes the screen to portrait.
                     val size = Size(advice.width, advice.height)
-                    val view = PreviewFrames.view(told, Size(WIDTH, HEIGHT), size, rotation(), PreviewFit.STRETCH)
+                    val frames = Size(WIDTH, HEIGHT)
+                    val view = PreviewFrames.view(characteristics, frames, size, rotation(), PreviewFit.STRETCH)
                     advice.show(said, frame, view)
                 }
             }

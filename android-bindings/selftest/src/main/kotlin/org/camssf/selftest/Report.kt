@@ -47,7 +47,7 @@ internal class Report(private val device: Map<String, String>) {
 
     /** Adds the standard colour of a tapped spot, without its position. */
     fun colour(found: StandardColour) {
-        colours.put(JSONObject().put("lab", JSONArray(found.lab.toList())))
+        colours.put(JSONObject().put("lab", JSONArray(found.copyLab().toList())))
     }
 
     /** The report as JSON, "camssf-selftest/1". */

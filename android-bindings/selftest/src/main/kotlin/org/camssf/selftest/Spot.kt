@@ -2,10 +2,10 @@ package org.camssf.selftest
 
 import org.camssf.Calibrated
 import org.camssf.InvalidArgument
-import org.camssf.Standardiser
 import org.camssf.colour.RawRegion
 import org.camssf.colour.Reference
 import org.camssf.colour.StandardColour
+import org.camssf.colour.Standardiser
 import org.camssf.photo.ChartPose
 import org.camssf.photo.Corners
 import org.camssf.photo.Mosaic
@@ -56,7 +56,7 @@ internal class Spot(
 
         /** A colour as one line for the screen. */
         fun words(colour: StandardColour): String {
-            val (l, a, b) = colour.lab.map { (10 * it).roundToInt() / 10.0 }
+            val (l, a, b) = colour.copyLab().map { (10 * it).roundToInt() / 10.0 }
             return "L* $l, a* $a, b* $b, relative to the lamp"
         }
     }

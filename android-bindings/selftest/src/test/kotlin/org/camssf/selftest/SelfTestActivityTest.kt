@@ -111,7 +111,7 @@ class SelfTestActivityTest {
         assertTrue(calibration.getJSONObject("memory").getLong("peak_resident") > 1 shl 20)
         val result = calibration.getJSONObject("result")
         assertEquals("accepted", result.getJSONObject("verdict").getString("status"))
-        val taken = result.getJSONArray("shots").getJSONObject(0)
+        val taken = result.getJSONObject("capture").getJSONArray("shots").getJSONObject(0)
         assertEquals("E", taken.getJSONObject("lamp").getString("name"))
         val shot = taken.getJSONObject("photo")
         assertEquals("photo", shot.getString("name"))

@@ -11,9 +11,9 @@ import org.camssf.documents.Solution
 import org.camssf.documents.Uncertainty
 import org.camssf.fit.Scores
 import org.camssf.photo.Assumption
-import org.camssf.photo.Begun
 import org.camssf.photo.MeasuredCapture
 import org.camssf.photo.Normalise
+import org.camssf.photo.PartialCapture
 import org.camssf.recovery.BasisConstants
 import org.camssf.recovery.Ssf
 import org.camssf.recovery.predictSignals
@@ -49,9 +49,9 @@ public object Fakes {
         val table = capture.chart
         val signals = Normalise.all(listOf(shot.means), table.patches, table.white)
         val white = table.reflectance(table.white)
-        val lamp = shot.lamp.values
+        val lamp = shot.lamp.copyValues()
         val values = scaled(curves ?: mean(), DoubleArray(Grid.SIZE) { white[it] * lamp[it] * Grid.STEP })
-        val predicted = predictSignals(values, table.values, lamp, white)
+        val predicted = predictSignals(values, table.copyValues(), lamp, white)
         val r = BasisConstants.of(BASIS)!!.atoms
         val peaks = List(3) { c -> (0 until Grid.SIZE).maxOf { values[3 * it + c] } }
         val ssf = Ssf(
@@ -85,7 +85,7 @@ public object Fakes {
             signals.assumptions + Assumption(FAKE, "Made by camssf-testing: these are no camera's curves."),
             Uncertainty(ssf.halfWidth, ssf.halfWidthWithoutPhoto, emptyList(), emptyList()),
         )
-        return Calibrated(solution, "0".repeat(64))
+        return Calibrated(solution, "0".repeat(64), "0".repeat(64))
     }
 
     /**
@@ -97,8 +97,8 @@ public object Fakes {
     public fun refused(error: CalibrationException): Refused {
         val reason = Reason(error.code, error.message, error.advice, error.value, error.threshold, fatal = true)
         val shot = SampleCapture.measured()
-        val begun = Begun(SampleCapture.chart(), listOf(shot.lamp), listOf(shot))
-        return Refused(error, Verdict(Status.REFUSED, listOf(reason)), begun)
+        val partial = PartialCapture(SampleCapture.chart(), listOf(shot.lamp), listOf(shot))
+        return Refused(error, Verdict(Status.REFUSED, listOf(reason)), partial)
     }
 
     private fun mean(): DoubleArray {

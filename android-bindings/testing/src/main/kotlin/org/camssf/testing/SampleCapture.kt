@@ -1,6 +1,6 @@
 package org.camssf.testing
 
-import org.camssf.Tell
+import org.camssf.ProgressReporter
 import org.camssf.photo.Capture
 import org.camssf.photo.Corners
 import org.camssf.photo.MeasuredShot
@@ -42,5 +42,5 @@ public object SampleCapture {
 
     /** The shot of this capture, measured; ONNX Runtime is not needed. */
     @JvmStatic
-    public fun measured(): MeasuredShot = Measuring(capture(), Tell.NOBODY).run().shots[0]
+    public fun measured(): MeasuredShot = Measuring(capture(), ProgressReporter.NOBODY).run().shots[0]
 }

@@ -8,7 +8,7 @@ import org.camssf.Calibration
 import org.camssf.Channel
 import org.camssf.InvalidArgument
 import org.camssf.Overexposed
-import org.camssf.photo.MeasuredShot
+import org.camssf.photo.MeasuredCapture
 import org.camssf.verdict.Status
 import org.junit.jupiter.api.Assertions.assertArrayEquals
 import org.junit.jupiter.api.Assertions.assertEquals
@@ -66,7 +66,11 @@ class FakesTest {
     fun `the sample is measured and saved without a model`() {
         val shot = SampleCapture.measured()
         assertEquals(24, shot.pose.patches.size)
-        assertEquals(shot.toText(), MeasuredShot.fromText(shot.toText()).toText())
+        val text = MeasuredCapture.of(listOf(shot), SampleCapture.chart()).toJson()
+        assertEquals(text, MeasuredCapture.fromJson(text).toJson())
+        for (found in listOf(Fakes.calibrated(), Fakes.calibrated(listOf("glare")))) {
+            assertEquals(text, MeasuredCapture.fromJson(found.toJson()).toJson())
+        }
         val golden = File(System.getProperty("camssf.root"), "golden/dng/chart-turned-0.dng")
         assertArrayEquals(golden.readBytes(), SampleCapture.bytes())
     }

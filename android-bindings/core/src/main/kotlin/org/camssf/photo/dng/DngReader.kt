@@ -32,7 +32,7 @@ public object DngReader {
      *
      * @param source stays open; the caller closes it. It is read by one thread.
      * @param region decode only this part of the active area, clipped to it, that is, only the strips and tiles that
-     *   it touches. Damage elsewhere is then not detected.
+     *   it touches. Damage in others is then not detected.
      * @throws UnreadableRaw truncated, damaged, or not a raw file at all.
      * @throws UnsupportedRaw an intact raw file that is no DNG, or a DNG in a form that camssf does not read.
      * @throws NotSensorRaw LinearRaw, that is, already demosaiced.
@@ -120,19 +120,22 @@ public object DngReader {
                 captured = captured(tiff, exif),
                 uniqueModel = tiff.text(first, Tag.UNIQUE_MODEL),
             )
+            val neutral = finite(tiff, first, Tag.NEUTRAL, 3)?.takeIf { it.all { value -> value > 0 } }
+            val (matrices, leftOut) = colourMatrices(tiff, first)
             val colours = Mosaic.Colours(
                 colorMatrix1 = finite(tiff, first, Tag.COLOR_MATRIX_1, 9),
                 colorMatrix2 = finite(tiff, first, Tag.COLOR_MATRIX_2, 9),
-                asShotNeutral = finite(tiff, first, Tag.NEUTRAL, 3)?.takeIf { it.all { value -> value > 0 } },
+                asShotNeutral = neutral,
                 asShotWhiteXY = finite(tiff, first, Tag.WHITE_XY, 2)?.takeIf { it.all { value -> value > 0 } },
-                colourMatrices = colourMatrices(tiff, first),
+                colourMatrices = matrices,
+                matricesLeftOut = leftOut,
             )
             return Facts(
                 origin,
                 area.width,
                 area.height,
                 Mosaic.Sensor(cfa, black, white, noiseProfile(tiff, raw), maskedAreas(tiff, raw, picture)),
-                Mosaic.Corrections(opcodes.gainMaps, opcodes.badPixels, opcodes.unknown),
+                Mosaic.Corrections(opcodes.gainMaps, opcodes.badPixels),
                 colours,
             )
         }

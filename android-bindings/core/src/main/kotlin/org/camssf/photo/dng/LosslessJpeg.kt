@@ -56,10 +56,9 @@ internal class LosslessJpeg(private val tiff: Tiff, private val extraBits: Boole
      * @param bytes the image, followed by [SLACK] bytes; its content is changed.
      * @param length length of the image, bytes.
      * @param samples number of samples that the image must have.
-     * @param wanted stop after the line with the last of this many samples; the rest is then not checked.
      * @param sink receives each line and the number of its first sample, counted over lines and components.
      */
-    fun decode(bytes: ByteArray, length: Int, samples: Long, wanted: Long, sink: (Line, Long) -> Unit) {
+    fun decode(bytes: ByteArray, length: Int, samples: Long, sink: (Line, Long) -> Unit) {
         this.bytes = bytes
         this.words = ByteBuffer.wrap(bytes)
         this.length = length
@@ -85,7 +84,6 @@ internal class LosslessJpeg(private val tiff: Tiff, private val extraBits: Boole
             if (at * 8L - count > end * 8L) throw tiff.damaged("its JPEG data end early")
             predict(line.values, above.values, first)
             sink(line, number.toLong() * line.size)
-            if ((number + 1L) * line.size >= wanted && number + 1 < lines) return
             line = above.also { above = line }
         }
         close(0xd9)

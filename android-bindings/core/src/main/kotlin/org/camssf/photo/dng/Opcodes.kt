@@ -1,5 +1,6 @@
 package org.camssf.photo.dng
 
+import org.camssf.UnsupportedRaw
 import org.camssf.photo.BadPixels
 import org.camssf.photo.GainMap
 import org.camssf.photo.Region
@@ -13,13 +14,23 @@ private const val OPTIONAL = 1
 private const val MAX_LIST = 16 shl 20
 private const val MAX_OPCODES = 1024L
 
-/** The contents of the three opcode lists. DNG 1.7, chapter "Opcode List Processing"; big-endian in every file. */
+/** Opcodes that may be left out even if the file requires them: docs/raw.md says why. */
+private val HARMLESS = setOf(1, 2, 3, FIX_BAD_CONSTANT, FIX_BAD_LIST, 6, GAIN_MAP, 14)
+
+/** Names of the opcodes that change the samples' values. */
+private val NAMES = mapOf(
+    7 to "MapTable", 8 to "MapPolynomial",
+    10 to "DeltaPerRow", 11 to "DeltaPerColumn", 12 to "ScalePerRow", 13 to "ScalePerColumn",
+)
+
+/**
+ * The contents of the three opcode lists. DNG 1.7, chapter "Opcode List Processing"; big-endian in every file.
+ *
+ * @throws UnsupportedRaw an opcode that may not be skipped and is not applied.
+ */
 internal class Opcodes(private val tiff: Tiff, raw: Directory) {
     val gainMaps = ArrayList<GainMap>()
     val badPixels = ArrayList<BadPixels>()
-
-    /** Numbers of the opcodes that are none of the above and not optional. */
-    val unknown = ArrayList<Int>()
 
     init {
         list(raw, Tag.OPCODES_1, 1)
@@ -46,11 +57,17 @@ internal class Opcodes(private val tiff: Tiff, raw: Directory) {
             when (number) {
                 GAIN_MAP -> gainMaps.add(gainMap(content, list, tag))
                 FIX_BAD_CONSTANT, FIX_BAD_LIST -> badPixels.add(badPixels(content, number, list, tag))
-                else -> if (flags and OPTIONAL == 0) unknown.add(number)
+                else -> if (number !in HARMLESS && flags and OPTIONAL == 0) throw required(number, list)
             }
             buffer.position(buffer.position() + length.toInt())
         }
     }
+
+    private fun required(number: Int, list: Int) = UnsupportedRaw(
+        "${tiff.name} requires opcode ${number.toLong() and 0xffffffffL} (${NAMES[number] ?: "unknown"}) of opcode " +
+            "list $list, which camssf does not apply.",
+        "Without it the file's values may be wrong. Give a plain DNG, from another app or converter.",
+    )
 
     private fun wanted(buffer: ByteBuffer, bytes: Long, tag: Int) {
         if (buffer.remaining() < bytes) throw tiff.damaged("opcode list $tag ends early")

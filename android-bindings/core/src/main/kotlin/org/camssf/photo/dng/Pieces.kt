@@ -7,8 +7,12 @@ import java.util.zip.Inflater
 
 private const val CHUNK = 1 shl 18
 
+/** Bytes allowed for headers; compressed samples take less than twice their plain size. */
+private const val MAX_TABLES = 1L shl 16
+
 /**
- * Decodes only the strips or tiles that the wanted part touches.
+ * Decodes only the strips or tiles that the wanted part touches; compressed ones to their end, so that damage in them
+ * is seen wherever it is.
  *
  * @param window receives the rows.
  * @param extraBits true if category 16 of lossless JPEG is followed by 16 bits, as in DNG before 1.1.
@@ -56,25 +60,21 @@ private class Piece(
     private val window: Window,
 ) {
     private val at = picture.offsets[number]
-    private val length = picture.counts[number].toInt()
+    private val length =
+        minOf(picture.ends[number] - at, 2L * picture.rows(number) * picture.rowBytes + MAX_TABLES).toInt()
     private val width = minOf(picture.pieceWidth, picture.width - left)
 
-    /**
-     * Number of rows to decode: all if the wanted ones reach the active area's end, so that damage below is detected.
-     */
-    private val decoded =
-        if (top + rows.last + 1 < picture.area.bottom) rows.last + 1 else picture.rows(number)
-    private val order = if (picture.bits == 16) tiff.order else ByteOrder.BIG_ENDIAN
+    private val order = picture.order(tiff)
 
     fun plain(scratch: Scratch) {
-        val some = maxOf(1, CHUNK / picture.rowBytes)
-        val bytes = scratch.of(some * picture.rowBytes + Packed.SLACK)
+        val some = maxOf(1, CHUNK / picture.stride)
+        val bytes = scratch.of(some * picture.stride + Packed.SLACK)
         val packed = Packed(bytes, picture.bits, order)
         for (first in rows step some) {
             val count = minOf(some, rows.last + 1 - first)
-            tiff.read(at + first.toLong() * picture.rowBytes, bytes, 0, count * picture.rowBytes)
+            tiff.read(at + first.toLong() * picture.stride, bytes, 0, (count - 1) * picture.stride + picture.rowBytes)
             for (row in 0 until count) {
-                packed.start = row * picture.rowBytes
+                packed.start = row * picture.stride
                 window.put(left, top + first + row, width, packed)
             }
         }
@@ -84,7 +84,7 @@ private class Piece(
         val bytes = scratch.of(length + LosslessJpeg.SLACK)
         tiff.read(at, bytes, 0, length)
         val samples = picture.pieceWidth.toLong() * picture.rows(number)
-        jpeg.decode(bytes, length, samples, picture.pieceWidth.toLong() * decoded, ::put)
+        jpeg.decode(bytes, length, samples, ::put)
     }
 
     /** Distributes `line`, which starts at sample `from` of the piece, over the piece's rows. */
@@ -107,7 +107,7 @@ private class Piece(
         val packed = Packed(bytes, picture.bits, order)
         val stream = Inflated(tiff, at, length)
         try {
-            for (y in 0 until decoded) {
+            for (y in 0 until picture.rows(number)) {
                 stream.read(bytes, picture.rowBytes)
                 if (y !in rows) continue
                 packed.copy(0, row.size, row, 0)
@@ -116,7 +116,7 @@ private class Piece(
                     System.arraycopy(row, from, into, at, count)
                 }
             }
-            if (decoded == picture.rows(number)) stream.finish()
+            stream.finish()
         } finally {
             stream.close()
         }
@@ -146,8 +146,12 @@ internal class Packed(private val bytes: ByteArray, private val bits: Int, order
             8 -> for (i in 0 until count) into[at + i] = (bytes[start + from + i].toInt() and 0xff).toShort()
 
             16 -> {
-                shorts.position(start / 2 + from) // a row of 16-bit words starts at an even byte
-                shorts.get(into, at, count)
+                if (start % 2 == 0) {
+                    shorts.position(start / 2 + from)
+                    shorts.get(into, at, count)
+                } else {
+                    for (i in 0 until count) into[at + i] = words.getShort(start + 2 * (from + i))
+                }
             }
 
             else -> unpack(from, count, into, at)

@@ -4,6 +4,8 @@ import org.camssf.NotSensorRaw
 import org.camssf.UnreadableRaw
 import org.camssf.UnsupportedRaw
 import org.camssf.photo.Region
+import java.nio.ByteOrder
+import kotlin.math.abs
 
 internal const val UNCOMPRESSED = 1
 internal const val LOSSLESS_JPEG = 7
@@ -12,8 +14,13 @@ internal const val DEFLATE = 8
 private const val CFA = 32803L
 private const val LINEAR_RAW = 34892L
 private const val MAX_SIDE = 65535L
-private const val MAX_SAMPLES = 1L shl 29
+
+/** Largest number of samples of a photo (SECURITY.md); phones' largest mosaics have 201 million. */
+private const val MAX_SAMPLES = 220_000_000L
 private const val MAX_PIECES = 1L shl 16
+
+/** Pairs of rows that are compared to tell whether rows are padded. */
+private const val PAIRS = 64
 
 /** Upper limit of deflate's compression ratio. */
 private const val MAX_DEFLATE = 1032L
@@ -35,6 +42,8 @@ private val CODECS = mapOf(
  * @property pieceWidth width of a piece, samples; edge tiles are padded to it.
  * @property pieceHeight rows of a piece; the last strip may have fewer.
  * @property across number of pieces in a row.
+ * @property offsets first byte of each piece in the file.
+ * @property ends the byte behind the last of each piece.
  */
 internal class StoredPicture(
     val width: Int,
@@ -48,13 +57,23 @@ internal class StoredPicture(
     val pieceHeight: Int,
     val across: Int,
     val offsets: LongArray,
-    val counts: LongArray,
+    val ends: LongArray,
 ) {
+    /** Bytes from row to row of an uncompressed piece. */
+    var stride: Int = rowBytes
+        private set
+
+    /** Sets [stride]. */
+    fun padded(stride: Int): StoredPicture = also { it.stride = stride }
+
     /** Number of rows that piece `number` stores. */
     fun rows(number: Int): Int = if (tiled) pieceHeight else minOf(pieceHeight, height - number * pieceHeight)
 
     /** Bytes of an uncompressed row of a piece. */
     val rowBytes: Int get() = ((pieceWidth.toLong() * bits + 7) / 8).toInt()
+
+    /** Byte order of the samples: packed ones have the highest bit first in every file. */
+    fun order(tiff: Tiff): ByteOrder = if (bits == 16) tiff.order else ByteOrder.BIG_ENDIAN
 }
 
 /**
@@ -94,7 +113,7 @@ internal fun rawDirectory(tiff: Tiff): Directory {
 internal fun storedPicture(tiff: Tiff, raw: Directory): StoredPicture {
     val width = tiff.one(raw, Tag.WIDTH, 0)
     val height = tiff.one(raw, Tag.HEIGHT, 0)
-    if (width !in 2..MAX_SIDE || height !in 2..MAX_SIDE || width * height > MAX_SAMPLES) {
+    if (width !in 2..MAX_SIDE || height !in 2..MAX_SIDE) {
         throw tiff.damaged("a picture of $width × $height samples")
     }
     val bits = tiff.whole(raw, Tag.BITS).let { if (it.isEmpty()) longArrayOf(1) else it }
@@ -151,13 +170,20 @@ private fun pieces(
     if (tiff.count(raw, offsetTag) != pieces || tiff.count(raw, countTag) != pieces) {
         throw tiff.damaged("${tiff.count(raw, offsetTag)} pieces of data instead of $pieces")
     }
+    val offsets = tiff.whole(raw, offsetTag, pieces)
     val picture = StoredPicture(
         width.toInt(), height.toInt(), bits, compression, differences(tiff, raw, bits, compression), area, tiled,
-        pieceWidth.toInt(), pieceHeight.toInt(), across.toInt(),
-        tiff.whole(raw, offsetTag, pieces), tiff.whole(raw, countTag, pieces),
+        pieceWidth.toInt(), pieceHeight.toInt(), across.toInt(), offsets, ends(tiff, offsets),
     )
     checkExtent(tiff, picture)
-    return picture
+    if (width * height > MAX_SAMPLES) {
+        throw UnsupportedRaw(
+            "${tiff.name} holds a picture of $width × $height samples; camssf reads up to " +
+                "${MAX_SAMPLES / 1_000_000} million.",
+            "Photograph at the sensor's ordinary resolution: 12 megapixels are enough.",
+        )
+    }
+    return picture.padded(stride(tiff, picture, tiff.whole(raw, countTag, pieces)))
 }
 
 /** Deflate's predictor 2: each sample is stored as the difference from its left neighbour. */
@@ -172,16 +198,24 @@ private fun differences(tiff: Tiff, raw: Directory, bits: Int, compression: Int)
 }
 
 /**
- * Checks that every piece is inside the file and large enough for its samples, and that all together fit in the file.
+ * The byte behind each piece's last: the next piece or directory, or the file's end. The byte counts are not trusted,
+ * like LibRaw does: some writers compute them wrongly.
  */
+private fun ends(tiff: Tiff, offsets: LongArray): LongArray {
+    val pieces = offsets.sortedArray()
+    if ((1 until pieces.size).any { pieces[it] == pieces[it - 1] }) throw tiff.damaged("its pieces of data overlap")
+    val places = (pieces + tiff.places.toLongArray() + tiff.size).apply { sort() }
+    return LongArray(offsets.size) {
+        var next = places.binarySearch(offsets[it])
+        while (next < places.size && places[next] <= offsets[it]) next++
+        if (next < places.size) places[next] else tiff.size
+    }
+}
+
+/** Checks that every piece can hold its samples. */
 private fun checkExtent(tiff: Tiff, picture: StoredPicture) {
-    var sum = 0L
     for (number in picture.offsets.indices) {
         val at = picture.offsets[number]
-        val count = picture.counts[number]
-        if (at < 8 || count < 1 || at + count > tiff.size) {
-            throw tiff.damaged("its samples end at byte ${at + count} of ${tiff.size}")
-        }
         val plain = picture.rows(number).toLong() * picture.rowBytes
         val least = when (picture.compression) {
             UNCOMPRESSED -> plain
@@ -189,10 +223,45 @@ private fun checkExtent(tiff: Tiff, picture: StoredPicture) {
             // at least one bit per sample
             LOSSLESS_JPEG -> (picture.rows(number).toLong() * picture.pieceWidth + 7) / 8
 
-            else -> plain / MAX_DEFLATE
+            else -> maxOf(1, plain / MAX_DEFLATE)
         }
-        if (count < least || count > Int.MAX_VALUE - 64) throw tiff.damaged("piece $number of its data is too short")
-        sum += count
+        if (at < 8 || at >= tiff.size) {
+            throw tiff.damaged("its samples end at byte ${at + least} of ${tiff.size}")
+        }
+        if (at + least > picture.ends[number]) throw tiff.damaged("piece $number of its data is too short")
     }
-    if (sum > tiff.size) throw tiff.damaged("its pieces of data overlap")
+}
+
+/**
+ * Bytes from row to row: more than a row's own if the byte counts allow for padding and the samples show it.
+ * Neighbouring rows of one colour resemble each other if they are read with the right stride.
+ */
+private fun stride(tiff: Tiff, picture: StoredPicture, counts: LongArray): Int {
+    val plain = picture.rowBytes
+    val rows = picture.rows(0)
+    val padded = counts[0] / rows
+    val fits = counts.indices.all {
+        (counts[it] == picture.rows(it) * padded || counts[it] == picture.pieceHeight * padded) &&
+            picture.offsets[it] + picture.rows(it) * padded <= picture.ends[it]
+    }
+    if (picture.compression != UNCOMPRESSED || padded <= plain || !fits || rows < 3) return plain
+    val steps = 0 until rows - 2 step maxOf(1, (rows - 2) / PAIRS)
+    val better = 10 * unlike(tiff, picture, padded, steps) < 9 * unlike(tiff, picture, plain.toLong(), steps)
+    return if (better) padded.toInt() else plain
+}
+
+/** Sum of absolute differences between rows of the first piece and the rows two below. */
+private fun unlike(tiff: Tiff, picture: StoredPicture, stride: Long, steps: IntProgression): Long {
+    val bytes = ByteArray(picture.rowBytes + Packed.SLACK)
+    val packed = Packed(bytes, picture.bits, picture.order(tiff))
+    val (above, below) = List(2) { ShortArray(picture.pieceWidth) }
+    fun read(y: Int, row: ShortArray) {
+        tiff.read(picture.offsets[0] + y * stride, bytes, 0, picture.rowBytes)
+        packed.copy(0, row.size, row, 0)
+    }
+    return steps.sumOf { y ->
+        read(y, above)
+        read(y + 2, below)
+        above.indices.sumOf { abs((below[it].toInt() and 0xffff) - (above[it].toInt() and 0xffff)).toLong() }
+    }
 }

@@ -37,7 +37,9 @@ internal class Tiff(val source: DngSource) {
     val order: ByteOrder
     val main = ArrayList<Directory>()
     val all = ArrayList<Directory>()
-    private val seen = HashSet<Long>()
+
+    /** Offsets of the directories. */
+    val places = HashSet<Long>()
 
     init {
         if (size == 0L) throw UnreadableRaw("$name is empty.", COPY_AGAIN)
@@ -82,10 +84,10 @@ internal class Tiff(val source: DngSource) {
 
     /** Reads the directory at `at` into `into`, and its children into `all`; returns the offset of the next one. */
     private fun directory(at: Long, depth: Int, into: MutableList<Directory>): Long {
-        if (at in seen || seen.size == MAX_DIRECTORIES || depth > MAX_DEPTH) {
+        if (at in places || places.size == MAX_DIRECTORIES || depth > MAX_DEPTH) {
             throw damaged("its directories run in a circle or are too many")
         }
-        seen.add(at)
+        places.add(at)
         val count = buffer(at, 2).getShort().toInt() and 0xffff
         val entries = buffer(at + 2, 12L * count)
         val fields = HashMap<Int, Field>()

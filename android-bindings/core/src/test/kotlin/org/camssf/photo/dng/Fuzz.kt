@@ -105,7 +105,8 @@ internal class Fuzz(private val corpus: List<ByteArray> = Variants.all.map { it.
                 "seed $seed: samples are missing"
             }
             val sensor = found.sensor
-            check(sensor.black.all { it.isFinite() } && sensor.white > 0) { "seed $seed: levels are no numbers" }
+            val levels = sensor.copyBlack() + sensor.white
+            check(levels.all { it.isFinite() } && sensor.white > 0) { "seed $seed: levels are no numbers" }
             read++
         } catch (error: RawError) {
             check(error.message.isNotEmpty() && error.advice.isNotEmpty()) { "seed $seed: no words" }

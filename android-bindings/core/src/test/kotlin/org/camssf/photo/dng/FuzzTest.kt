@@ -12,7 +12,8 @@ class FuzzTest {
         val fuzz = Fuzz()
         for (seed in 0L until 10_000L) fuzz.once(seed)
         assertTrue(fuzz.read > 1_000, "the damage is too heavy: ${fuzz.read} files read")
-        assertTrue(fuzz.hungriest < 1L shl 20, "seed ${fuzz.hungriestSeed}: ${fuzz.hungriest} bytes")
+        // a byte of deflate may hold 1032 samples of 8 bits, 2 bytes each in memory, and the files have a few kB
+        assertTrue(fuzz.hungriest < 1L shl 21, "seed ${fuzz.hungriestSeed}: ${fuzz.hungriest} bytes")
         assertTrue(fuzz.refused.size > 30, "the damage is too uniform: ${fuzz.refused.keys}")
     }
 }

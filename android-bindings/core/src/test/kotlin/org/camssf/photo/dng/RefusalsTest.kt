@@ -109,13 +109,13 @@ class RefusalsTest {
     @TestFactory
     fun numbersThatContradictTheFile(): List<DynamicTest> = listOf(
         "samples" to mapOf(256 to Value.long(0)),
-        "60000 × 60000" to mapOf(256 to Value.long(60000), 257 to Value.long(60000)),
+        "pieces of data" to mapOf(256 to Value.long(60000), 257 to Value.long(60000)),
         "too short" to mapOf(257 to Value.long(40), 278 to Value.long(40)),
         "pieces" to mapOf(278 to Value.long(0)),
         "1 pieces of data instead of 2" to mapOf(278 to Value.long(10)),
         "0 pieces" to mapOf(273 to null),
         "ends at byte" to mapOf(273 to Value.long(100_000)).mapKeys { 273 },
-        "too short" to mapOf(279 to Value.long(100)),
+        "too short" to mapOf(278 to Value.long(10), 273 to Value.long(8, 100), 279 to Value.long(360, 360)),
         "overlap" to mapOf(278 to Value.long(10), 273 to Value.long(8, 8), 279 to Value.long(700, 700)),
         "active area" to mapOf(50829 to Value.long(0, 0, 21, 24)),
         "active area" to mapOf(50829 to Value.long(5, 0, 6, 24)),
@@ -164,6 +164,28 @@ class RefusalsTest {
             buffer.putShort(1).putShort(if (next == 0) 254 else 330).putShort(4).putInt(1).putInt(next).putInt(0)
         }
         return buffer.array()
+    }
+
+    /** A small file that would fill the memory: SECURITY.md states the limit. */
+    @Test
+    fun moreSamplesThanAPhotoHas() {
+        val side = Value.long(15_000)
+        fun bomb(at: Int) =
+            dng(mapOf(256 to side, 257 to side, 278 to side, 273 to Value.long(at)), compression = 8)
+        refused<UnsupportedRaw>(bomb(bomb(8).size) + ByteArray(500_000), "15000 × 15000", "220 million")
+    }
+
+    @Test
+    fun opcodesThatMayNotBeSkipped() {
+        fun list(tag: Int, number: Int, optional: Boolean = false) =
+            dng(mapOf(tag to OpcodeWriter.list(OpcodeWriter.opcode(number, ByteArray(8), optional))))
+        for ((list, tag) in listOf(51008, 51009, 51022).withIndex()) {
+            refused<UnsupportedRaw>(list(tag, 8), "requires opcode 8 (MapPolynomial) of opcode list ${list + 1}")
+            for (number in listOf(7, 10, 11, 12, 13)) refused<UnsupportedRaw>(list(tag, number), "opcode $number (")
+            refused<UnsupportedRaw>(list(tag, 99), "opcode 99 (unknown)")
+            for (number in listOf(1, 2, 3, 6, 14)) read(list(tag, number))
+            read(list(tag, 8, optional = true))
+        }
     }
 
     // Lossless JPEG -----------------------------------------------------------------------------------------------
@@ -287,6 +309,22 @@ class RefusalsTest {
         assertEquals("invalid_argument", error.code)
         assertThrows<InvalidArgument> { read(bytes, Region(24, 0, 30, 10)) }
         assertThrows<InvalidArgument> { read(bytes, Region(5, 5, 5, 9)) }
+    }
+
+    /** One rule in both languages: a strip or tile that the part touches must be sound to its end. */
+    @Test
+    fun damageInATouchedPieceIsMetBehindTheRegion() {
+        for (compression in listOf(7, 8)) {
+            val bytes = dng(compression = compression)
+            val end = if (compression == 7) {
+                bytes.at(0xff, 0xd9)
+            } else {
+                ByteBuffer.wrap(bytes)
+                    .order(ByteOrder.LITTLE_ENDIAN).getInt(4)
+            }
+            val broken = bytes.with(end - 8, 0xff, 0, 0xff, 0, 0xff, 0)
+            assertThrows<UnreadableRaw> { read(broken, Region(0, 0, 24, 4)) }
+        }
     }
 
     @Test

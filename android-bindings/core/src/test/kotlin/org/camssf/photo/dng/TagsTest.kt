@@ -30,17 +30,18 @@ class TagsTest {
     @Test
     fun aSilentFileHasDefaults() {
         val found = read(bits = 10)
-        assertArrayEquals(DoubleArray(4), found.sensor.black)
+        assertArrayEquals(DoubleArray(4), found.sensor.copyBlack())
         assertEquals(1023.0, found.sensor.white)
         assertEquals(1, found.origin.orientation)
         assertEquals("Maker", found.origin.make)
         assertEquals("Model 1", found.origin.model)
-        with(found.colours) { listOf(colorMatrix1, colorMatrix2, asShotNeutral) }.forEach { assertNull(it) }
+        with(found.colours) { listOf(copyColorMatrix1(), copyColorMatrix2(), copyAsShotNeutral()) }
+            .forEach { assertNull(it) }
         assertEquals(null to null, found.origin.exposure to found.origin.iso)
-        assertNull(found.colours.asShotWhiteXY)
-        assertNull(found.sensor.noiseProfile)
+        assertNull(found.colours.copyAsShotWhiteXY())
+        assertNull(found.sensor.copyNoiseProfile())
         val corrections = found.corrections
-        assertEquals(emptyList<Any>(), corrections.gainMaps + corrections.badPixels + corrections.unknownOpcodes)
+        assertEquals(emptyList<Any>(), corrections.gainMaps + corrections.badPixels)
         assertTrue(found.sensor.maskedAreas.isEmpty())
     }
 
@@ -74,12 +75,13 @@ class TagsTest {
     @Test
     fun blackOfEachPosition() {
         val tags: Tags = mapOf(50713 to Value.short(2, 2), 50714 to Value.rational(256, 1, 1025, 4, 2060, 8, 259, 1))
-        assertArrayEquals(doubleArrayOf(256.0, 256.25, 257.5, 259.0), read(tags).sensor.black)
-        assertArrayEquals(doubleArrayOf(256.0, 256.25, 257.5, 259.0), read(tags + area(1, 3, 20, 20)).sensor.black)
-        assertArrayEquals(DoubleArray(4) { 64.0 }, read(mapOf(50714 to Value.short(64))).sensor.black)
+        assertArrayEquals(doubleArrayOf(256.0, 256.25, 257.5, 259.0), read(tags).sensor.copyBlack())
+        val black = read(tags + area(1, 3, 20, 20)).sensor.copyBlack()
+        assertArrayEquals(doubleArrayOf(256.0, 256.25, 257.5, 259.0), black)
+        assertArrayEquals(DoubleArray(4) { 64.0 }, read(mapOf(50714 to Value.short(64))).sensor.copyBlack())
         val rows: Tags = mapOf(50713 to Value.short(2, 1), 50714 to Value.long(60, 70))
         val sensor = read(rows, order = ByteOrder.BIG_ENDIAN).sensor
-        assertArrayEquals(doubleArrayOf(60.0, 60.0, 70.0, 70.0), sensor.black)
+        assertArrayEquals(doubleArrayOf(60.0, 60.0, 70.0, 70.0), sensor.copyBlack())
     }
 
     @Test
@@ -89,7 +91,7 @@ class TagsTest {
             val numbers = IntArray(rows * columns) { 500 + (37 * it * it) % 91 }
             val tags: Tags = mapOf(50713 to Value.short(rows, columns), 50714 to Value.short(*numbers))
             val pattern = Array(rows) { y -> DoubleArray(columns) { x -> numbers[y * columns + x].toDouble() } }
-            assertArrayEquals(blackByBruteForce(24, 24, pattern, none, none), read(tags).sensor.black, 1e-12)
+            assertArrayEquals(blackByBruteForce(24, 24, pattern, none, none), read(tags).sensor.copyBlack(), 1e-12)
         }
         val across = IntArray(18) { (5 * it) % 7 - 3 }
         val down = IntArray(20) { (3 * it) % 11 - 4 }
@@ -102,7 +104,7 @@ class TagsTest {
         val expected = blackByBruteForce(
             18, 20, hundred, DoubleArray(18) { across[it] / 2.0 }, DoubleArray(20) { down[it] / 4.0 },
         )
-        assertArrayEquals(expected, read(tags).sensor.black, 1e-12)
+        assertArrayEquals(expected, read(tags).sensor.copyBlack(), 1e-12)
     }
 
     @Test
@@ -132,11 +134,11 @@ class TagsTest {
             assertEquals("Acme", found.origin.make)
             assertEquals("Fön 7", found.origin.model)
             assertEquals(6, found.origin.orientation)
-            assertArrayEquals(DoubleArray(9) { matrix[it] / 10.0 }, found.colours.colorMatrix1)
-            assertArrayEquals(DoubleArray(9) { -matrix[it] / 8.0 }, found.colours.colorMatrix2)
-            assertArrayEquals(doubleArrayOf(0.5, 1.0, 0.625), found.colours.asShotNeutral)
-            assertArrayEquals(doubleArrayOf(0.3127, 0.329), found.colours.asShotWhiteXY)
-            assertArrayEquals(doubleArrayOf(2e-4, 1e-6), found.sensor.noiseProfile)
+            assertArrayEquals(DoubleArray(9) { matrix[it] / 10.0 }, found.colours.copyColorMatrix1())
+            assertArrayEquals(DoubleArray(9) { -matrix[it] / 8.0 }, found.colours.copyColorMatrix2())
+            assertArrayEquals(doubleArrayOf(0.5, 1.0, 0.625), found.colours.copyAsShotNeutral())
+            assertArrayEquals(doubleArrayOf(0.3127, 0.329), found.colours.copyAsShotWhiteXY())
+            assertArrayEquals(doubleArrayOf(2e-4, 1e-6), found.sensor.copyNoiseProfile())
             assertEquals(1 / 125.0, found.origin.exposure)
             assertEquals(400.0, found.origin.iso)
         }
@@ -149,15 +151,7 @@ class TagsTest {
     /** White = balance · calibration · matrix · XYZ of the light, green 1; by hand for D65 (21) and A (17). */
     @Test
     fun whitesOfTheColourMatrices() {
-        val identity = IntArray(18) {
-            if (it % 2 == 1) {
-                1
-            } else if (it % 8 == 0) {
-                1
-            } else {
-                0
-            }
-        }
+        val identity = intArrayOf(1, 4, 0, 1, 0, 1, 0, 1, 1, 1, 0, 1, 0, 1, 0, 1, 1, 1)
         val first: Tags = mapOf(
             50721 to Value.srational(*identity),
             50722 to Value.srational(*identity),
@@ -168,10 +162,80 @@ class TagsTest {
         )
         val (day, bulb) = read(first = first).colours.colourMatrices
         assertEquals(listOf("D65", "A"), listOf(day.light, bulb.light))
-        assertArrayEquals(doubleArrayOf(2 * 0.950430, 1.0, 2 * 1.088806), day.white, 1e-5)
-        assertArrayEquals(doubleArrayOf(4 * 1.098490, 1.0, 6 * 0.355798), bulb.white, 1e-5)
+        assertArrayEquals(doubleArrayOf(0.5 * 0.950430, 1.0, 2 * 1.088806), day.copyWhite(), 1e-5)
+        assertArrayEquals(doubleArrayOf(1.098490, 1.0, 6 * 0.355798), bulb.copyWhite(), 1e-5)
         val other = read(first = first + (50778 to Value.short(255)) + (50779 to Value.short(0)))
         assertTrue(other.colours.colourMatrices.isEmpty())
+        assertEquals(
+            "ColorMatrix1 was left out: it was made for light source 255, whose spectrum is not known; " +
+                "ColorMatrix2 was left out: it was made for light source 0, whose spectrum is not known",
+            other.colours.matricesLeftOut,
+        )
+        for ((code, light) in mapOf(1 to "D55", 3 to "A", 4 to "D55", 9 to "D55", 10 to "D65", 11 to "D75")) {
+            assertEquals(light, read(first = first + (50778 to Value.short(code))).colours.colourMatrices[0].light)
+        }
+    }
+
+    private fun matrix(vararg values: Int) = Value.srational(*values.flatMap { listOf(it, 10_000) }.toIntArray())
+
+    /** The same files and words as in Python's test_mosaic.py. */
+    @Test
+    fun matricesThatNoCameraHas() {
+        val placeholder = matrix(19549, -7877, -2582, -5724, 10121, 1917, -1267, -110, 6621)
+        val display = matrix(32406, -15372, -4986, -9689, 18758, 415, 557, -2040, 10570)
+        val another = matrix(7838, -2177, -840, -4786, 12913, 1437, -855, 2016, 4163)
+        val own = matrix(9599, -1936, -1469, -6018, 14024, 1557, -3651, 5602, 6610)
+        val neutral = Value.rational(6059, 10000, 1, 1, 8591, 10000)
+        val equal = Value.rational(1, 1, 1, 1, 1, 1)
+        fun leftOut(matrix: Value, light: Int, white: Value?) =
+            read(first = mapOf(50721 to matrix, 50778 to Value.short(light), 50728 to white)).colours.matricesLeftOut
+        for (white in listOf(neutral, equal, null)) {
+            assertEquals(
+                "ColorMatrix1 was left out: it gives a white under D65 whose red is 1.17 of its green, as no sensor's is",
+                leftOut(placeholder, 21, white),
+            )
+            assertTrue("whose red is 1.00" in leftOut(display, 21, white))
+            assertTrue("whose red is 2.8" in leftOut(placeholder, 17, white))
+            assertEquals("", leftOut(own, 21, white))
+        }
+        assertEquals(
+            "the colour matrices were left out: with them AsShotNeutral is the white of no lamp",
+            leftOut(another, 21, neutral),
+        )
+        assertEquals("", leftOut(another, 21, equal))
+    }
+
+    /** LibRaw does not use the byte counts either, and some writers compute them wrongly. */
+    @Test
+    fun byteCountsAreNotTrusted() {
+        for (compression in listOf(1, 7, 8)) {
+            val expected = Variants.smooth(12, 24, 20)
+            fun file(count: Int?) = DngWriter(
+                24, 20, expected, 12, compression = compression, rowsPerStrip = 7,
+                raw = if (count == null) emptyMap() else mapOf(279 to Value.long(count, count, count)),
+            ).encode()
+            for (count in listOf(null, 0, 1, 100, 252, 1_000_000)) {
+                val found = DngReader.read(DngSource.of(file(count), "photo.dng"))
+                assertArrayEquals(
+                    expected,
+                    IntArray(480) {
+                        found.samples[it].toInt() and 0xffff
+                    },
+                    "$compression $count",
+                )
+            }
+        }
+    }
+
+    @Test
+    fun rowsPaddedToAStride() {
+        for ((bits, pad) in listOf(16 to 6, 16 to 3, 12 to 4)) {
+            val stored = Variants.smooth(bits, 24 + pad, 20)
+            val expected = IntArray(480) { stored[it / 24 * (24 + pad) + it % 24] }
+            val wide = DngWriter(24 + pad, 20, stored, bits, raw = mapOf(256 to Value.long(24))).encode()
+            val found = DngReader.read(DngSource.of(wide, "photo.dng"))
+            assertArrayEquals(expected, IntArray(480) { found.samples[it].toInt() and 0xffff }, "$bits $pad")
+        }
     }
 
     @Test
@@ -188,11 +252,11 @@ class TagsTest {
         val constant = OpcodeWriter.opcode(4, OpcodeWriter.content(77, 0))
         val places = OpcodeWriter.opcode(5, OpcodeWriter.content(0, 2, 1, 3, 4, 5, 6, 10, 11, 12, 13))
         val warp = OpcodeWriter.opcode(1, ByteArray(20), optional = true)
-        val polynomial = OpcodeWriter.opcode(8, ByteArray(8))
+        val polynomial = OpcodeWriter.opcode(8, ByteArray(8), optional = true)
         val tags: Tags = mapOf(
             51008 to OpcodeWriter.list(places, polynomial),
             51009 to OpcodeWriter.list(map, constant),
-            51022 to OpcodeWriter.list(warp, OpcodeWriter.opcode(99, ByteArray(3))),
+            51022 to OpcodeWriter.list(warp, OpcodeWriter.opcode(99, ByteArray(3), optional = true)),
         )
         for (order in listOf(ByteOrder.LITTLE_ENDIAN, ByteOrder.BIG_ENDIAN)) {
             val found = read(tags, order = order)
@@ -203,13 +267,12 @@ class TagsTest {
             assertEquals(listOf(2, 3, 1), listOf(shading.pointsV, shading.pointsH, shading.mapPlanes))
             assertEquals(listOf(1.0, 0.5), listOf(shading.spacingV, shading.spacingH))
             assertEquals(listOf(0.0, 0.25), listOf(shading.originV, shading.originH))
-            assertArrayEquals(floatArrayOf(1f, 1.5f, 2f, 1.25f, 1.75f, 2.5f), shading.gains)
+            assertArrayEquals(floatArrayOf(1f, 1.5f, 2f, 1.25f, 1.75f, 2.5f), shading.copyGains())
             val (listed, valued) = found.corrections.badPixels
-            assertArrayEquals(intArrayOf(3, 4, 5, 6), listed.points)
+            assertArrayEquals(intArrayOf(3, 4, 5, 6), listed.copyPoints())
             assertEquals(listOf(Region(11, 10, 13, 12)), listed.areas)
             assertEquals(1, listed.list)
             assertEquals(77, valued.constant)
-            assertEquals(listOf(8, 99), found.corrections.unknownOpcodes)
         }
     }
 

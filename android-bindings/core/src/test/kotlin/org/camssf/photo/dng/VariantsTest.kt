@@ -65,7 +65,7 @@ class VariantsTest {
             val shifted = (0..3).map { colour(cfa, left + it % 2, top + it / 2) }.joinToString("")
             assertNotEquals(shifted, read(variant).sensor.cfa, variant.name)
         }
-        val black = Variants.all.filter { it.name.startsWith("talkative") }.map { read(it).sensor.black }
+        val black = Variants.all.filter { it.name.startsWith("talkative") }.map { read(it).sensor.copyBlack() }
         assertEquals(2, black.size)
         for (levels in black) {
             assertTrue(levels.all { it > 1 } && levels.toSet().size == 4, levels.joinToString())

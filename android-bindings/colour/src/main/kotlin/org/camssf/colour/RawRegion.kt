@@ -1,0 +1,121 @@
+package org.camssf.colour
+
+import org.camssf.CalibrationException
+import org.camssf.ChartNotFound
+import org.camssf.InvalidArgument
+import org.camssf.Overexposed
+import org.camssf.Rules
+import org.camssf.percent
+import org.camssf.photo.ChartPose
+import org.camssf.photo.LensShading
+import org.camssf.photo.Mosaic
+import org.camssf.photo.PatchMeans
+import org.camssf.photo.Region
+import org.camssf.short
+import kotlin.math.hypot
+
+/**
+ * A rectangle's raw signals, and the photo that they come from.
+ *
+ * @property area its position, px of the active area in the sensor's orientation.
+ */
+public class RawRegion internal constructor(
+    public val area: Region,
+    internal val sharedRaw: DoubleArray,
+    internal val sharedError: DoubleArray,
+    internal val source: SignalSource,
+) {
+    /** (3) R, G, B, DN above black or dark frame; a copy. */
+    public fun copyRaw(): DoubleArray = sharedRaw.copyOf()
+
+    /** (3) standard error of [copyRaw], DN; a copy. */
+    public fun copyStandardError(): DoubleArray = sharedError.copyOf()
+
+    override fun toString(): String = "RawRegion($area, raw=${sharedRaw.joinToString { short(it) }})"
+
+    public companion object {
+        /**
+         * Measures rectangles of one photo in the same way as chart patches (docs/patches.md): dust and hot pixels
+         * are left out, and the noise is estimated from the samples. The mosaic comes from a DNG or a Camera2 frame;
+         * it must contain the areas.
+         *
+         * @param areas rectangles of at least 12 × 12 pixels.
+         * @param dark a dark frame with the same settings; its signal is subtracted instead of the black level.
+         * @throws InvalidArgument an area that extends beyond the photo or holds too few samples; `lensShading` is
+         *   APPLY, but the file holds no gain maps.
+         * @throws Overexposed clipped samples.
+         * @throws CalibrationException a dark frame with other settings, or gain maps that camssf cannot apply.
+         */
+        @JvmStatic
+        @JvmOverloads
+        public fun measure(
+            photo: Mosaic,
+            areas: List<Region>,
+            dark: Mosaic? = null,
+            lensShading: LensShading = LensShading.AS_STORED,
+        ): List<RawRegion> {
+            if (areas.isEmpty()) return emptyList()
+            val quads = DoubleArray(8 * areas.size)
+            areas.forEachIndexed { i, area -> quad(photo, area, i + 1).copyInto(quads, 8 * i) }
+            val pose = ChartPose("regions", quads.copyOf(8), quads, 0, "by hand", 1.0, emptyList())
+            val means = try {
+                PatchMeans.measure(photo, pose, null, dark, lensShading)
+            } catch (error: ChartNotFound) {
+                throw InvalidArgument(
+                    "A region holds fewer than ${Rules.shipped.whole("patches.fewest")} good samples of a colour.",
+                    "Give 12 × 12 pixels or more.",
+                    cause = error,
+                )
+            }
+            val source = SignalSource(photo.facts, lensShading)
+            return areas.mapIndexed { i, area ->
+                val clipped = (3 * i..3 * i + 2).maxOf { means.chart.sharedClipped[it] }
+                val limit = Rules.shipped.number("signals.clipped")
+                if (clipped > limit) {
+                    throw Overexposed(
+                        "Region ${i + 1}: ${percent(clipped, 1)} of its samples are at the ceiling.",
+                        "Take the photo again with less exposure.",
+                        clipped,
+                        limit,
+                    )
+                }
+                val night = means.dark
+                RawRegion(
+                    area,
+                    DoubleArray(3) {
+                        val black = night?.sharedMean?.get(3 * i + it) ?: means.sharedBlack[it]
+                        means.chart.sharedMean[3 * i + it] - black
+                    },
+                    DoubleArray(3) {
+                        hypot(means.chart.sharedError[3 * i + it], night?.sharedError?.get(3 * i + it) ?: 0.0)
+                    },
+                    source,
+                )
+            }
+        }
+
+        /** Corners (4, 2), enlarged so that the inner part that is measured is exactly the area's samples. */
+        private fun quad(photo: Mosaic, area: Region, number: Int): DoubleArray {
+            if (area.width <= 0 || area.height <= 0) {
+                throw InvalidArgument("Region $number is empty.", "Give columns and rows, the last ones exclusive.")
+            }
+            if (area.left < 0 || area.top < 0 || area.right > photo.width || area.bottom > photo.height) {
+                throw InvalidArgument(
+                    "Region $number leaves the photo, which is ${photo.width} × ${photo.height}.",
+                    "Pixels are counted in the sensor's own orientation, from its top left.",
+                )
+            }
+            val left = area.left.toDouble()
+            val top = area.top.toDouble()
+            val right = area.right - 1.0
+            val bottom = area.bottom - 1.0
+            val corners = doubleArrayOf(left, top, right, top, right, bottom, left, bottom)
+            val centre = DoubleArray(2) {
+                ((corners[it] + corners[2 + it]) + (corners[4 + it] + corners[6 + it])) *
+                    0.25
+            }
+            val shrink = Rules.shipped.number("patches.shrink")
+            return DoubleArray(8) { centre[it % 2] + (corners[it] - centre[it % 2]) / shrink }
+        }
+    }
+}

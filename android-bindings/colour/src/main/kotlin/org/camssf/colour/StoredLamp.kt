@@ -1,0 +1,38 @@
+package org.camssf.colour
+
+import org.camssf.Grid
+import org.camssf.Rules
+import org.camssf.forms.Fields
+import org.camssf.photo.DocumentForm
+import org.camssf.spectra.Bundled
+import org.camssf.spectra.Directions
+import org.camssf.spectra.Lamp
+import kotlin.math.sqrt
+
+/** The light of a result's first shot as a lamp: as it was named, or as it was estimated. */
+internal object StoredLamp {
+    /** The lamp, its power of mean 1; null if it was not named and the result was refused. */
+    fun of(document: DocumentForm): Lamp? {
+        val lamp = document.capture?.shots?.firstOrNull()?.lamp ?: return null
+        if (!lamp.unnamed) return lamp.withPower(Bundled.scaled(lamp.sharedValues))
+        val light = document.answer?.list<Fields?>("lights")?.firstOrNull() ?: return null
+        return estimated(lamp.name, light.array("power"), light.array("std"))
+    }
+
+    /**
+     * The lamp of an estimated light. Its modes give its standard deviation at each wavelength, for errors that are
+     * smooth over `lamp_correlation`.
+     */
+    fun estimated(name: String, power: DoubleArray, std: DoubleArray): Lamp {
+        val smooth = unitErrors(Rules.shipped.number("covariance.lamp_correlation"))
+        val modes = smooth.map { mode -> DoubleArray(power.size) { std[it] * mode[it] / power[it] } }
+        return Lamp(name, power, 0.0, modes, "estimated from the photo")
+    }
+}
+
+/** Errors (p) of (681) that are smooth over a length in nm, with a variance of 1 at every wavelength. */
+internal fun unitErrors(length: Double): List<DoubleArray> {
+    val smooth = Directions.of(length).columns
+    val sizes = DoubleArray(Grid.SIZE) { m -> sqrt(smooth.sumOf { it[m] * it[m] }) }
+    return smooth.map { column -> DoubleArray(Grid.SIZE) { column[it] / sizes[it] } }
+}

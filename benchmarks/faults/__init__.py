@@ -1,0 +1,312 @@
+"""Named faults of a shot at three severities, as changes of a `ShotPlan`.
+
+`camssf_lab.simulation.frames.simulate(change=apply_fault(NAME, N))` writes them as real DNG files, and
+`python -m benchmarks.claims.faults` counts the verdicts on them. Faults of light and samples follow physics;
+the others are false tags in a file or false input of the user.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.faults import light, samples
+from benchmarks.faults.inks import ink_jet_copy
+from camssf.errors import InvalidArgument
+from camssf.grid import WAVELENGTHS
+from camssf.spectra import Lamp, read_chart, read_lamp
+from camssf_lab.simulation.shot_plan import Change, ShotPlan
+
+SEVERITIES = (1, 2, 3)
+OTHERS = {
+    "daylight": ("D65", "LED-B3", "A"),
+    "bulb": ("2500K", "LED-B1", "D65"),
+    "led": ("LED-B4", "D55", "A"),
+    "tube": ("FL7", "LED-B3", "A"),
+}
+"""Wrong lamps for each kind of lamp, by severity: a similar lamp, another technology, the opposite colour."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One kind of fault.
+
+    Attributes:
+        name: its name.
+        what: description of the fault.
+        degrees: description of each of the three severities.
+        change: returns the changed plan for a plan and a severity 1 to 3.
+    """
+
+    name: str
+    what: str
+    degrees: tuple[str, str, str]
+    change: Callable[[ShotPlan, int], ShotPlan]
+
+
+def apply_fault(name: str, severity: int) -> Change:
+    """The change of a shot plan by a fault.
+
+    Raises:
+        InvalidArgument: an unknown fault, or a severity other than 1, 2, 3.
+    """
+    fault = FAULTS.get(name)
+    if fault is None:
+        raise InvalidArgument(f"No fault is called {name!r}.", f"Choose one of {', '.join(FAULTS)}.")
+    if severity not in SEVERITIES:
+        raise InvalidArgument(f"There is no severity {severity}.", "Choose 1, 2 or 3; 3 is the worst.")
+    found = fault.change
+    return lambda setup: found(setup, severity)
+
+
+def _glare(plan: ShotPlan, severity: int) -> ShotPlan:
+    return replace(plan, scene=replace(plan.scene, glare=(0.02, 0.06, 0.2)[severity - 1]))
+
+
+# exposure, black, frames
+
+
+def _exposure(plan: ShotPlan, share: float) -> ShotPlan:
+    return replace(plan, sensor=replace(plan.sensor, exposure=share))
+
+
+def _one_channel(plan: ShotPlan, severity: int) -> ShotPlan:
+    """White overexposed in red, to a share of full scale; green and blue keep the plan's exposure."""
+    power = plan.lamp.values @ plan.camera.values
+    gains = np.array(plan.sensor.gains) * power.max() / power
+    wanted = (1.1, 1.8, 4.0)[severity - 1]
+    gains[0] *= wanted / plan.sensor.exposure
+    sensor = replace(plan.sensor, gains=tuple(gains.tolist()), exposure=wanted)
+    return replace(plan, sensor=sensor)
+
+
+def _ceiling(plan: ShotPlan, severity: int) -> ShotPlan:
+    """Clip the samples below the white level in the file."""
+    share = (0.75, 0.6, 0.35)[severity - 1] * plan.sensor.exposure / 0.8
+
+    def stop(samples: NDArray[np.uint16], plan: ShotPlan) -> NDArray[np.uint16]:
+        top = plan.sensor.black + share * (plan.sensor.white_level - plan.sensor.black)
+        return np.minimum(samples, np.uint16(top))
+
+    return replace(plan, samples=stop)
+
+
+def _range(plan: ShotPlan) -> float:
+    return plan.sensor.white_level - plan.sensor.black
+
+
+def _tagged(plan: ShotPlan, **changes: Any) -> ShotPlan:
+    tags = {frame: {**plan.tags.get(frame, {}), **changes} for frame in ("chart", "white", "dark")}
+    return replace(plan, tags=tags)
+
+
+def _without(plan: ShotPlan, *frames: str) -> ShotPlan:
+    return replace(plan, handed_in={**plan.handed_in, **dict.fromkeys(frames)})
+
+
+def _black(plan: ShotPlan, severity: int) -> ShotPlan:
+    off = (0.005, 0.02, 0.08)[severity - 1] * _range(plan)
+    more = plan.sensor.black + off
+    return _without(_tagged(replace(plan, sensor=replace(plan.sensor, black=more)), black=plan.sensor.black), "dark")
+
+
+def _dark_tags(plan: ShotPlan, severity: int) -> ShotPlan:
+    factor = (2.0, 8.0, 32.0)[severity - 1]
+    off = (0.003, 0.01, 0.04)[severity - 1] * _range(plan)
+    tags = {**plan.tags, "dark": {**plan.tags.get("dark", {}), "iso": 100.0 * factor}}
+    return replace(plan, dark_offset=off, tags=tags)
+
+
+def _dark_leak(plan: ShotPlan, severity: int) -> ShotPlan:
+    return replace(plan, dark_offset=(0.004, 0.015, 0.06)[severity - 1] * _range(plan))
+
+
+def _swapped(plan: ShotPlan, severity: int) -> ShotPlan:
+    order = (("white", "chart", "dark"), ("chart", "dark", "white"), ("dark", "white", "chart"))[severity - 1]
+    return replace(plan, handed_in=dict(zip(("chart", "white", "dark"), order, strict=True)))
+
+
+def _white_level(plan: ShotPlan, severity: int) -> ShotPlan:
+    return replace(plan, white_level=plan.white_level * (0.94, 0.8, 0.5)[severity - 1])
+
+
+# lamps
+
+
+def _mixed(lamp: Lamp, other: Lamp, share: float) -> Lamp:
+    """A lamp with `share` of its light from another lamp."""
+    values = (1 - share) * lamp.values / lamp.values.mean() + share * other.values / other.values.mean()
+    return replace(lamp, values=values, name=f"{lamp.name} + {other.name}")
+
+
+def _opposite(lamp: Lamp) -> Lamp:
+    return read_lamp("A" if _kind(lamp) != "bulb" else "D65")
+
+
+def _kind(lamp: Lamp) -> str:
+    """daylight, bulb, led or tube: by name, else by whether blue or red is stronger."""
+    name = lamp.name.casefold().replace(" ", "")
+    if name.startswith(("led", "white-led")):
+        return "led"
+    if name.startswith(("fl", "hp")):
+        return "tube"
+    if (name.endswith("k") and not name.startswith("d")) or name in ("a", "bulb"):
+        return "bulb"
+    if name.startswith(("d", "id")):
+        return "daylight"
+    low, high = (lamp.values[(a <= WAVELENGTHS) & (b >= WAVELENGTHS)].mean() for a, b in ((430, 480), (620, 670)))
+    return "daylight" if low > 0.6 * high else "bulb"
+
+
+def _white_lamp(plan: ShotPlan, severity: int) -> ShotPlan:
+    share = (0.2, 0.5, 1.0)[severity - 1]
+    return replace(plan, white_lamp=_mixed(plan.lamp, _opposite(plan.lamp), share))
+
+
+def _wrong_lamp(plan: ShotPlan, severity: int) -> ShotPlan:
+    names = OTHERS[_kind(plan.lamp)]
+    named = names[severity - 1]
+    return replace(plan, stated_lamp=named if named != plan.stated_lamp else names[severity % 3])
+
+
+def _two_lamps(plan: ShotPlan, severity: int) -> ShotPlan:
+    return replace(plan, lamp=_mixed(plan.lamp, _opposite(plan.lamp), (0.1, 0.35, 0.8)[severity - 1]))
+
+
+def _wall(plan: ShotPlan, severity: int) -> ShotPlan:
+    """Light reflected by a red wall: the lamp's spectrum with a smooth step at 590 nm added."""
+    share = (0.1, 0.4, 1.5)[severity - 1]
+    stain = 1 + share / (1 + np.exp(-(WAVELENGTHS - 590) / 12))
+    return replace(plan, lamp=replace(plan.lamp, values=plan.lamp.values * stain, name=f"{plan.lamp.name}, red wall"))
+
+
+# the chart
+
+
+def _staged(plan: ShotPlan, **changes: Any) -> ShotPlan:
+    return replace(plan, scene=replace(plan.scene, **changes))
+
+
+def _upside_down(plan: ShotPlan, severity: int) -> ShotPlan:
+    turn = (180.0, 90.0, 270.0)[severity - 1]
+    return _staged(plan, rotation=plan.scene.rotation + turn, fill=plan.scene.fill * (1.0 if severity == 1 else 0.7))
+
+
+def _mirrored(plan: ShotPlan, severity: int) -> ShotPlan:
+    turn = (0.0, 180.0, 90.0)[severity - 1]
+    fill = plan.scene.fill * (0.7 if severity == 3 else 1.0)
+    return _staged(plan, mirrored=True, rotation=plan.scene.rotation + turn, fill=fill)
+
+
+def _faded(plan: ShotPlan, severity: int) -> ShotPlan:
+    """A chart faded by sunlight: colours bleach towards grey, red and magenta dyes first; white turns yellow."""
+    share = (0.05, 0.2, 0.5)[severity - 1]
+    values = plan.table.values
+    grey = values.mean(axis=1, keepdims=True)
+    bleach = share * np.exp(-0.5 * ((WAVELENGTHS - 540) / 70) ** 2)
+    yellow = 1 - share * 0.3 / (1 + np.exp((WAVELENGTHS - 440) / 15))
+    return replace(plan, table=plan.table.with_values((values + bleach * (grey - values)) * yellow))
+
+
+def _vintage(plan: ShotPlan, severity: int) -> ShotPlan:
+    """A chart of another production: the difference of Ohta's table from BabelColor's is added, times 1, 2, 4."""
+    off = read_chart("classic24:ohta").values - read_chart("classic24").values
+    values = np.clip(plan.table.values + (1.0, 2.0, 4.0)[severity - 1] * off, 0.005, 1.0)
+    return replace(plan, table=plan.table.with_values(values))
+
+
+def _wrong_type(plan: ShotPlan, severity: int) -> ShotPlan:
+    """Another chart of four rows and six columns: some of its colours are at other places."""
+    order = np.arange(24)
+    swaps = ((2, 7), (0, 11), (4, 16), (5, 13), (1, 14), (3, 12), (9, 15), (6, 17))
+    for a, b in swaps[: (1, 3, 8)[severity - 1]]:
+        order[[a, b]] = order[[b, a]]
+    return replace(plan, table=plan.table.with_values(plan.table.values[order]))
+
+
+def _printed(plan: ShotPlan, severity: int) -> ShotPlan:
+    """An ink-jet copy with the same colours under D50, as closely as three inks allow."""
+    share = (0.25, 0.6, 1.0)[severity - 1]
+    values = (1 - share) * plan.table.values + share * ink_jet_copy(plan.table.values)
+    return replace(plan, table=plan.table.with_values(values))
+
+
+# the files
+
+
+def _cfa(plan: ShotPlan, severity: int) -> ShotPlan:
+    cfa = plan.sensor.cfa
+    rolled = (cfa[::-1], cfa[1] + cfa[0] + cfa[3] + cfa[2], cfa[2:] + cfa[:2])
+    return _tagged(plan, cfa=rolled[severity - 1])
+
+
+def _vignetting(plan: ShotPlan, severity: int) -> ShotPlan:
+    return _without(_staged(plan, vignetting=(0.15, 0.4, 0.75)[severity - 1]), "white")
+
+
+FAULTS: dict[str, Fault] = {
+    fault.name: fault
+    for fault in (
+        Fault("clipped", "chart and white frame overexposed",
+              ("white at 105 % of full scale", "white at 150 % of full scale", "300 %"),
+              lambda p, s: _exposure(p, (1.05, 1.5, 3.0)[s - 1])),
+        Fault("clipped-channel", "one channel overexposed",
+              ("red of white at 110 %", "red of white at 180 %", "400 %"),
+              _one_channel),
+        Fault("ceiling", "the sensor clips below the white level in the file",
+              ("at 75 % of the range", "at 60 % of the range", "35 %"), _ceiling),
+        Fault("underexposed", "too little light",
+              ("white at 10 % of full scale", "white at 2 % of full scale", "0.5 %"),
+              lambda p, s: _exposure(p, (0.1, 0.02, 0.005)[s - 1])),
+        Fault("black", "the file's black level is too low, no dark frame",
+              ("by 0.5 % of the range", "by 2 % of the range", "8 %"), _black),
+        Fault("dark-iso", "the dark frame was taken at another ISO, as its file states",
+              ("ISO × 2", "ISO × 8", "× 32"),
+              _dark_tags),
+        Fault("dark-leak", "light or warmth in the dark frame",
+              ("0.4 % of the range", "1.5 % of the range", "6 %"), _dark_leak),
+        Fault("swapped", "frames handed in as each other", ("chart and white", "white and dark", "chart and dark"),
+              _swapped),
+        Fault("white-lamp", "the white frame was taken under another lamp",
+              ("20 % of another", "50 % of another", "wholly"), _white_lamp),
+        Fault("white-level", "the light changed between chart and white frame", ("by 6 %", "by 20 %", "50 %"),
+              _white_level),
+        Fault("wrong-lamp", "the lamp is named wrongly",
+              ("its neighbour (D65 for D55)", "another technique (LED for D55)", "the opposite (A for D65)"),
+              _wrong_lamp),
+        Fault("two-lamps", "a second lamp shines on everything",
+              ("10 % of the light", "35 % of the light", "80 %"), _two_lamps),
+        Fault("wall", "a red wall colours the light", ("10 % more red", "40 % more red", "150 %"), _wall),
+        Fault("glare", "a veil of stray light over the chart photo",
+              ("2 % of white", "6 % of white", "20 %"), _glare),
+        Fault("specular", "a highlight on one patch", ("6 % of white", "40 % of white", "300 %"), light.specular),
+        Fault("shadow", "a shadow with an edge across the chart",
+              ("5 % darker", "20 % darker", "60 %"), light.shadow),
+        Fault("vignetting", "the lens darkens the corners, no white frame",
+              ("by 15 %", "by 40 %", "75 %"), _vignetting),
+        Fault("shading", "lens shading corrected in the chart photo, not in the white frame",
+              ("by 5 % in the corners", "by 20 % in the corners", "60 %"), light.shading),
+        Fault("motion", "the camera moved", ("by 10 % of a patch", "by 35 % of a patch", "90 %"), light.motion),
+        Fault("defocus", "out of focus", ("σ 5 % of a patch", "σ 15 % of a patch", "35 %"), light.defocus),
+        Fault("upside-down", "the chart is turned", ("180°", "90°", "270°"), _upside_down),
+        Fault("mirrored", "the chart is seen in a mirror", ("upright", "turned by 180°", "by 90°"), _mirrored),
+        Fault("covered", "a hand on the chart", ("a third of two patches", "four patches", "twelve"), light.covered),
+        Fault("faded", "an old chart: bleached and yellowed", ("5 %", "20 %", "50 %"), _faded),
+        Fault("vintage", "a chart of another production", ("Ohta's table", "twice as far", "four times"), _vintage),
+        Fault("wrong-type", "another chart of 4 × 6 colours",
+              ("2 colours elsewhere", "6 colours elsewhere", "16"), _wrong_type),
+        Fault("printed", "an ink-jet copy of the chart", ("25 % of the way", "60 % of the way", "wholly"), _printed),
+        Fault("tone-mapped", "a tone curve in the samples", ("γ 0.96", "γ 0.85", "0.5"), samples.tone),
+        Fault("demosaiced", "demosaiced, colour-converted, made a mosaic again",
+              ("demosaiced alone", "40 % of a display's colours", "a display's colours"), samples.demosaiced),
+        Fault("cfa", "a wrong colour order in the files", ("red and blue exchanged", "shifted by a column",
+              "by a row"), _cfa),
+        Fault("hot-pixels", "hot pixels in all frames", ("0.2 %", "2 %", "12 %"), samples.hot),
+        Fault("coarse", "samples quantised", ("to 10 bits", "to 8 bits", "5"), samples.coarse),
+    )
+}  # fmt: skip
+"""All faults, by name."""

@@ -1,0 +1,86 @@
+"""Faults of the samples before they are written: tone curves, demosaicing, hot pixels, fewer bits.
+
+Each function changes a `ShotPlan` at one of three severities; `benchmarks.faults` lists them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camssf_lab.simulation.camera import sites
+from camssf_lab.simulation.shot_plan import ShotPlan
+
+_DISPLAY = np.array([[1.9, -0.7, -0.2], [-0.3, 1.6, -0.3], [0.0, -0.6, 1.6]])
+"""Matrix from a camera's colours to a display's, like that of a raw converter; rows add up to 1."""
+
+
+def tone(plan: ShotPlan, severity: int) -> ShotPlan:
+    """Apply a tone curve to the samples."""
+    power = (0.96, 0.85, 0.5)[severity - 1]
+
+    def curve(samples: NDArray[np.uint16], plan: ShotPlan) -> NDArray[np.uint16]:
+        black, span = plan.sensor.black, _full_scale(plan)
+        x = (samples - black) / span
+        bent = np.sign(x) * np.abs(x) ** power
+        return np.asarray(np.clip(np.rint(black + span * bent), 0, plan.sensor.white_level), np.uint16)
+
+    return replace(plan, samples=curve)
+
+
+def demosaiced(plan: ShotPlan, severity: int) -> ShotPlan:
+    """Demosaic bilinearly, convert to display colours by 0, 40 or 100 %, and sample a mosaic again."""
+    mix = np.eye(3) + (0.0, 0.4, 1.0)[severity - 1] * (_DISPLAY - np.eye(3))
+
+    def cook(samples: NDArray[np.uint16], plan: ShotPlan) -> NDArray[np.uint16]:
+        from scipy.ndimage import convolve
+
+        black = plan.sensor.black
+        kernel = np.array([[0.25, 0.5, 0.25], [0.5, 1, 0.5], [0.25, 0.5, 0.25]])
+        light = samples.astype(np.float64) - black
+        power = plan.lamp.values @ plan.camera.values * plan.sensor.gains
+        balance = power.max() / power  # a converter balances white before its matrix
+        full = []
+        for c in range(3):
+            known, mask = np.zeros_like(light), np.zeros_like(light)
+            for rows, columns, colour in sites(plan.sensor.cfa, *light.shape):
+                if colour == c:
+                    known[rows, columns], mask[rows, columns] = light[rows, columns], 1
+            between = convolve(known, kernel, mode="mirror") / convolve(mask, kernel, mode="mirror")
+            full.append(np.where(mask > 0, known, between) * balance[c])
+        mixed = np.stack([sum(mix[c, d] * full[d] for d in range(3)) / balance[c] for c in range(3)])
+        for rows, columns, colour in sites(plan.sensor.cfa, *light.shape):
+            light[rows, columns] = mixed[colour][rows, columns]
+        return np.asarray(np.clip(np.rint(light + black), 0, plan.sensor.white_level), np.uint16)
+
+    return replace(plan, samples=cook)
+
+
+def hot(plan: ShotPlan, severity: int) -> ShotPlan:
+    """Add hot pixels to all frames."""
+    share = (0.002, 0.02, 0.12)[severity - 1]
+
+    def burn(samples: NDArray[np.uint16], plan: ShotPlan) -> NDArray[np.uint16]:
+        rng = np.random.default_rng(severity)  # the same pixels in every frame
+        hot = rng.random(samples.shape) < share
+        glow = rng.exponential(0.25 * _full_scale(plan), samples.shape)
+        return np.asarray(np.minimum(samples + np.where(hot, glow, 0), plan.sensor.white_level), np.uint16)
+
+    return replace(plan, samples=burn)
+
+
+def coarse(plan: ShotPlan, severity: int) -> ShotPlan:
+    """Quantise the samples to fewer bits."""
+    bits = (10, 8, 5)[severity - 1]
+
+    def round_down(samples: NDArray[np.uint16], plan: ShotPlan) -> NDArray[np.uint16]:
+        step = (plan.sensor.white_level + 1) / 2**bits
+        return np.asarray(np.floor(samples / step) * step, np.uint16)
+
+    return replace(plan, samples=round_down)
+
+
+def _full_scale(plan: ShotPlan) -> float:
+    return plan.sensor.white_level - plan.sensor.black

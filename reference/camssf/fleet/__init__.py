@@ -1,1 +1,0 @@
-"""Batches of many cameras, and the registry of their results."""

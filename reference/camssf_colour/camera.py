@@ -1,0 +1,188 @@
+"""Cameras for colour computations: curves and the modes of their errors, from a result or an Ssf."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import numpy as np
+
+from camssf.documents.document import Answer, Document
+from camssf.documents.excerpt import Excerpt, answer_of
+from camssf.documents.stored_lamp import lamp_of, unit_errors
+from camssf.errors import InvalidArgument
+from camssf.grid import WAVELENGTHS, Floats
+from camssf.recovery.basis import Basis, read_basis, widened
+from camssf.recovery.posterior import peak_normalised_jacobian
+from camssf.recovery.rows import anchor
+from camssf.recovery.sensitivity import Ssf
+from camssf.spectra import Lamp
+
+BAND_CORRELATION = 10.0
+"""Correlation length of a curve's errors if only its band is known, nm. Photos determine integrals of the curves, so
+true errors change sign; a longer length would overestimate the uncertainty of colours even more."""
+SAME_BAND = 0.02
+"""Largest difference between an answer's bands and those that its covariance gives, relative to the largest band."""
+LEAST = 1e-6
+"""Modes with less than this share of the largest mode's variance are left out."""
+
+
+@dataclass(frozen=True)
+class OwnWhite:
+    """The calibration's raw white, which fixes the relative scale of the three channels.
+
+    Attributes:
+        raw: (3,) white signal of each channel relative to green.
+        lamp: of that shot.
+    """
+
+    raw: Floats
+    lamp: Lamp
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera's curves and the modes of their errors.
+
+    Attributes:
+        name: of the camera or of the result.
+        values: (681, 3), each channel's peak = 1.
+        modes: (q, 681, 3) independent error modes, each one standard deviation long; (0, 681, 3) for curves that are
+            assumed exact.
+        own: the calibration's white; None if it is not known.
+        whole: True if the modes come from the whole covariance, False if only from the bands.
+    """
+
+    name: str
+    values: Floats = field(repr=False)
+    modes: Floats = field(repr=False)
+    own: OwnWhite | None = None
+    whole: bool = True
+
+    def __post_init__(self) -> None:
+        m = WAVELENGTHS.size
+        if self.values.shape != (m, 3) or self.modes.shape[1:] != (m, 3):
+            raise InvalidArgument(
+                f"Curves of shape {self.values.shape} with modes of shape {self.modes.shape} do not fit together.",
+                "Give (681, 3) and (q, 681, 3) on the grid.",
+            )
+        if not (np.isfinite(self.values).all() and np.isfinite(self.modes).all() and (self.values.max(0) > 0).all()):
+            raise InvalidArgument("A curve is not finite, or has no positive peak.", "Give measured curves.")
+
+
+ColourCamera: TypeAlias = Camera | Document | Excerpt
+"""What the colour functions accept as a camera: a Camera, a result, or the excerpt of one in a passport."""
+
+
+def as_camera(given: ColourCamera) -> Camera:
+    """The camera of a Camera, a result or an excerpt.
+
+    Raises:
+        InvalidArgument: it is none of these, or the result was refused.
+    """
+    if isinstance(given, Camera):
+        return given
+    if isinstance(given, Document | Excerpt):
+        return camera_of_result(given)
+    raise InvalidArgument(
+        f"A {type(given).__name__} cannot be used as a camera.", "Give a Result, an excerpt, or a Camera."
+    )
+
+
+def camera_of_ssf(ssf: Ssf, basis: Basis, white: Floats, own: OwnWhite | None = None) -> Camera:
+    """The camera of an answer of `recover`, with its whole covariance.
+
+    Args:
+        ssf: on a basis with a prior.
+        basis: that basis.
+        white: (681,) ρ_w L of the first shot, as in the observation: the basis was anchored to it.
+        own: the calibration's white, if raw frames are known.
+
+    Raises:
+        InvalidArgument: an answer without a covariance.
+    """
+    if ssf.code_covariance is None:
+        raise InvalidArgument(f"The {ssf.basis} basis has no prior, so no covariance.", "Choose the basis cameras.")
+    values, basis = ssf.peak()[0], widened(basis, ssf.prior_scale)
+    return Camera(ssf.basis, values, modes_of_code(values, ssf.code_covariance, basis, white), own)
+
+
+def camera_of_result(document: Document | Excerpt) -> Camera:
+    """The camera of a result, or of the excerpt of one.
+
+    The modes come from the result's covariance if its basis is available. Else, and of an excerpt, they come from its
+    bands: errors are then assumed smooth over BAND_CORRELATION and independent between the channels, which about
+    doubles the stated uncertainty of colours. `own` needs the light of the first shot.
+
+    Raises:
+        InvalidArgument: a refused result.
+    """
+    answer = answer_of(document)
+    lamp = document.lamp() if isinstance(document, Excerpt) else lamp_of(document, 0)
+    return camera_of_answer(answer, lamp, " ".join(filter(None, make_and_model(document))) or "camera")
+
+
+def camera_of_answer(answer: Answer, lamp: Lamp | None, name: str) -> Camera:
+    """The camera of an answer; `lamp` is that of its first shot, None if it is unknown."""
+    values, std, raw = answer.curves.values, answer.std, answer.channel_gain
+    own = None if lamp is None or not ((raw > 0) & (lamp.values @ values > 0)).all() else OwnWhite(raw, lamp)
+    if std is None:
+        return Camera(name, values, np.zeros((0, *values.shape)), own)
+    modes = None if own is None else _modes_of_answer(answer, std.values, own.lamp.values)
+    if modes is None:
+        return Camera(name, values, modes_of_bands(std.values), own, whole=False)
+    return Camera(name, values, modes, own)
+
+
+def make_and_model(document: Document | Excerpt) -> tuple[str, str]:
+    """Make and model of a result's camera, as its files name it."""
+    if isinstance(document, Excerpt):
+        return document.camera.make, document.camera.model
+    assert document.capture is not None
+    return document.capture.photos[0].make, document.capture.photos[0].model
+
+
+def _modes_of_answer(answer: Answer, band: Floats, white: Floats) -> Floats | None:
+    """Modes from the answer's covariance; None if it has none, or if its basis differs from the installed one."""
+    covariance, values = answer.covariance, answer.curves.values
+    try:
+        basis = widened(read_basis(answer.basis), answer.prior_scale)
+    except InvalidArgument:
+        return None
+    if covariance is None or not basis.prior or len(covariance) != 3 * basis.dictionary.shape[2]:
+        return None
+    with np.errstate(all="ignore"):  # the covariance may belong to another basis; this is checked below
+        modes = modes_of_code(values, covariance, basis, white)
+        # The answer's own bands show whether basis and covariance belong together.
+        std = np.sqrt(np.sum(modes**2, axis=0))
+    return modes if np.abs(std - band).max() < SAME_BAND * band.max() else None
+
+
+def modes_of_code(values: Floats, covariance: Floats, basis: Basis, white: Floats) -> Floats:
+    """(q, 681, 3) modes of curves of peak 1 from the covariance (3 r, 3 r) of their code.
+
+    The basis is anchored to the white (681,) ρ_w L, so no code changes Σ white s dλ; this gives the curves' scale.
+    """
+    anchored = anchor(basis, white)
+    curves = values.T * ((anchored.mean @ white) / (values.T @ white))[:, None]
+    moves = peak_normalised_jacobian(anchored.dictionary, curves) / curves.max(axis=1)[:, None, None]
+    size, axes = np.linalg.eigh(covariance)
+    steps = (axes * np.sqrt(np.maximum(size, 0.0))).reshape(3, -1, size.size)
+    return _largest(np.einsum("cmr,crq->qmc", moves, steps))
+
+
+def modes_of_bands(std: Floats) -> Floats:
+    """(q, 681, 3) modes whose variance at each wavelength is the band's (681, 3)."""
+    smooth = unit_errors(BAND_CORRELATION)
+    modes = np.zeros((3, smooth.shape[1], *std.shape))
+    for c in range(3):
+        modes[c, :, :, c] = (std[:, c, None] * smooth).T
+    return _largest(modes.reshape(-1, *std.shape))
+
+
+def _largest(modes: Floats) -> Floats:
+    """The modes reduced to principal ones, the largest first; those below LEAST are left out."""
+    shape = modes.shape
+    _, size, axes = np.linalg.svd(modes.reshape(len(modes), -1), full_matrices=False)
+    kept = size**2 > LEAST * size[0] ** 2 if size[0] > 0 else np.zeros(size.shape, dtype=bool)
+    return np.asarray((size[kept, None] * axes[kept]).reshape(-1, *shape[1:]))

@@ -1,0 +1,54 @@
+"""Distance of signals from those that any surface can give under the lamp."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from camssf.errors import ColourOutOfReach
+from camssf.grid import Floats
+from camssf.recovery.basis import fold
+from camssf_colour.light import Light
+
+REACH = 4.0
+"""Limit of the distance, in standard deviations; chance exceeds it once in 1,000 for three numbers."""
+MOST = 64
+"""Number of colours above which no distances are computed."""
+
+
+def distances(y: Floats, covariance: Floats, light: Light) -> Floats:
+    """(m,) distances, in standard deviations, of signals (m, 3) from the nearest ones of a reflectance from 0 to 1.
+
+    min over 0 ≤ R ≤ 1 of ‖Σ^-½ (y - A R)‖, R linear between 5-nm nodes, A lamp times curves, scaled so that white
+    gives 1. NaN if there are more than MOST colours, because this is too slow for a live picture.
+    """
+    if len(y) > MOST:
+        return np.full(len(y), np.nan)
+    from scipy.optimize import lsq_linear
+
+    seen = light.power[:, None] * light.curves
+    matrix = fold((seen / seen.sum(axis=0)).T)  # (3, 69)
+    lengths = []
+    for signal, spread in zip(y, covariance, strict=True):
+        floor = 1e-12 + 1e-6 * np.trace(spread) / 3.0
+        root = np.linalg.cholesky(spread + floor * np.eye(3))
+        whitened = np.linalg.solve(root, np.column_stack([matrix, signal]))
+        fitted = lsq_linear(whitened[:, :-1], whitened[:, -1], (0.0, 1.0), method="bvls")
+        lengths.append(float(np.sqrt(2.0 * fitted.cost)))
+    return np.array(lengths)
+
+
+def check_reach(reach: Floats) -> None:
+    """Refuse colours that no surface can have.
+
+    Raises:
+        ColourOutOfReach: a distance above REACH.
+    """
+    far = np.flatnonzero(reach > REACH)
+    if far.size:
+        raise ColourOutOfReach(
+            f"Colour {far[0] + 1} cannot be a surface's colour under this lamp: {reach[far[0]]:.1f} standard "
+            "deviations from the nearest.",
+            "Check the white reference and the lamp; leave out glare, light sources and fluorescent surfaces.",
+            value=float(reach[far[0]]),
+            threshold=REACH,
+        )

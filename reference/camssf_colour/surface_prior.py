@@ -1,0 +1,185 @@
+"""Prior distributions of reflectance, made from measured surfaces.
+
+A prior is a mixture of Gaussians, one at each measured surface. Reflectances are divided by their mean over the nodes
+first, since a photo's own level states how bright a surface is. The width of a Gaussian follows the distance to the
+nearest other surfaces, so where surfaces are dense the prior is narrow.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cache
+from os import PathLike
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+
+from camssf.errors import InvalidArgument
+from camssf.files import local
+from camssf.grid import Floats, frozen
+from camssf.spectra.bundled import SURFACE_NODES, absorbers, surface_sets
+from camssf.spectra.sampled import ascending, check_wavelengths
+from camssf.spectra.tables import read_spectra
+from camssf.spectra.text import looks_like_file
+
+PRIORS = ("general", "skin")
+"""Names that `read_prior` accepts beside the path of a file."""
+NEIGHBOURS = 8
+WIDTH = 1.3
+"""Width of a surface's Gaussian in units of the root mean square distance to its nearest ones."""
+NARROWEST = 0.1
+"""Least such distance, in units of the median over all surfaces."""
+ROUGHNESS, ROUGHNESS_CORRELATION = 0.008, 20.0
+"""Standard deviation and correlation length, nm, of the fine structure that no neighbour shows, for a mean of 1."""
+SKINS_COUNT = 8.0
+"""Weight of a skin in the prior "general"; another surface has 1. Photos show skin more often than the library."""
+CHANGES = (
+    ("oxyhaemoglobin", 0.8, 0.2),
+    ("deoxyhaemoglobin", 0.8, 0.2),
+    ("bilirubin", 0.2, 0.0),
+)
+"""Changes within one person, for the prior "skin": absorber, and the standard deviations of -Δ ln R at its largest
+absorption, of a layer above everything and of one that light reaches the less the more it is absorbed."""
+SATURATION = 0.08
+"""Absorption, in parts of the largest, at which the second layer's effect is half of its largest."""
+
+
+@dataclass(frozen=True)
+class SurfacePrior:
+    """A mixture of N Gaussians of reflectance at SURFACE_NODES, each divided by its mean.
+
+    Attributes:
+        name: "general", "skin", or a file's name.
+        shapes: (N, 35) centres, of mean 1.
+        covariances: (N, 35, 35).
+        log_weights: (N,) ln of the weights, up to a constant.
+    """
+
+    name: str
+    shapes: Floats = field(repr=False)
+    covariances: Floats = field(repr=False)
+    log_weights: Floats = field(repr=False)
+
+
+PriorLike: TypeAlias = str | PathLike[str] | SurfacePrior
+"""What `read_prior` accepts."""
+
+
+def read_prior(spec: PriorLike) -> SurfacePrior:
+    """The prior of a name, or of a file of measured reflectances.
+
+    Args:
+        spec: "general" (760 surfaces and 97 skins, each skin counted SKINS_COUNT times), "skin" (the 97 skins,
+            widened by CHANGES), a CSV, CGATS or CxF file with one reflectance for each surface, or a prior.
+
+    Raises:
+        InvalidArgument: an unknown name; a file that cannot be read, does not cover 400 to 700 nm, or holds values
+            that are no reflectances.
+    """
+    if isinstance(spec, SurfacePrior):
+        return spec
+    if isinstance(spec, str) and spec in PRIORS:
+        return _shipped(spec)
+    path = local(spec)
+    if not path.suffix and not (isinstance(spec, PathLike) or looks_like_file(spec)):
+        raise InvalidArgument(
+            f"No prior is called {str(spec)!r}.", f"Take {' or '.join(PRIORS)}, or a file of reflectances."
+        )
+    return prior_of(_from_file(path), path.name)
+
+
+def prior_of(
+    reflectances: Floats, name: str = "own", *, counts: Floats | None = None, changes: Floats | None = None
+) -> SurfacePrior:
+    """The prior that measured surfaces give.
+
+    s_i = R_i / mean R_i. r_i is the root mean square distance to the NEIGHBOURS nearest, h_i = WIDTH max(r_i,
+    NARROWEST median r), C the mean of u uᵀ over all differences u of neighbours, each divided by its root mean
+    square, and C_i = h_i² C + F + Σ_c (s_i g_c)(s_i g_c)ᵀ, with F of ROUGHNESS and the changes g_c.
+
+    Args:
+        reflectances: (N, 35) at SURFACE_NODES.
+        name: of the prior.
+        counts: (N,) weights; 1 unless given.
+        changes: (q, 35) relative changes of reflectance, one standard deviation each; none unless given.
+
+    Raises:
+        InvalidArgument: no surface, one that is not finite, or one whose mean is not positive.
+    """
+    values = np.asarray(reflectances, dtype=np.float64)
+    if values.ndim != 2 or values.shape[1] != SURFACE_NODES.size or not len(values):
+        raise InvalidArgument(
+            f"Reflectances have shape {values.shape}; (N, {SURFACE_NODES.size}) is needed.",
+            "Give each surface at 380 to 720 nm, every 10 nm.",
+        )
+    means = values.mean(axis=1, keepdims=True)
+    if not (np.isfinite(values).all() and (means > 0).all()):
+        raise InvalidArgument("A surface's reflectance is not finite or not positive.", "Leave that surface out.")
+    shapes = values / means
+    n = len(shapes)
+    covariance = np.zeros((n, SURFACE_NODES.size, SURFACE_NODES.size))
+    if n > 1:
+        width, common = _neighbourhood(shapes)
+        covariance += width[:, None, None] ** 2 * common
+    steps = (SURFACE_NODES[:, None] - SURFACE_NODES) / ROUGHNESS_CORRELATION
+    covariance += ROUGHNESS**2 * np.exp(-0.5 * steps**2)
+    for change in np.zeros((0, SURFACE_NODES.size)) if changes is None else changes:
+        moved = shapes * change
+        covariance += moved[:, :, None] * moved[:, None]
+    weights = np.zeros(n) if counts is None else np.log(counts)
+    return SurfacePrior(name, frozen(shapes), frozen(covariance), frozen(weights))
+
+
+def _neighbourhood(shapes: Floats) -> tuple[Floats, Floats]:
+    """The width h (N,) of each surface, and the covariance C (35, 35) of neighbours' unit differences."""
+    squares = np.einsum("ij,ij->i", shapes, shapes)
+    distance = np.maximum(squares[:, None] + squares - 2.0 * shapes @ shapes.T, 0.0)
+    np.fill_diagonal(distance, np.inf)
+    nearest = np.argsort(distance, axis=1, kind="stable")[:, :NEIGHBOURS]
+    apart = shapes[nearest] - shapes[:, None]  # (N, k, 35)
+    size = np.sqrt(np.mean(apart**2, axis=2))
+    radius = np.sqrt(np.mean(size**2, axis=1))
+    unit = (apart / np.maximum(size, 1e-9)[:, :, None]).reshape(-1, shapes.shape[1])
+    return WIDTH * np.maximum(radius, NARROWEST * np.median(radius)), unit.T @ unit / len(unit)
+
+
+@cache
+def _shipped(name: str) -> SurfacePrior:
+    kinds = {
+        kind: np.concatenate([surfaces.values for surfaces in surface_sets() if surfaces.kind == kind])
+        for kind in PRIORS
+    }
+    if name == "skin":
+        return prior_of(kinds["skin"], name, changes=skin_changes())
+    counts = np.concatenate([np.ones(len(kinds["general"])), np.full(len(kinds["skin"]), SKINS_COUNT)])
+    return prior_of(np.concatenate([kinds["general"], kinds["skin"]]), name, counts=counts)
+
+
+def skin_changes() -> Floats:
+    """(q, 35) relative changes of a skin's reflectance, one standard deviation each, as CHANGES says.
+
+    -size a(λ) for the layer above everything, -size a(λ) (1 + c) / (a(λ) + c) for the one that saturates.
+    """
+    changes = []
+    for name, above, below in CHANGES:
+        a = absorbers()[name]
+        changes += [-above * a, -below * a * (1.0 + SATURATION) / (a + SATURATION)]
+    return np.stack([change for change in changes if change.any()])
+
+
+def _from_file(path: Path) -> Floats:
+    """Reflectances (N, 35) of a file; linear between its wavelengths, constant outside."""
+    table = read_spectra(path)
+    wavelengths, columns = ascending(table.wavelengths, table.values.T)
+    check_wavelengths(wavelengths, path, InvalidArgument)
+    values = columns.T
+    if np.isfinite(values).all() and values.max() > 2.0:
+        values = values / 100.0
+    if not (
+        np.isfinite(values).all() and values.min() >= 0.0 and values.max() <= 1.2 and (values.max(axis=1) > 0).all()
+    ):
+        raise InvalidArgument(
+            f"{path} has a value that is no reflectance.", "Give all as 0 to 1, or all in percent; one row a surface."
+        )
+    return np.stack([np.interp(SURFACE_NODES, wavelengths, row) for row in values])

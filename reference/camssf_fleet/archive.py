@@ -1,0 +1,200 @@
+"""Keeps the results of a batch in an archive, and finds those of earlier runs.
+
+The folder of a result is named by the hash of its inputs: the contents of all files, the options, camssf's version.
+So a duplicate finds its result there, and so does a restart after a run that was killed before it wrote the row.
+Workers write only to the archive; the process that submits the jobs writes the rows (`recorder`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camssf.errors import CalibrationError, InvalidArgument, UnreadableRaw
+from camssf.files import local, temporary_folder
+from camssf.photo.read.unit import read_unit
+from camssf.places import Place, is_remote, reached, relative, remove, write_place
+from camssf.version import __version__
+from camssf_fleet.inputs import Stamp, file_in, layout_in, stamp, stamps
+from camssf_fleet.manifest import Job, Manifest, rows_hash
+from camssf_fleet.outcome import KEPT, Outcome, Summary
+from camssf_fleet.pools import DEATHS
+from camssf_fleet.registry import IDENTITY, Registry
+from camssf_fleet.rows import Origin, Row, Task, checksum, row
+from camssf_fleet.tables import Table, row_batches
+
+RESULT = "result.json"
+PARTS = tuple(f"p{i}" for i in range(4))
+"""Columns for the four integers of `made_from`."""
+
+
+def folder_of(made_from: str) -> str:
+    """The folder of a result in its archive."""
+    return f"{made_from[:2]}/{made_from}"
+
+
+@dataclass(frozen=True)
+class Archive:
+    """A folder of results, each in a folder named by the hash of its inputs.
+
+    Attributes:
+        folder: of the archive.
+        registry: folder of the registry that stores the results' paths.
+    """
+
+    folder: Place
+    registry: Place
+
+    def place(self, made_from: str) -> Place:
+        """The folder of a result."""
+        return self.folder / folder_of(made_from)
+
+    def holds(self, made_from: str) -> bool:
+        """Whether the result exists; it is not read."""
+        if not is_remote(self.folder):
+            local(self.place(made_from) / RESULT)  # finishes a write that was interrupted
+        with reached(self.folder, "read"):
+            return (self.place(made_from) / RESULT).is_file()
+
+    def earlier(self, job: Job, made_from: str) -> Outcome | None:
+        """The outcome of a result in the archive, with its row; None if it is missing or damaged."""
+        return self._outcome(job, made_from) if self.holds(made_from) else None
+
+    @contextmanager
+    def working_folder(self, job: Job, made_from: str) -> Iterator[Path]:
+        """The folder for a new result; for an object store a temporary one, whose files are then copied there.
+
+        The result is copied last, so that whatever has a result is whole.
+        """
+        place = self.place(made_from)
+        if not is_remote(place):
+            yield place
+            return
+        with temporary_folder() as folder:
+            yield folder
+            for path in sorted(folder.iterdir(), key=lambda path: path.name == RESULT):
+                write_place(place / path.name, path.read_bytes())
+
+    def keep(self, job: Job, made_from: str, outcome: Outcome) -> Outcome:
+        """The outcome with the row of the result, if there is one; of the earlier one if a photo is unreadable."""
+        if outcome.code == UnreadableRaw.code and (kept := self.instead(job, outcome)).row:
+            remove(self.place(made_from))  # the refusal, of which there is no row
+            return kept
+        return self._outcome(job, made_from) or outcome
+
+    def instead(self, job: Job, outcome: Outcome) -> Outcome:
+        """A refusal without a result, with the row of the earlier result if there is one."""
+        earlier = self.earlier(job, job.earlier) if job.earlier else None
+        if earlier is None:
+            return outcome
+        return replace(outcome, reason=f"{outcome.reason} {KEPT}", row=earlier.row, made_from=job.earlier)
+
+    def _outcome(self, job: Job, made_from: str) -> Outcome | None:
+        from camssf.documents import forms
+        from camssf.documents.document import Document
+
+        file = self.place(made_from) / RESULT
+        try:
+            with reached(file, "read"):
+                data = file.read_bytes()
+            document = forms.read(data, Document, str(file), "")
+        except (OSError, InvalidArgument):
+            return None
+        if document.verdict is None:
+            return None
+        unit, captured = job.unit, job.captured
+        with suppress(CalibrationError):
+            photographed = read_unit(job.photos[0])
+            unit, captured = unit.filled(photographed.unit), captured or photographed.time
+        place = relative(file, self.registry)
+        kept = row(data, document, Origin(unit, captured, job.name, made_from, place=place, extra=dict(job.extra)))
+        return Outcome(kept.name, kept.status, kept.code, kept.reason, row=kept)
+
+
+# In the process that hands out the work
+
+
+def task_of(job: Job, basis: Stamp | None) -> str:
+    """SHA-256 of a job, the version, and the sizes and times of all its files; no file is read."""
+    found: list[Stamp | None] = [basis]
+    for role, specification in job.specifications:
+        _, path = file_in(role, specification)
+        found += [None] if path is None else stamps(path)
+        own = layout_in(role, specification)
+        found += [] if own is None else stamps(own)
+    return hashlib.sha256(json.dumps([repr(job), found, __version__]).encode()).hexdigest()
+
+
+def unfinished(manifest: Manifest, registry: Registry, summary: Summary, archive: Archive) -> Iterator[Job]:
+    """Yield the jobs still to do, each with its `task`, and count those done: with result in the archive, and row.
+
+    Hashes are kept as integers, to save memory.
+    """
+    made_from = ", ".join(f"{_bits('made_from', 16 * i)} AS {part}" for i, part in enumerate(PARTS))
+    of = f"FROM rows WHERE key <> '' OR deaths >= {DEATHS}"
+    ends, done, curves = registry.ask(
+        lambda con: (
+            con.execute(f"SELECT DISTINCT status, code, camera {of} ORDER BY ALL").fetchall(),
+            con.execute(
+                f"SELECT {_bits('task')} AS task, key <> '' AS kept, {_bits('key')} AS key, {made_from}, "
+                f"dense_rank() OVER (ORDER BY status, code, camera) - 1 AS ended {of} ORDER BY task"
+            ).fetchnumpy(),
+            con.execute(
+                f"SELECT {_bits('job')} AS job, {made_from} FROM rows WHERE key <> '' AND job <> '' AND "
+                "status IN ('accepted', 'doubtful') ORDER BY job, ended"
+            ).fetchnumpy(),
+        ),
+        Task,
+    )
+    numbers, kept, keys, *_, ended = done.values()
+    tasks = np.asarray(numbers, dtype=np.uint64)
+    sound, has_row = np.isin(tasks, _sound(registry, Task)), np.isin(keys, _sound(registry, Row))
+    same = np.asarray(next(iter(curves.values())), dtype=np.uint64)
+    basis = None if manifest.basis_file is None else stamp(manifest.basis_file)  # once, not once a row
+    for each in manifest:
+        job = replace(each, task=task_of(each, basis))
+        first_bits = np.uint64(int(job.task[:16], 16))
+        at = int(np.searchsorted(tasks, first_bits))
+        there = at < len(tasks) and tasks[at] == first_bits and sound[at]
+        if there and kept[at]:
+            there = has_row[at] and archive.holds(_made_from(done, at))
+        if there:
+            summary.resumed += 1
+            status, code, camera = ends[int(ended[at])]
+            if code and code not in summary.examples:
+                for task in registry.query("SELECT name, reason FROM rows WHERE task = ?", [job.task], Task):
+                    summary.examples[code] = ": ".join(map(str, task.values()))
+            summary.count(status, code, camera)
+            continue
+        wanted = np.uint64(int(rows_hash(each)[:16], 16))
+        at = int(np.searchsorted(same, wanted, side="right")) - 1
+        yield replace(job, earlier=_made_from(curves, at)) if at >= 0 and same[at] == wanted else job
+
+
+def _made_from(columns: dict[str, Any], at: int) -> str:
+    return "".join(f"{int(columns[part][at]):016x}" for part in PARTS)
+
+
+def _sound(registry: Registry, table: Table) -> NDArray[np.uint64]:
+    """64 bits of what identifies each row (`_bits`), of the rows that agree with their checksums."""
+
+    def read(con: Any) -> NDArray[np.uint64]:
+        files = con.execute("SELECT DISTINCT filename FROM every").fetchall()
+        rows = (row for (file,) in files for row in row_batches(con, file))
+        keys = (row[IDENTITY[table]] for row in rows if checksum(row) == row["checksum"])
+        return np.fromiter((int(key[:16], 16) for key in keys), np.uint64)
+
+    return registry.ask(read, table)
+
+
+def _bits(column: str, start: int = 0) -> str:
+    """SQL for 64 bits of a hash, from this hexadecimal digit on; 0 of an empty one."""
+    return f"coalesce(TRY_CAST('0x' || {column}[{start + 1}:{start + 16}] AS UBIGINT), 0)"

@@ -1,0 +1,1 @@
+"""Signed excerpts of results, keys and revocations."""

@@ -1,0 +1,319 @@
+"""Defines the registry's two kinds of row, one for each result, one for each job of a batch, and their checksum."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from camssf.grid import CHANNELS
+from camssf.photo.read.unit import Unit
+
+if TYPE_CHECKING:
+    from camssf.documents.document import Answer, Curves, Document
+    from camssf.documents.excerpt import Excerpt
+
+STRIDE = 10
+"""Grid points between the registry's samples: its curves are sampled every 5 nm from 380 to 720 nm."""
+
+_TYPES = {
+    "str": "VARCHAR",
+    "datetime": "TIMESTAMPTZ",
+    "datetime | None": "TIMESTAMPTZ",
+    "float | None": "DOUBLE",
+    "int": "INTEGER",
+    "tuple[str, ...]": "VARCHAR[]",
+    "tuple[float, ...]": "DOUBLE[]",
+    "Curve": "FLOAT[]",
+}
+"""DuckDB types of the fields below."""
+
+_UNIT = ("make", "model", "camera_id", "serial", "lens", "focal_length", "aperture")
+"""The columns of a unit."""
+Curve: TypeAlias = tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One result, without photos, location or the names of input files.
+
+    Attributes:
+        key: SHA-256 of the result file, so that a result added twice counts once.
+        added: UTC.
+        name: in the manifest.
+        status: of the verdict.
+        code, reason: code and message of its first reason.
+        reasons: codes of all its reasons.
+        make, model, camera_id, serial, lens, focal_length, aperture: the unit.
+        captured: UTC; a time without an offset is taken as UTC.
+        chart, chart_table, lamps, basis, engine, software: what the result was made with.
+        inputs: SHA-256 of every input file.
+        onnx: SHA-256 of the model.
+        made_from: SHA-256 of files, options and version together, if a batch made the result.
+        passport, passport_ends: id and end of the result's passport.
+        place: path of the result, relative to the registry.
+        delta_e00, rmsre, half_width, gap, evidence: scores; rmsre in %, gap the largest of the three channels.
+        channel_gain: red, green, blue.
+        red, green, blue, red_std, green_std, blue_std: curves and bands, peak = 1; empty if there are none.
+        extra: further columns of the manifest, as JSON.
+        l2, gamma: penalties of the fit; gamma the largest of the three channels.
+        prior_scale: width of the prior; None unless one basis was used alone, under named lights.
+        odds: of the basis against the others; infinite if their probability is 0, None if the basis was given.
+        code_covariance: posterior covariance of the code, as in the result.
+    """
+
+    key: str
+    added: datetime
+    name: str
+    status: str
+    code: str
+    reason: str
+    reasons: tuple[str, ...]
+    make: str
+    model: str
+    camera_id: str
+    serial: str
+    lens: str
+    focal_length: float | None
+    aperture: float | None
+    captured: datetime | None
+    chart: str
+    chart_table: str
+    lamps: tuple[str, ...]
+    basis: str
+    engine: str
+    software: str
+    inputs: tuple[str, ...]
+    onnx: str
+    made_from: str
+    passport: str
+    place: str
+    delta_e00: float | None
+    rmsre: tuple[float, ...]
+    half_width: float | None
+    gap: float | None
+    evidence: float | None
+    channel_gain: tuple[float, ...]
+    red: Curve
+    green: Curve
+    blue: Curve
+    red_std: Curve
+    green_std: Curve
+    blue_std: Curve
+    extra: str
+    l2: float | None = None
+    gamma: float | None = None
+    prior_scale: float | None = None
+    odds: float | None = None
+    code_covariance: Curve = ()
+    passport_ends: datetime | None = None
+
+
+@dataclass(frozen=True)
+class Task:
+    """The end of one job of a batch.
+
+    Attributes:
+        task: hash of the job's rows, options, version, and its files' sizes and times (`archive.task_of`).
+        made_from: as in `Row`; "" if the files could not be read.
+        ended: UTC.
+        name: in the manifest.
+        status: accepted, doubtful, refused, failed.
+        code, reason: of the first reason.
+        key: of its result; "" without one.
+        camera: make and model of the result.
+        deaths: number of processes that died during the job.
+        job: SHA-256 of the job's rows and options (`manifest.rows_hash`).
+    """
+
+    task: str
+    made_from: str
+    ended: datetime
+    name: str
+    status: str
+    code: str
+    reason: str
+    key: str
+    camera: str = ""
+    deaths: int = 0
+    job: str = ""
+
+
+@dataclass(frozen=True)
+class Origin:
+    """The fields of a row that do not come from the result document.
+
+    Attributes:
+        unit: what is known about the unit besides make and model.
+        captured: ISO 8601, "" if unknown.
+        name, made_from, passport, place: as in `Row`.
+        extra: further columns of the manifest.
+    """
+
+    unit: Unit = field(default_factory=Unit)
+    captured: str = ""
+    name: str = ""
+    made_from: str = ""
+    passport: str = ""
+    place: str = ""
+    extra: Mapping[str, str] = field(default_factory=dict)
+
+
+def columns(kind: type) -> dict[str, str]:
+    """Names and DuckDB types of the fields of `Row` or `Task`."""
+    return {each.name: _TYPES[str(each.type)] for each in fields(kind)}
+
+
+def row(result: bytes | str, document: Document | Excerpt, origin: Origin, *, now: datetime | None = None) -> Row:
+    """The row of a result.
+
+    Args:
+        result: the bytes of result.json, or their SHA-256.
+        document: its content, or the excerpt of it in a passport.
+        origin: fields that the document does not have.
+        now: time of adding; the current time unless given.
+    """
+    from camssf.documents.excerpt import Excerpt
+    from camssf.verdict.reasons import Reason
+
+    made_of = _sources_of_excerpt(document) if isinstance(document, Excerpt) else _sources(document)
+    verdict = document.verdict
+    assert verdict is not None
+    first = verdict.reasons[0] if verdict.reasons else Reason("", "", "")
+    return Row(
+        key=result if isinstance(result, str) else hashlib.sha256(result).hexdigest(),
+        added=utc(now or datetime.now(UTC)),
+        name=origin.name,
+        status=verdict.status,
+        code=first.code,
+        reason=first.message,
+        reasons=tuple(reason.code for reason in verdict.reasons),
+        captured=utc(datetime.fromisoformat(origin.captured)) if origin.captured else None,
+        chart=made_of.chart,
+        chart_table=made_of.chart_table,
+        lamps=made_of.lamps,
+        software=made_of.software,
+        inputs=made_of.inputs,
+        made_from=origin.made_from,
+        passport=origin.passport,
+        place=origin.place,
+        extra=json.dumps(dict(origin.extra), ensure_ascii=False, sort_keys=True) if origin.extra else "",
+        **_stated(origin.unit.filled(made_of.unit)),
+        **_solved(document.answer() if isinstance(document, Excerpt) else document.answer),
+    )
+
+
+@dataclass(frozen=True)
+class _Sources:
+    """What a result was made with."""
+
+    unit: Unit
+    chart: str
+    chart_table: str
+    lamps: tuple[str, ...]
+    software: str
+    inputs: tuple[str, ...]
+
+
+def _sources(document: Document) -> _Sources:
+    capture = document.capture
+    if capture is None:
+        return _Sources(Unit(), "", "", (), document.version, ())
+    first = capture.photos[0] if capture.photos else None
+    return _Sources(
+        Unit() if first is None else Unit(first.make, first.model),
+        capture.chart.name,
+        capture.chart.table,
+        tuple(light.name for light in capture.lights),
+        document.version,
+        tuple(capture.hashes.values()),
+    )
+
+
+def _sources_of_excerpt(excerpt: Excerpt) -> _Sources:
+    return _Sources(
+        Unit(excerpt.camera.make, excerpt.camera.model),
+        excerpt.chart.name,
+        excerpt.chart.table,
+        tuple(shot.lamp.name for shot in excerpt.shots),
+        excerpt.generator.version,
+        tuple(excerpt.hashes.inputs.values()),
+    )
+
+
+def _stated(unit: Unit) -> dict[str, Any]:
+    """The columns of the unit."""
+    return {name: getattr(unit, name) for name in _UNIT}
+
+
+def _solved(answer: Answer | None) -> dict[str, Any]:
+    """The columns of the answer."""
+    from camssf.documents.basis_choice import choice_of  # loads SciPy, which most questions do without
+
+    curves, std = (None, None) if answer is None else (answer.curves, answer.std)
+    sampled = {colour: _sampled(curves, colour) for colour in CHANNELS}
+    sampled |= {f"{colour}_std": _sampled(std, colour) for colour in CHANNELS}
+    if answer is None:
+        unsolved = {"basis": "none", "engine": "none", "onnx": "", "delta_e00": None, "rmsre": (), "half_width": None}
+        return unsolved | {"gap": None, "evidence": None, "channel_gain": ()} | sampled
+    chosen, covariance = choice_of(answer), answer.code_covariance
+    return sampled | {
+        "basis": answer.basis,
+        "engine": answer.engine,
+        "onnx": answer.model or "",
+        "delta_e00": answer.scores.delta_e00,
+        "rmsre": tuple(answer.scores.rmsre_percent.tolist()),
+        "half_width": None if answer.uncertainty is None else answer.uncertainty.half_width,
+        "gap": max(answer.proof.gap.tolist()),
+        "evidence": answer.evidence,
+        "channel_gain": tuple(answer.channel_gain.tolist()),
+        "l2": answer.l2,
+        "gamma": max(answer.gamma.tolist()),
+        "prior_scale": prior_scale_of(answer),
+        "odds": None if chosen is None else chosen.odds,
+        "code_covariance": () if covariance is None else tuple(covariance.tolist()),
+    }
+
+
+def prior_scale_of(answer: Answer) -> float | None:
+    """Width of a result's prior; None if bases or kinds of light were mixed: it does not belong to one basis."""
+    from camssf.recovery.hypotheses import CLEAR
+
+    own = sum(hypothesis.probability for hypothesis in answer.choice if hypothesis.basis == answer.basis)
+    rest = sum(hypothesis.probability for hypothesis in answer.choice) - own
+    mixed = any(hypothesis.kinds for hypothesis in answer.choice) or own < CLEAR * rest
+    return None if mixed else answer.prior_scale
+
+
+def utc(time: datetime) -> datetime:
+    """The time in UTC; one without an offset is taken as UTC."""
+    return time.replace(tzinfo=UTC) if time.tzinfo is None else time.astimezone(UTC)
+
+
+def checksum(row: Mapping[str, Any]) -> str:
+    """SHA-256 of a row's values by column, without `checksum`, empty values and the name of its file.
+
+    A column that a later release adds is empty in older rows, so it leaves their checksums as they are.
+
+    Args:
+        row: values as the registry returns them: times with a zone, lists of numbers or of texts.
+    """
+    found = hashlib.sha256()
+    for name, value in sorted(row.items()):
+        if name in ("checksum", "filename") or value is None or value in ("", []):
+            continue
+        numbers = value if isinstance(value, list) else [value]
+        if isinstance(numbers[0], float):
+            data = struct.pack(f"<{len(numbers)}d", *numbers)
+        else:
+            data = json.dumps([v.isoformat() if isinstance(v, datetime) else v for v in numbers]).encode()
+        found.update(f"{name} {len(data)} ".encode() + data)
+    return found.hexdigest()
+
+
+def _sampled(curves: Curves | None, colour: str) -> Curve:
+    return () if curves is None else tuple(getattr(curves, colour)[::STRIDE].tolist())

@@ -1,0 +1,1 @@
+"""Simulated photos, direct measurement of curves, and learning of bases."""

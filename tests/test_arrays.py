@@ -1,0 +1,367 @@
+"""The libraries that run the formulas: NumPy against array-api-strict, torch and the tracer of `camssf_onnx`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.problems import open_model
+from camssf.grid import Floats
+from camssf.recovery import covariance
+from camssf.recovery.arrays import cond, eye, inverse, loop, loop_while, namespace, whiten, whiten_and_solve
+from camssf.recovery.basis import fold, interpolate, read_basis
+from camssf.recovery.inputs import basis_arrays, hypotheses_of, observation_arrays, with_hypothesis
+from camssf.recovery.misfit import JudgedSignals, misfit
+from camssf.recovery.model import learned_model, paper_model
+from camssf.recovery.onnx_model import run_session
+from camssf.recovery.posterior import evidence_of
+from camssf.recovery.sensitivity import SolverSettings, solve_on_basis
+from camssf.recovery.whitening import whitened_model
+from camssf_colour.posterior import LinearResponse, components_of, posterior_of
+from camssf_colour.surface_prior import read_prior
+from golden.compare import norm
+from tests.problems import seeds
+from tests.test_dense_model import BASES, random_captures
+
+pytestmark = pytest.mark.requirement("R-ENGINE")
+
+GAPS = ("gap", "layers_gap")
+"""Outputs that are rounding errors."""
+
+
+# The tracer, function by function
+
+
+def ran(function: Callable[..., Any], axes: Mapping[str, list[str | int]], **inputs: Any) -> list[Floats]:
+    """What the model of a function gives; `axes` names the inputs' axes."""
+    pytest.importorskip("onnx", reason="onnx is not installed (extra: export)")
+    from camssf_onnx.models import traced
+
+    def by_name(given: Any) -> Any:
+        found = function(**given)
+        return {f"y{i}": y for i, y in enumerate(found if isinstance(found, list) else [found])}
+
+    model = traced("f", axes, by_name).SerializeToString()
+    return open_model(model).run(None, {name: np.asarray(value, float) for name, value in inputs.items()})  # type: ignore[no-any-return]
+
+
+def agree(function: Callable[..., Any], axes: Mapping[str, list[str | int]], **inputs: Any) -> None:
+    """The model of a function gives what the function gives on NumPy."""
+    found, expected = ran(function, axes, **inputs), function(**inputs)
+    for y, known in zip(found, expected if isinstance(expected, list) else [expected], strict=True):
+        assert y.shape == np.shape(known)
+        np.testing.assert_allclose(y, known, rtol=1e-12, atol=1e-12)
+
+
+SIZES = pytest.mark.parametrize("seed", range(4))
+
+
+def sizes(seed: int) -> tuple[np.random.Generator, int, int, int]:
+    rng = np.random.default_rng(seed)
+    return rng, *(int(rng.integers(1, 6)) for _ in range(3))  # type: ignore[return-value]
+
+
+@SIZES
+def test_indexing(seed: int) -> None:
+    rng, h, k, n = sizes(seed)
+
+    def parts(x: Any) -> list[Any]:
+        k = x.shape[1]
+        return [
+            x[0, ...], x[..., 2], x[:, None, ..., -1], x[..., 1:4], x[..., ::2], x[..., -1:], x[:, : k * 1, :, 1],
+            x[:, k:, ...], x[..., :-1, None, :], x[None, :, 0, ..., None, 3],
+        ]  # fmt: skip
+
+    agree(parts, {"x": ["h", "k", "n", 7]}, x=rng.normal(size=(h, k, n, 7)))
+
+
+@SIZES
+def test_shapes_and_elements(seed: int) -> None:
+    rng, h, k, n = sizes(seed)
+
+    def many(x: Any, y: Any) -> list[Any]:
+        xp, (h, k, n) = namespace(x), x.shape
+        flat = xp.reshape(xp.permute_dims(x, (0, 2, 1)), (h, n * k))
+        joined = xp.concat([x, y[None, ...] + 0.0 * x, x[..., :1]], axis=-1)
+        return [
+            flat, joined, xp.stack([x, 2.0 * x], axis=1), xp.broadcast_to(y, (h, k, n)), x @ y.mT, y @ x.mT,
+            xp.where(x > 0.0, x, -1.0), xp.maximum(x, 0.5), xp.minimum(0.5 - x, y), xp.abs(x), xp.sign(x),
+            xp.sqrt(xp.abs(x)) / (1.0 + x**2), xp.log(1.0 + x * x), -x, 1.0 / (2.0 + xp.abs(x)),
+            xp.sum(x, axis=(1, 2)), xp.max(x, axis=-1, keepdims=True), xp.min(x, axis=1), xp.mean(x, axis=0),
+            xp.sum(x), xp.astype((x > 0.0) & xp.logical_not(x >= 1.0) | (x <= -1.0), xp.float64),
+            xp.astype(xp.argmax(x, axis=-1, keepdims=True) == xp.arange(n), xp.float64), eye(xp, n) * y[0, :, None],
+            xp.zeros((k, n * h), dtype=xp.float64), xp.full((h, 1 + n), 3.0, dtype=xp.float64), xp.ones((n,)),
+            xp.where(xp.any(x > 1.0), y, 0.0), xp.where(x != y[0, 0], 1.0, x),
+        ]  # fmt: skip
+
+    agree(many, {"x": ["h", "k", "n"], "y": ["k", "n"]}, x=rng.normal(size=(h, k, n)), y=rng.normal(size=(k, n)))
+
+
+@SIZES
+def test_conditions_and_loops(seed: int) -> None:
+    rng, h, _, n = sizes(seed)
+    x = rng.normal(size=(h, n))
+
+    def some(x: Any, t: Any) -> list[Any]:
+        xp = namespace(x)
+        (one,) = cond(t > 0.5, lambda: [2.0 * x], lambda: [x])
+        nested, _ = cond(t > 0.5, lambda: [*cond(t > 1.5, lambda: [x], lambda: [-x]), t], lambda: [one, t])
+        (sums,) = loop(8, [x], lambda step, state: [state[0] + xp.where(xp.asarray(2) < step, t, x)])
+        (odd,) = loop(7, [x], lambda step, state: [0.5 * state[0]])
+
+        def doubled(state: Any) -> Any:
+            y, count = state
+            return [2.0 * y, count + 1.0], xp.any(count < 3.0)
+
+        return [
+            one,
+            nested,
+            sums,
+            odd,
+            *loop_while(9, [x, 0.0 * t], doubled),
+            *loop_while(9, [x], lambda s: (s, t > 0.0), t > 5.0),
+        ]
+
+    for t in (0.0, 1.0, 2.0):
+        agree(some, {"x": ["h", "n"], "t": []}, x=x, t=np.array(t))
+
+
+@SIZES
+@pytest.mark.parametrize("size", [1, 3, 6, 7, 13])
+def test_triangular_systems(seed: int, size: int) -> None:
+    """Σ of its axes and of a number of rows that panels do not divide; leading axes."""
+    rng, h, n, _ = sizes(seed)
+    factor, columns = rng.normal(size=(h, n, size, size + 2)), rng.normal(size=(h, n, size, 4))
+
+    def white(factor: Any, columns: Any) -> list[Any]:
+        sigma = factor @ factor.mT
+        found, log_det = whiten(sigma, columns, 3)
+        again, _, solve = whiten_and_solve(sigma, columns)
+        return [found.mT @ found, log_det, again.mT @ again, solve(), *inverse(sigma)]
+
+    agree(white, {"factor": ["h", "n", "q", "p"], "columns": ["h", "n", "q", 4]}, factor=factor, columns=columns)
+    sigma = factor @ factor.mT
+    found = white(factor, columns)
+    assert found[0] == pytest.approx(columns.mT @ np.linalg.solve(sigma, columns), rel=1e-8, abs=1e-8)
+    assert found[1] == pytest.approx(np.linalg.slogdet(sigma)[1], rel=1e-9, abs=1e-9)
+    assert sigma @ found[3] == pytest.approx(columns, abs=1e-9)
+    assert sigma @ found[4] == pytest.approx(np.broadcast_to(np.eye(size), sigma.shape), abs=1e-9)
+
+
+def test_interpolation_and_its_adjoint() -> None:
+    rng = np.random.default_rng(0)
+    f, s = rng.normal(size=(2, 3, 681)), rng.normal(size=(69, 1))
+    agree(lambda f: fold(f), {"f": [2, "n", 681]}, f=f)
+    agree(lambda s: interpolate(s), {"s": [69, "n"]}, s=s)
+    assert fold(f) @ s[:, 0] == pytest.approx(f @ interpolate(s)[:, 0], rel=1e-12)
+    assert fold(f, f) == pytest.approx(fold(f * f), rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("function", "reason"),
+    [
+        (lambda x, y: x @ x, "no product"),
+        (lambda x, y: x + x.mT, "do not fit together"),
+        (lambda x, y: x if x else y, "has no truth"),
+        (lambda x, y: x if x.shape[0] == 1 else y, "cannot be compared"),
+        (lambda x, y: x if x.shape[0] else y, "no truth"),
+        (lambda x, y: namespace(x).reshape(x, (x.shape[0], 4)), "cannot have the shape"),
+        (lambda x, y: namespace(x).concat([x, y[0, ...].mT], axis=0), "cannot be joined"),
+        (lambda x, y: y[..., 0] + x, "only if c is 1"),
+        (lambda x, y: x**3, "only squares"),
+        (lambda x, y: x[::2, ...], "in steps"),
+        (lambda x, y: namespace(x).cumsum(x), "cumsum"),
+    ],
+)
+def test_what_cannot_be_traced_says_so(function: Any, reason: str) -> None:
+    with pytest.raises((TypeError, ValueError, AttributeError), match=reason):
+        ran(function, {"x": ["k", "n"], "y": ["c", "k", "n"]}, x=np.ones((2, 3)), y=np.ones((1, 2, 3)))
+
+
+def test_sizes_are_polynomials() -> None:
+    pytest.importorskip("onnx", reason="onnx is not installed (extra: export)")
+    from camssf_onnx.sizes import Dim, broadcast, same
+
+    k, n, h, e = (Dim({(name,): 1}) for name in "knhe")
+    size: Any = 3 * k * n + k * 2 - 1
+    assert repr(size) == "-1 + 2·k + 3·k·n"
+    assert same(size - size, 0)
+    assert same((k + n) * (k - n), k * k - n * n)
+    assert not same(k, 1)
+    assert broadcast((e, 1, k), (h, n, 1)) == (h, n, k)
+    with pytest.raises(ValueError, match="only if e is 1"):
+        broadcast((e,), (k,))
+
+
+# The formulas as a whole
+
+
+def model_inputs(seed: int, **more: Any) -> dict[str, Floats]:
+    """The inputs of a model for a random capture, with penalties that make some of them walk."""
+    (observation,) = random_captures(seed)
+    y, hard = observation.signals, seed % 3 == 2
+    inputs = observation_arrays(observation, read_basis(BASES[seed % 3])) | {
+        "chart": y, "white": np.ones_like(y), "dark": np.zeros_like(y), "l2": 1e-4 if hard else 1.0,
+        "gamma": 0.5 if hard else 0.05, "nonnegative": float(hard), "prior_scale": 1.0, "explain": 1.0, "solve": 1.0,
+    } | more  # fmt: skip
+    return with_hypothesis(inputs) | basis_arrays(read_basis(BASES[seed % 3]), 24)
+
+
+def apart(found: Mapping[str, Any], known: Mapping[str, Floats]) -> dict[str, float]:
+    """How far each output is from another run's."""
+    return {name: norm(np.asarray(found[name]), known[name]) for name in known if name not in GAPS}
+
+
+@pytest.mark.parametrize("library", ["array_api_strict", "torch"])
+@pytest.mark.parametrize("seed", [0, 2, 4, 5])
+def test_every_library_gives_the_same(library: str, seed: int) -> None:
+    """All outputs, the walk's number of pivots included."""
+    xp = pytest.importorskip(library, reason=f"{library} is not installed")
+    inputs = model_inputs(seed)
+    known = learned_model(inputs)
+
+    def converted(x: Any) -> Any:
+        return xp.asarray(np.array(x, float), dtype=xp.float64)
+
+    found = learned_model({name: converted(x) for name, x in inputs.items()})
+    assert max(apart(found, known).values()) < 1e-10
+    paper = read_basis("gaussian")
+    inputs = {
+        name: x[:1] if name in ("chart", "white", "dark", "standard_error") else x for name, x in inputs.items()
+    }
+    inputs |= {"lamp": inputs["lamp"][:, :1], "lamp_modes": inputs["lamp_modes"][:, :1]}
+    inputs |= {"l2": np.array(1e-3), "gain_modes": inputs["gain_modes"][:1]}
+    known = paper_model(inputs, paper.dictionary[0])
+    found = paper_model({name: converted(x) for name, x in inputs.items()}, converted(paper.dictionary[0]))
+    for name in ("ssf", "code", "predicted", "finish_steps"):
+        assert norm(np.asarray(found[name]), known[name]) < 1e-9
+
+
+@pytest.mark.parametrize("seed", seeds(9))
+def test_the_models_are_the_formulas(seed: int) -> None:
+    """Every output of the shipped models against NumPy's, the number of pivots included."""
+    from camssf.recovery.onnx_model import load_model
+
+    basis, inputs = read_basis(BASES[seed % 3]), model_inputs(seed)
+    known = learned_model(inputs)
+    found = run_session(load_model(basis.name).session, inputs)
+    assert set(found) == set(known)
+    assert max(apart(found, known).values()) < 1e-11
+
+
+def judged_arrays(seed: int) -> dict[str, Floats]:
+    """`JudgedSignals` of a random capture and its answer; some patches do not count, three fields of light."""
+    (observation,) = random_captures(seed)
+    rng, (k, n, _) = np.random.default_rng(seed), observation.signals.shape
+    basis = read_basis(BASES[seed % 3])
+    answer = solve_on_basis(observation, basis, settings=SolverSettings(engine="reference"))
+    arrays = observation_arrays(observation, basis)
+    used = rng.random((k, n)) > 0.1
+    return {name: np.asarray(arrays[name], float) for name in arrays if name != "lamp"} | {
+        "signals": observation.signals,
+        "predicted": answer.predicted,
+        "used": used.astype(float),
+        "level": rng.uniform(0.3, 1.0, (k, n, 3)),
+        "fields": rng.normal(size=(3, k, n)),
+        "curves": answer.values,
+        "code": answer.code,
+        "lamp": answer.lamp,
+    }
+
+
+@pytest.mark.parametrize("library", ["array_api_strict", "torch"])
+@pytest.mark.parametrize("seed", [0, 1, 2, 4])
+def test_every_library_gives_the_same_misfit(library: str, seed: int) -> None:
+    xp = pytest.importorskip(library, reason=f"{library} is not installed")
+    arrays = judged_arrays(seed)
+    known = vars(misfit(JudgedSignals(**arrays), np.array(1.0)))
+    converted = {name: xp.asarray(np.array(x, float), dtype=xp.float64) for name, x in arrays.items()}
+    found = vars(misfit(JudgedSignals(**converted), xp.asarray(1.0, dtype=xp.float64)))
+    assert max(apart(found, known).values()) < 1e-10
+
+
+@pytest.fixture(scope="module")
+def misfit_session() -> Any:
+    pytest.importorskip("onnx", reason="onnx is not installed (extra: export)")
+    from camssf_onnx.models import build_misfit
+
+    return open_model(build_misfit().SerializeToString())
+
+
+@pytest.mark.parametrize("seed", seeds(9))
+def test_the_misfit_as_a_model(misfit_session: Any, seed: int) -> None:
+    arrays = judged_arrays(seed)
+    for explain in (1.0, 0.0):
+        known = vars(misfit(JudgedSignals(**arrays), np.array(explain)))
+        found = misfit_session.run(list(known), arrays | {"explain": np.array(explain)})
+        for name, value in zip(known, found, strict=True):
+            np.testing.assert_allclose(value, known[name], rtol=1e-9, atol=1e-12, err_msg=name)
+
+
+def surface_arrays(seed: int) -> dict[str, Floats]:
+    """A shipped prior, and a random response of one or two photos with its errors, by the names of the model."""
+    rng, c = np.random.default_rng(seed), 3 * (1 + seed % 2)
+    prior = read_prior(("general", "skin")[seed % 2])
+    signals = rng.random((c, 35)) * np.exp(-0.5 * ((np.arange(35) - rng.uniform(5, 30, (c, 1))) / 4) ** 2)
+    signals /= signals.sum(axis=1, keepdims=True)
+    y = np.maximum(signals @ (prior.shapes[seed] * 0.4) * (1 + 0.02 * rng.normal(size=c)), 0.01)
+    arrays = {"y": y, "error": 0.01 * y, "log_weights": prior.log_weights, "shapes": prior.shapes}
+    arrays |= {"covariances": prior.covariances, "signals": signals, "outputs": rng.random((6 + 35 * (seed % 2), 35))}
+    for source, size in (("curves", 4), ("lamp", 2), ("reference", 3)):
+        arrays[f"{source}_signals"] = 0.01 * rng.normal(size=(size, c, 35)) * signals
+        arrays[f"{source}_outputs"] = 0.01 * rng.normal(size=(size, 6, 35))
+    return arrays
+
+
+def surface_outputs(arrays: Mapping[str, Any]) -> dict[str, Any]:
+    """What the formulas give."""
+    xp, ends = namespace(arrays["y"]), {"curves": (0, 4), "lamp": (4, 6), "reference": (6, 9)}
+    moves = [xp.concat([arrays[f"{source}_{what}"] for source in ends], axis=0) for what in ("signals", "outputs")]
+    response = LinearResponse(
+        arrays["signals"], moves[0], arrays["outputs"], moves[1], {name: slice(*rows) for name, rows in ends.items()}
+    )
+    components = components_of(arrays["log_weights"], arrays["shapes"], arrays["covariances"], response)
+    outputs = vars(posterior_of(components, response, arrays["y"], arrays["error"])).copy()
+    return outputs | {f"by {name}": part for name, part in outputs.pop("parts").items()}
+
+
+@pytest.mark.parametrize("library", ["array_api_strict", "torch"])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_every_library_gives_the_same_surface(library: str, seed: int) -> None:
+    xp = pytest.importorskip(library, reason=f"{library} is not installed")
+    arrays = surface_arrays(seed)
+    converted = {name: xp.asarray(np.array(x, float), dtype=xp.float64) for name, x in arrays.items()}
+    assert max(apart(surface_outputs(converted), surface_outputs(arrays)).values()) < 1e-10
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_surface_as_a_model(seed: int) -> None:
+    """As many surfaces of the prior are kept as in NumPy: they differ from seed to seed."""
+    pytest.importorskip("onnx", reason="onnx is not installed (extra: export)")
+    from camssf_onnx.models import build_surfaces
+
+    arrays = surface_arrays(seed)
+    found = run_session(open_model(build_surfaces().SerializeToString()), arrays)
+    known = surface_outputs(arrays)
+    assert set(found) == set(known)
+    assert max(apart(found, known).values()) < 1e-10
+
+
+def test_one_line_changes_every_engine(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The chart's correlation length, which one line states: NumPy, torch and a new model follow."""
+    pytest.importorskip("onnx", reason="onnx is not installed (extra: export)")
+    torch = pytest.importorskip("torch", reason="torch is not installed (extra: torch)")
+    from camssf_onnx.models import build_learned
+
+    basis, inputs = read_basis("phones"), model_inputs(0, solve=0.0)
+    known = learned_model(inputs)["evidence"]
+    monkeypatch.setattr(covariance, "CHART_CORRELATION", 50.0)
+    changed = evidence_of(whitened_model(hypotheses_of(random_captures(0), basis), np.array(0.0)))
+    assert abs(changed - known) > 1e-3
+    session = open_model(build_learned().SerializeToString())
+    assert session.run(["evidence"], inputs)[0] == pytest.approx(changed, rel=1e-10)
+    tensors = {name: torch.tensor(np.array(x, float)) for name, x in inputs.items()}
+    assert learned_model(tensors)["evidence"].numpy() == pytest.approx(changed, rel=1e-10)

@@ -1,0 +1,125 @@
+"""Progress is reported from 0 to 1, and never goes back; a command says so before it loads what takes long."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from camssf import cli
+from camssf.calibration import attempt, calibrate, solve
+from camssf.compare.parity import parity
+from camssf.photo.capture import measure
+from camssf.photo.shot import Shot
+from camssf.progress import Progress, part_of
+from camssf_lab.simulation.frames import simulate
+from camssf_lab.simulation.scene import Scene
+
+Reports = list[tuple[str, float]]
+
+
+@pytest.fixture(scope="module")
+def photo(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = simulate("Demo phone", ["D55"], tmp_path_factory.mktemp("shots"), scene=Scene(size=(900, 675)))
+    return made.shots[0].chart
+
+
+def check(reports: Reports) -> None:
+    parts = [part for _, part in reports]
+    assert parts[0] == 0.0, reports
+    assert parts[-1] == 1.0, reports
+    assert parts == sorted(parts), reports
+    assert len(reports) > 2
+    assert max(late - early for early, late in pairwise(parts)) <= 0.65, reports
+
+
+def told(reports: Reports) -> Progress:
+    return lambda stage, part: reports.append((stage, part))
+
+
+def test_each_step_tells_from_0_to_1(photo: Path, tmp_path: Path) -> None:
+    reports: Reports = []
+    capture = measure(Shot(photo, "D55"), progress=told(reports))
+    check(reports)
+    reports = []
+    solve(capture, progress=told(reports))
+    check(reports)
+    reports = []
+    first = calibrate(photo, "D55", progress=told(reports))
+    check(reports)
+    other = simulate("Demo phone", ["D55"], tmp_path, scene=Scene(size=(900, 675)), seed=1).shots[0].chart
+    for lamp in ("D55", "A"):  # the second contradicts the previous result, and is solved again alone
+        reports = []
+        attempt(other, lamp, previous=first, progress=told(reports))
+        parts = [part for _, part in reports]
+        assert parts == sorted(parts), reports
+    reports = []
+    parity(first, photo, progress=told(reports))
+    check(reports)
+
+
+def test_a_part_of_the_whole() -> None:
+    reports: Reports = []
+    part_of(told(reports), 0.2, 0.6)("solving", 0.5)
+    part_of(part_of(told(reports), 0.5, 1.0), 0.5, 1.0)("validating", 1.0)
+    part_of(None, 0.0, 1.0)("nothing", 0.0)
+    assert reports == [("solving", pytest.approx(0.4)), ("validating", 1.0)]
+
+
+COMMANDS = {
+    "calibrate": "calibrate {photo} --lamp D55",
+    "report": "calibrate {photo} --lamp D55 -o out",
+    "patches": "patches {photo} --lamp D55",
+    "direct": "direct a.csv b.csv",
+    "parity": "parity none.json {photo}",
+    "batch": "batch none.csv",
+    "demo": "demo -o out",
+    "simulate": "simulate --lamp D55 --size 900x675 -o shots",
+}
+SAID = """
+import json, sys
+from camssf.cli import main, terminal
+said = []
+real = terminal._Bar.__call__
+def call(bar, stage, part):
+    said.append((stage, part, "numpy" in sys.modules or "camssf.calibration" in sys.modules))
+    real(bar, stage, part)
+    if sys.argv[1] == "first":
+        raise SystemExit(0)
+terminal._Bar.__call__ = call
+try:
+    main(sys.argv[2:])
+finally:
+    print(json.dumps(said), file=sys.stderr)
+"""
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_command_begins_to_tell_before_it_loads_anything(photo: Path, tmp_path: Path, name: str) -> None:
+    line = COMMANDS[name].format(photo=photo).split()
+    done = subprocess.run(
+        [sys.executable, "-c", SAID, "first", *line], cwd=tmp_path, capture_output=True, text=True, timeout=120
+    )
+    assert done.stderr.strip() == '[["starting", 0.0, false]]', done.stderr
+
+
+def test_a_command_tells_from_0_to_1(
+    photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    reports: Reports = []
+    real = cli.terminal._Bar.__call__
+
+    def call(bar: cli.terminal._Bar, stage: str, part: float) -> None:
+        reports.append((stage, part))
+        real(bar, stage, part)
+
+    monkeypatch.setattr(cli.terminal._Bar, "__call__", call)
+    assert cli.main(["calibrate", str(photo), "--lamp", "D55", "-o", str(tmp_path / "out")]) == 0
+    check(reports)
+    reports.clear()
+    assert cli.main(["report", str(tmp_path / "out" / "result.json"), "-o", str(tmp_path / "again")]) == 0
+    check(reports)
+    capsys.readouterr()
