@@ -8,6 +8,7 @@ skips with a reason that names it.
 
 from __future__ import annotations
 
+import gc
 import importlib.util
 import os
 import re
@@ -87,6 +88,18 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.path.stem in NUMERICAL:
             item.add_marker(pytest.mark.numerical)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown(item: pytest.Item) -> object:
+    """What a test with libraries that leave sockets open leaves behind is warned of in that test, not in the next one.
+
+    A socket that is closed by the garbage collector warns in whatever test runs then, and under `-W error` fails it.
+    """
+    done = yield
+    if any(mark.args == ("default",) for mark in item.iter_markers("filterwarnings")):
+        gc.collect()
+    return done
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
