@@ -92,9 +92,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_teardown(item: pytest.Item) -> object:
-    """What a test with libraries that leave sockets open leaves behind is warned of in that test, not in the next one.
+    """Sockets that a test with such libraries leaves open warn in that test, not in the next one.
 
-    A socket that is closed by the garbage collector warns in whatever test runs then, and under `-W error` fails it.
+    A socket that the garbage collector closes warns in whatever test runs then, and under `-W error` fails it.
     """
     done = yield
     if any(mark.args == ("default",) for mark in item.iter_markers("filterwarnings")):
