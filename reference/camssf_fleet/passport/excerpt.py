@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -44,34 +45,28 @@ def excerpt_of(document: Document) -> Excerpt:
     assert verdict is not None
     assert verdict.status != "refused"
     table, first = capture.chart, capture.photos[0]
+    reasons = tuple(WrittenReason(**vars(reason)) for reason in verdict.reasons)
     return Excerpt(
+        **same_named(Excerpt, answer, but=("uncertainty",)),
+        **same_named(Excerpt, answer.proof),
         format=FORMAT,
         generator=Generator("camssf", document.version),
         camera=CameraName(first.make, first.model, first.unique_model or None),
         chart=ChartName(table.name, table.table, table.layout.name, table.source),
-        basis=answer.basis,
-        engine=answer.engine,
         ssf=_rounded(answer.curves),
         ssf_std=None if answer.std is None else _rounded(answer.std),
-        channel_gain=answer.channel_gain,
-        gap=answer.proof.gap,
-        layers_gap=answer.proof.layers_gap,
-        finish_steps=answer.proof.finish_steps,
-        evidence=answer.evidence,
-        prior_scale=answer.prior_scale,
-        chart_fading=answer.chart_fading,
-        choice=answer.choice,
-        gamma=answer.gamma,
-        l2=answer.l2,
         shots=tuple(map(_shot_facts, capture.shots)),
-        scores=answer.scores,
-        verdict=PassedVerdict(
-            verdict.status, tuple(WrittenReason(**vars(reason)) for reason in verdict.reasons), verdict.checks
-        ),
+        verdict=PassedVerdict(verdict.status, reasons, verdict.checks),
         uncertainty=None if answer.uncertainty is None else StatedUncertainty(**vars(answer.uncertainty)),
         assumptions=document.assumptions,
         hashes=Hashes({readable(name): sha256 for name, sha256 in capture.hashes.items()}, answer.model),
     )
+
+
+def same_named(kind: Any, source: Any, *, but: tuple[str, ...] = ()) -> dict[str, Any]:
+    """The attributes of `source` that have the names of a dataclass's fields, without those in `but`."""
+    names = (field.name for field in fields(kind))
+    return {name: getattr(source, name) for name in names if hasattr(source, name) and name not in but}
 
 
 def printed(excerpt: Excerpt, sha256: str, token: bytes) -> Excerpt:
@@ -85,15 +80,16 @@ def _rounded(curves: Curves) -> GridCurves:
 
 
 def _shot_facts(shot: MeasuredShot) -> ShotFacts:
-    lamp = shot.lamp
-    errors = (lamp.tolerance, lamp.tolerance_kelvin) if isinstance(lamp, Lamp) else (None, None)
+    lamp, photo = shot.lamp, shot.photo
+    percent, kelvin = (lamp.tolerance, lamp.tolerance_kelvin) if isinstance(lamp, Lamp) else (None, None)
+    camera = " ".join(filter(None, (photo.make, photo.model)))
     return ShotFacts(
-        lamp=LampName(lamp.name, errors[0], lamp.source, errors[1]),
+        lamp=LampName(lamp.name, percent, lamp.source, kelvin),
         white_reference="white frame" if shot.means.white else "white patch",
         dark_reference="dark frame" if shot.means.dark else "black level",
-        photo=_photo_facts(shot.photo),
-        white=None if shot.white is None else FrameFacts(shot.white.name, shot.white.sha256),
-        dark=None if shot.dark is None else FrameFacts(shot.dark.name, shot.dark.sha256),
+        photo=PhotoFacts(**same_named(PhotoFacts, photo), camera=camera),
+        white=_frame_facts(shot.white),
+        dark=_frame_facts(shot.dark),
         pose=None,
         saturation=shot.means.saturation,
         patches=(),
@@ -101,15 +97,5 @@ def _shot_facts(shot: MeasuredShot) -> ShotFacts:
     )
 
 
-def _photo_facts(photo: Photo) -> PhotoFacts:
-    return PhotoFacts(
-        name=photo.name,
-        width=photo.width,
-        height=photo.height,
-        orientation=photo.orientation,
-        exposure=photo.exposure,
-        iso=photo.iso,
-        gain_map=photo.gain_map,
-        sha256=photo.sha256,
-        camera=" ".join(filter(None, (photo.make, photo.model))),
-    )
+def _frame_facts(frame: Photo | None) -> FrameFacts | None:
+    return None if frame is None else FrameFacts(frame.name, frame.sha256)
