@@ -35,7 +35,7 @@ from camssf_fleet.passport import revocations
 from camssf_fleet.passport.document import Passport, PassportRequest, create_passport, read, sign, verify
 from camssf_fleet.passport.excerpt import excerpt_of
 from camssf_fleet.passport.jws import ORDER
-from camssf_fleet.passport.keys import key_name, unpadded
+from camssf_fleet.passport.keys import key_name
 
 FOLDER = Path(__file__).with_name("passports")
 NOW = datetime(2026, 11, 22, 3, 0, tzinfo=UTC)
@@ -116,7 +116,7 @@ def answer(data: bytes, trusted: dict[str, Any], at: datetime, revoked: tuple[st
 
 
 def numbers(r: int, s: int) -> bytes:
-    return unpadded(r.to_bytes(32, "big") + s.to_bytes(32, "big")).encode()
+    return b64(r.to_bytes(32, "big") + s.to_bytes(32, "big"))
 
 
 def small_result() -> dict[str, Any]:
@@ -194,18 +194,18 @@ CURVES: dict[str, Any] = {
 @cache
 def other_results() -> dict[str, dict[str, Any]]:
     """Results of which most are none."""
-    found = {}
+    results = {}
     for name, change in RESULTS.items():
-        found[f"result: {name}"] = _changed(small_result(), change)
+        results[f"result: {name}"] = _changed(small_result(), change)
     for name, change in CURVES.items():
-        found[f"curve: {name}"] = small_result() | {"ssf": _changed(small_result()["ssf"], change)}
-    found["bands without a peak"] = small_result() | {"ssf_std": small_result()["ssf"] | {"red": [0.01] * 681}}
+        results[f"curve: {name}"] = small_result() | {"ssf": _changed(small_result()["ssf"], change)}
+    results["bands without a peak"] = small_result() | {"ssf_std": small_result()["ssf"] | {"red": [0.01] * 681}}
     shot = small_result()["shots"][0]
     for name, more in {"a pose": {"pose": {}}, "a patch": {"patches": [{}]}, "a light": {"light": {}}}.items():
-        found[f"shot: {name}"] = small_result() | {"shots": [shot | more]}
-    found["shot: no lamp"] = small_result() | {"shots": [_changed(shot, {"lamp": "absent"})]}
-    found["shot: lamp's power"] = small_result() | {"shots": [shot | {"lamp": shot["lamp"] | {"power": [1] * 681}}]}
-    return found
+        results[f"shot: {name}"] = small_result() | {"shots": [shot | more]}
+    results["shot: no lamp"] = small_result() | {"shots": [_changed(shot, {"lamp": "absent"})]}
+    results["shot: lamp's power"] = small_result() | {"shots": [shot | {"lamp": shot["lamp"] | {"power": [1] * 681}}]}
+    return results
 
 
 def _changed(whole: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
@@ -300,7 +300,7 @@ LETTERS = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_"
 
 
 def b64(data: bytes) -> bytes:
-    return unpadded(data).encode()
+    return base64.urlsafe_b64encode(data).rstrip(b"=")
 
 
 def compact(value: Any) -> bytes:
@@ -315,9 +315,9 @@ def unb64(text: bytes) -> bytes:
 def rounded(value: Any) -> Any:
     """With numbers of four digits, which nobody reads here: a file of a third of the size."""
     if isinstance(value, dict):
-        return {name: rounded(each) for name, each in value.items()}
+        return {name: rounded(member) for name, member in value.items()}
     if isinstance(value, list | tuple):
-        return [rounded(each) for each in value]
+        return [rounded(member) for member in value]
     return float(f"{value:.4g}") if isinstance(value, float) else value
 
 
@@ -339,16 +339,16 @@ def lists(desk: Desk) -> list[dict[str, Any]]:
     }  # fmt: skip
     for name in form:
         for value in ("absent", None, "x", -1, 1.5, 10**12, [], ["x"], [1], {}):
-            spoilt = {key: each for key, each in (form | {name: value}).items() if key != name or value != "absent"}
+            spoilt = {k: v for k, v in (form | {name: value}).items() if k != name or value != "absent"}
             made[f"{name} {value!r}"] = desk.raw(header + b"." + b64(compact(spoilt)))
-    found = []
+    answers = []
     for name, data in made.items():
         try:
             said: Any = sorted(revocations.read_revoked(data, desk.public("signer"), LATER))
         except PassportInvalid as error:
             said = error.message
-        found.append({"name": name, "data": data.decode("latin-1"), "told": said})
-    return found
+        answers.append({"name": name, "data": data.decode("latin-1"), "told": said})
+    return answers
 
 
 def stored() -> dict[str, Any]:

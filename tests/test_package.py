@@ -40,7 +40,7 @@ SMALL_LETTERS: set[str] = set()
 """Files whose messages do not all begin like sentences yet: the list only shrinks."""
 HEAVY = (
     "cv2", "rawpy", "colour", "torch", "onnx", "onnxruntime", "matplotlib", "tifffile", "rich", "typer",
-    "cryptography", "bcrypt", "duckdb", "deltalake", "arro3", "upath", "fsspec", "dask", "distributed",
+    "cryptography", "joserfc", "bcrypt", "duckdb", "deltalake", "arro3", "upath", "fsspec", "dask", "distributed",
     "jinja2", "pandas", "xarray",
 )  # fmt: skip
 MODULES = sorted(

@@ -217,14 +217,14 @@ def revoke(
     """
     from camssf.files import write_file
     from camssf_fleet.passport.keys import key_name, read_private
-    from camssf_fleet.passport.revocations import LARGEST_LIST, names_of, sign_revocations
+    from camssf_fleet.passport.revocations import LIST, names_of, sign_revocations
 
     signer = read_private(key, _passphrase(ctx))
     public = signer.public_key()
     spare(out, key)
     revoked = {_name_of(name) for name in names or ()}
     if out.exists():
-        revoked |= names_of(read_bytes(str(out), LARGEST_LIST, PassportInvalid), {key_name(public): public})
+        revoked |= names_of(read_bytes(str(out), LIST.largest, PassportInvalid), {key_name(public): public})
     elif not revoked:
         raise InvalidArgument("Nothing to revoke was named.", "Name passports or keys, or a list to renew by -o.")
     write_file(out, sign_revocations(revoked, signer, days=days))

@@ -7,21 +7,21 @@ from dataclasses import dataclass, fields, is_dataclass
 from typing import Annotated, Any, Literal, get_type_hints
 
 from camssf.documents import forms
-from camssf.documents.excerpt import Excerpt
+from camssf.documents.excerpt import LARGEST_PASSPORT, Excerpt
 from camssf.documents.forms import BrokenError
 from camssf.errors import PassportInvalid
 from camssf.files import readable
-from camssf.photo.read.unit import Unit
 from camssf.shapes import MOST_SHOTS, Bounds, Pattern, Positive, Text
-from camssf_fleet.passport.jws import advice
+from camssf_fleet.passport.jws import SignedKind
 
 FORMAT: Literal["camssf-passport/1"] = "camssf-passport/1"
+PASSPORT = SignedKind("camssf-passport+jwt", "passport", LARGEST_PASSPORT, 36500, "Sign a result of fewer shots.")
+PASSPORT_ID = "[0-9a-f]{32}"
+"""Regular expression of a passport's id."""
 Second = Annotated[int, Bounds(0, 253402300799)]
 """Seconds since 1970, UTC, written without a fraction."""
 BARRED = ("code_covariance", "truth")
 """Members of a result that its excerpt must not have."""
-
-_ADVICE = advice("the passport")
 
 
 @dataclass(frozen=True)
@@ -44,11 +44,6 @@ class StatedUnit:
     lens: Text
     focal_length: Positive | None
     aperture: Positive | None
-
-    @staticmethod
-    def of(unit: Unit) -> StatedUnit:
-        """The unit, without the check of its serial number, which is stated."""
-        return StatedUnit(**{entry.name: getattr(unit, entry.name) for entry in fields(StatedUnit)})
 
 
 @dataclass(frozen=True)
@@ -96,7 +91,7 @@ class Claims:
     """
 
     format: Literal["camssf-passport/1"]
-    jti: Annotated[str, Pattern("[0-9a-f]{32}", "must be 32 hex digits")]
+    jti: Annotated[str, Pattern(PASSPORT_ID, "must be 32 hex digits")]
     iat: Second
     nbf: Second
     exp: Second
@@ -118,9 +113,13 @@ def read_claims(payload: dict[str, Any]) -> Claims:
     Raises:
         PassportInvalid: a claim is missing or invalid, or the result was refused; unknown claims are left out.
     """
-    known = {name: _known(payload[name], hint) for name, hint in _HINTS.items() if name in payload}
+    match payload.get("result"):
+        case {"verdict": {"status": "refused"}}:
+            raise PassportInvalid("The passport's result was refused: it is no calibration.", "Calibrate again.")
+    hints = get_type_hints(Claims)
+    known = {name: known_members(claim, hints[name]) for name, claim in known_members(payload, Claims).items()}
     try:
-        for name in _HINTS:
+        for name in hints:
             if name not in known:
                 raise BrokenError(name, "is missing")
         return forms.part_of(Claims, known)
@@ -128,24 +127,13 @@ def read_claims(payload: dict[str, Any]) -> Claims:
         place, what = error.args
         place = place.lstrip(".") or "format"
         name = re.split(r"[.\[]", place)[0]
-        if name == "result" and _is_refused(known.get(name)):
-            words = "The passport's result was refused: it is no calibration."
-            raise PassportInvalid(words, "Calibrate again.") from None
-        words = f"The passport's {name} is missing or invalid."
-        raise PassportInvalid(words, f"{readable(place)} {readable(what)}. {_ADVICE}") from None
+        where = f"{readable(place)} {readable(what)}. "
+        raise PASSPORT.invalid(f"The passport's {name} is missing or invalid.", where) from None
 
 
-_HINTS = get_type_hints(Claims)
-
-
-def _known(value: Any, kind: Any) -> Any:
-    """An object without the members that a later release may have added."""
+def known_members(value: Any, kind: Any) -> Any:
+    """An object without the members that a later release may have added; any other value as it is."""
     if not (isinstance(value, dict) and is_dataclass(kind)):
         return value
-    names = {entry.name for entry in fields(kind)} | (set(BARRED) if kind is Excerpt else set())
-    return {name: entry for name, entry in value.items() if name in names}
-
-
-def _is_refused(result: Any) -> bool:
-    verdict = result.get("verdict") if isinstance(result, dict) else None
-    return isinstance(verdict, dict) and verdict.get("status") == "refused"
+    names = {field.name for field in fields(kind)} | (set(BARRED) if kind is Excerpt else set())
+    return {name: member for name, member in value.items() if name in names}

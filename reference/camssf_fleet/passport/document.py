@@ -10,7 +10,7 @@ import hashlib
 import secrets
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -20,19 +20,15 @@ from camssf.documents.excerpt import LARGEST_PASSPORT, Excerpt, check_whole
 from camssf.errors import InvalidArgument, PassportInvalid, UnitDiffers
 from camssf.photo.read.unit import Unit, read_unit
 from camssf.version import __version__
-from camssf_fleet.passport.claims import FORMAT, Claims, Serials, Software, StatedUnit, read_claims
-from camssf_fleet.passport.excerpt import excerpt_of, printed
-from camssf_fleet.passport.jws import advice, read_jws, sign_jws, verify_jws
+from camssf_fleet.passport.claims import FORMAT, PASSPORT, Claims, Serials, Software, StatedUnit, read_claims
+from camssf_fleet.passport.excerpt import excerpt_of, printed, same_named
+from camssf_fleet.passport.jws import read_jws, sign_jws, verify_jws
 
-TYPE = "camssf-passport+jwt"
 LARGEST_PRINTED = 4 * LARGEST_PASSPORT
 """In bytes: an excerpt with its passport, as `camssf passport verify` prints it."""
-LONGEST_DAYS = 36500
-WHAT = "the passport"
 UNIT_OF_PHOTO = ("make", "model", "camera_id", "serial", "lens")
 """What makes a unit; zoom and aperture may differ between a calibration and a later photo."""
 
-_ADVICE = advice(WHAT)
 _GIVE = "Give the passport, or what `camssf passport verify` printed."
 
 
@@ -74,11 +70,14 @@ class Passport:
         Raises:
             UnitDiffers: make, model, camera, serial number or lens differ.
         """
-        stated = {each: getattr(photo, each) for each in UNIT_OF_PHOTO}
-        if differ := self.unit.differs(Unit(**stated)):
-            words = "; ".join(f"{each} {stated[each]!r} against {getattr(self.unit, each)!r}" for each in differ)
+        stated = Unit(**{part: getattr(photo, part) for part in UNIT_OF_PHOTO})
+        if differing := self.unit.differs(stated):
+            values = ((part, getattr(stated, part), getattr(self.unit, part)) for part in differing)
+            pairs = "; ".join(
+                f"{part} {of_photo!r} against {of_passport!r}" for part, of_photo, of_passport in values
+            )
             raise UnitDiffers(
-                f"{name} was taken by another unit than that of the passport: {words}.",
+                f"{name} was taken by another unit than that of the passport: {pairs}.",
                 "Take the photo with the unit of the passport, or give the passport of this unit.",
             )
 
@@ -90,7 +89,7 @@ class Passport:
             iat=int(self.issued.timestamp()),
             nbf=int(self.begins.timestamp()),
             exp=int(self.ends.timestamp()),
-            unit=StatedUnit.of(self.unit),
+            unit=StatedUnit(**same_named(StatedUnit, self.unit)),
             captured=self.captured,
             serials=Serials(self.chart_serial, self.lamp_serials),
             software=Software(self.software, "camssf"),
@@ -135,21 +134,18 @@ def create_passport(
     """
     plain = forms.parse_json(result, "the result", ADVICE)
     check_whole(plain, "the result")
-    document = forms.from_plain(plain, Document, "the result", ADVICE)
-    held = excerpt_of(document)
-    request = _from_photos(request, photos, held)
-    unit = _agreed(request.unit, Unit(held.camera.make, held.camera.model), "the result")
-    lamps = request.lamp_serials or ("",) * len(held.shots)
-    if len(lamps) != len(held.shots):
+    excerpt = excerpt_of(forms.from_plain(plain, Document, "the result", ADVICE))
+    request = _from_photos(request, photos, excerpt)
+    unit = _agreed(request.unit, Unit(excerpt.camera.make, excerpt.camera.model), "the result")
+    lamps = request.lamp_serials or ("",) * len(excerpt.shots)
+    if len(lamps) != len(excerpt.shots):
         raise InvalidArgument(
-            f"{len(lamps)} serials of lamps for {len(held.shots)} shots.", "Give one a shot, in their order."
+            f"{len(lamps)} serials of lamps for {len(excerpt.shots)} shots.", "Give one a shot, in their order."
         )
-    if not 0 < request.days <= LONGEST_DAYS:
-        raise InvalidArgument(f"Valid for {request.days:g} days.", f"Give more than 0 and at most {LONGEST_DAYS}.")
     issued = (now or datetime.now(UTC)).astimezone(UTC).replace(microsecond=0)
     begins = (request.begins or issued).astimezone(UTC).replace(microsecond=0)
     try:
-        ends = begins + max(timedelta(seconds=1), timedelta(days=request.days))
+        ends = begins + PASSPORT.validity(request.days)
     except OverflowError:
         raise InvalidArgument("The passport must end before the year 9999.", "Let it begin earlier.") from None
     return Passport(
@@ -163,13 +159,13 @@ def create_passport(
         lamp_serials=tuple(lamps),
         software=__version__,
         result_sha256=hashlib.sha256(result).hexdigest(),
-        result=held,
+        result=excerpt,
     )
 
 
-def _from_photos(request: PassportRequest, photos: Sequence[Path | str], held: Excerpt) -> PassportRequest:
+def _from_photos(request: PassportRequest, photos: Sequence[Path | str], excerpt: Excerpt) -> PassportRequest:
     """Fill empty fields of the request from the photos' tags; stated fields must agree with them."""
-    shots = {shot.photo.sha256 for shot in held.shots}
+    shots = {shot.photo.sha256 for shot in excerpt.shots}
     for path in photos:
         taken = read_unit(path)
         if taken.sha256 not in shots:
@@ -215,13 +211,7 @@ def sign(passport: Passport, key: Any) -> bytes:
         read_claims(claims)
     except PassportInvalid as error:  # sign nothing that a verifier would reject
         raise InvalidArgument(error.message, error.advice) from error
-    signed = sign_jws(claims, TYPE, key)
-    if len(signed) > LARGEST_PASSPORT:
-        raise InvalidArgument(
-            f"The passport would be larger than {LARGEST_PASSPORT} bytes.",
-            "Sign a result of fewer shots.",
-        )
-    return signed
+    return sign_jws(claims, PASSPORT, key)
 
 
 # Verifying
@@ -247,10 +237,7 @@ def verify(
     Raises:
         PassportInvalid: one of these checks fails.
     """
-    token, shown = _token(data)
-    claims, kid = verify_jws(token, TYPE, trusted, WHAT)
-    passport = _passport(read_claims(claims))
-    _check_printed(shown, token, passport)
+    passport, kid = _open(*_token(data), trusted)
     for name, what in ((passport.id, "The passport"), (kid, "The key that signed it")):
         if name in revoked:
             raise PassportInvalid(f"{what} was revoked ({name}).", "Calibrate again.")
@@ -273,11 +260,7 @@ def read(data: bytes) -> tuple[Passport, str]:
     Raises:
         PassportInvalid: the form is wrong.
     """
-    token, shown = _token(data)
-    claims, kid = read_jws(token, TYPE, WHAT)
-    passport = _passport(read_claims(claims))
-    _check_printed(shown, token, passport)
-    return passport, kid
+    return _open(*_token(data))
 
 
 def check_belongs(passport: Passport, result: bytes) -> None:
@@ -289,11 +272,11 @@ def check_belongs(passport: Passport, result: bytes) -> None:
     if hashlib.sha256(result).hexdigest() != passport.result_sha256:
         raise PassportInvalid("The passport belongs to another result.", "Give the file that was signed.")
     try:
-        held = excerpt_of(forms.read(result, Document, "the result", ADVICE))
+        excerpt = excerpt_of(forms.read(result, Document, "the result", ADVICE))
     except InvalidArgument as error:
-        raise PassportInvalid("The result that was signed is not in the form of one.", _ADVICE) from error
-    if forms.to_plain(held) != forms.to_plain(passport.result):
-        raise PassportInvalid("The passport's excerpt differs from the signed result.", _ADVICE)
+        raise PASSPORT.invalid("The result that was signed is not in the form of one.") from error
+    if forms.to_plain(excerpt) != forms.to_plain(passport.result):
+        raise PASSPORT.invalid("The passport's excerpt differs from the signed result.")
 
 
 def as_printed(token: bytes, passport: Passport) -> Excerpt:
@@ -312,33 +295,34 @@ def passport_in(excerpt: Excerpt) -> Passport:
     Raises:
         PassportInvalid: there is none, they differ, or the passport's form is wrong.
     """
-    if excerpt.excerpt is None:
-        raise PassportInvalid("This excerpt holds no passport.", _GIVE)
-    token = excerpt.excerpt.passport.encode("utf-8", "replace")
-    passport, _ = read(token)
-    _check_printed(excerpt, token, passport)
-    return passport
-
-
-def _check_printed(shown: Excerpt | None, token: bytes, passport: Passport) -> None:
-    wanted = printed(passport.result, passport.result_sha256, token)
-    if shown is not None and forms.to_plain(shown) != forms.to_plain(wanted):
-        raise PassportInvalid("The document that encloses the passport differs from the passport's content.", _ADVICE)
+    return _open(_token_in(excerpt), excerpt)[0]
 
 
 def _token(data: bytes) -> tuple[bytes, Excerpt | None]:
     """The JWS, and the printed excerpt that contained it, if any."""
-    shown = None
-    if data[:1] == b"{" and len(data) <= LARGEST_PRINTED:
-        try:
-            shown = forms.read(data, Excerpt, "the document", _ADVICE)
-            assert shown.excerpt is not None
-            data = shown.excerpt.passport.encode("ascii")
-        except (InvalidArgument, AssertionError, UnicodeEncodeError) as error:
-            raise PassportInvalid("This document holds no passport.", _GIVE) from error
-    if len(data) > LARGEST_PASSPORT:
-        raise PassportInvalid(f"The passport is larger than {LARGEST_PASSPORT} bytes.", _ADVICE)
-    return data, shown
+    if data[:1] != b"{" or len(data) > LARGEST_PRINTED:
+        return data, None
+    try:
+        shown = forms.read(data, Excerpt, "the document", "")
+    except InvalidArgument as error:
+        raise PassportInvalid("This document holds no passport.", _GIVE) from error
+    return _token_in(shown), shown
+
+
+def _token_in(shown: Excerpt) -> bytes:
+    if shown.excerpt is None:
+        raise PassportInvalid("This document holds no passport.", _GIVE)
+    return shown.excerpt.passport.encode("utf-8", "replace")
+
+
+def _open(token: bytes, shown: Excerpt | None, trusted: Mapping[str, Any] | None = None) -> tuple[Passport, str]:
+    """The passport and the name of its key, verified if trusted keys are given; it must be what was printed of it."""
+    payload, kid = read_jws(token, PASSPORT) if trusted is None else verify_jws(token, PASSPORT, trusted)
+    passport = _passport(read_claims(payload))
+    content = printed(passport.result, passport.result_sha256, token)
+    if shown is not None and forms.to_plain(shown) != forms.to_plain(content):
+        raise PASSPORT.invalid("The document that encloses the passport differs from the passport's content.")
+    return passport, kid
 
 
 def _passport(claims: Claims) -> Passport:

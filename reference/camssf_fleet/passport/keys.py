@@ -6,9 +6,6 @@ any part of a private key.
 
 from __future__ import annotations
 
-import base64
-import hashlib
-import json
 import os
 import re
 import shlex
@@ -32,14 +29,14 @@ KEY_ID = re.compile(r"[A-Za-z0-9_-]{43}")
 _MAKE = "Make a pair of keys: by `camssf passport key -o FOLDER`, or by the button in the page of `camssf app`."
 
 
-def need_cryptography() -> None:
-    """Raise unless the library `cryptography` is installed."""
-    library("cryptography", "Passports need", "passport")
+def need_libraries(passphrase: bytes | None = None) -> None:
+    """Raise unless the libraries are installed: cryptography, joserfc, and with a passphrase bcrypt.
 
-
-def _need_bcrypt(passphrase: bytes | None) -> None:
-    if passphrase:
-        library("bcrypt", "A key with a passphrase needs", "passport")
+    Raises:
+        InvalidArgument: one is missing.
+    """
+    for name in ("cryptography", "joserfc", *(["bcrypt"] if passphrase else [])):
+        library(name, "A key with a passphrase needs" if name == "bcrypt" else "Passports need", "passport")
 
 
 def make_key(folder: Path | str, passphrase: bytes | None = None) -> str:
@@ -55,8 +52,7 @@ def make_key(folder: Path | str, passphrase: bytes | None = None) -> str:
     Raises:
         InvalidArgument: the pair cannot be written, the folder has one already, or `passphrase` is too long.
     """
-    need_cryptography()
-    _need_bcrypt(passphrase)
+    need_libraries(passphrase)
     from cryptography.hazmat.primitives import serialization as form
     from cryptography.hazmat.primitives.asymmetric import ec
 
@@ -83,11 +79,10 @@ def make_key(folder: Path | str, passphrase: bytes | None = None) -> str:
 
 
 def _create(path: Path, content: bytes, mode: int) -> None:
-    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), mode)
-    with os.fdopen(handle, "wb") as stream:
+    with open(path, "xb", opener=lambda name, flags: os.open(name, flags, mode)) as stream:
         stream.write(content)
         stream.flush()
-        os.fsync(handle)
+        os.fsync(stream.fileno())
 
 
 def read_private(path: Path | str, passphrase: bytes | None = None) -> Any:
@@ -96,28 +91,32 @@ def read_private(path: Path | str, passphrase: bytes | None = None) -> Any:
     Raises:
         InvalidArgument: the file is not such a key, others may read it, or `passphrase` does not unlock it.
     """
-    need_cryptography()
-    _need_bcrypt(passphrase)
+    need_libraries(passphrase)
     from cryptography.exceptions import UnsupportedAlgorithm
-    from cryptography.hazmat.primitives.asymmetric import ec
     from cryptography.hazmat.primitives.serialization import load_pem_private_key, load_ssh_private_key
 
-    data = _bytes(path, LARGEST_KEY, private=True)
-    load = load_ssh_private_key if b"OPENSSH" in data else load_pem_private_key
+    data, mode = _read(path)
+    if b"PUBLIC KEY" in data:
+        raise InvalidArgument(f"{path} is a public key.", "Give the private key that was made with it.")
+    if b"PRIVATE KEY" not in data:
+        raise InvalidArgument(f"{path} is not a private key.", _MAKE)
+    if os.name == "posix" and mode & 0o077:
+        raise InvalidArgument(
+            f"Other users may read or change the private key {path} (mode {mode:03o}).",
+            f"Close it: chmod 600 {shlex.quote(str(path))}. If others could use this computer, make a new key.",
+        )
     try:
-        key = load(data, passphrase or None)
+        key = (load_ssh_private_key if b"OPENSSH" in data else load_pem_private_key)(data, passphrase or None)
     except TypeError:  # no message of these errors is shown: it may quote the key
-        if passphrase:
-            raise InvalidArgument(f"{path} is not locked.", "Give no passphrase.") from None
-        raise InvalidArgument(f"{path} is locked.", "Give its passphrase.") from None
+        state, advice = ("not locked", "Give no passphrase.") if passphrase else ("locked", "Give its passphrase.")
+        raise InvalidArgument(f"{path} is {state}.", advice) from None
     except (ValueError, NotImplementedError, UnsupportedAlgorithm):
         if passphrase:
             raise InvalidArgument(
                 f"{path} is locked with another passphrase, or it is damaged.", "Give its passphrase."
             ) from None
         raise InvalidArgument(f"{path} is not a private key.", _MAKE) from None
-    if not isinstance(key, ec.EllipticCurvePrivateKey) or not isinstance(key.curve, ec.SECP256R1):
-        raise InvalidArgument(f"{path} is not a key on the curve P-256.", _MAKE)
+    _check_curve(key, path)
     return key
 
 
@@ -127,54 +126,45 @@ def read_public(paths: Iterable[Path | str]) -> dict[str, Any]:
     Raises:
         InvalidArgument: a file is not a public key on P-256.
     """
-    need_cryptography()
+    need_libraries()
     from cryptography.exceptions import UnsupportedAlgorithm
-    from cryptography.hazmat.primitives.asymmetric import ec
     from cryptography.hazmat.primitives.serialization import load_pem_public_key
 
     keys = {}
     for path in paths:
         try:
-            key = load_pem_public_key(_bytes(path, LARGEST_KEY))
+            key = load_pem_public_key(_read(path)[0])
         except (ValueError, UnsupportedAlgorithm):
             raise InvalidArgument(
                 f"{path} is not a public key in PEM.", "Give the signer's public key, not the private one."
             ) from None
-        if not isinstance(key, ec.EllipticCurvePublicKey) or not isinstance(key.curve, ec.SECP256R1):
-            raise InvalidArgument(f"{path} is not a key on the curve P-256.", _MAKE)
+        _check_curve(key, path)
         keys[key_name(key)] = key
     return keys
 
 
 def key_name(public: Any) -> str:
     """Thumbprint of a public key (RFC 7638, section 3.2)."""
-    numbers = public.public_numbers()
-    x, y = (unpadded(value.to_bytes(32, "big")) for value in (numbers.x, numbers.y))
-    form = json.dumps({"crv": "P-256", "kty": "EC", "x": x, "y": y}, separators=(",", ":"))
-    return unpadded(hashlib.sha256(form.encode()).digest())
+    from joserfc.jwk import ECKey
+
+    return str(ECKey.import_key(public).thumbprint())
 
 
-def unpadded(data: bytes) -> str:
-    """Base64url without padding (RFC 7515, section 2)."""
-    return base64.urlsafe_b64encode(data).rstrip(b"=").decode()
+def _check_curve(key: Any, path: Path | str) -> None:
+    from cryptography.hazmat.primitives.asymmetric import ec
+
+    elliptic = isinstance(key, ec.EllipticCurvePrivateKey | ec.EllipticCurvePublicKey)
+    if not (elliptic and isinstance(key.curve, ec.SECP256R1)):
+        raise InvalidArgument(f"{path} is not a key on the curve P-256.", _MAKE)
 
 
-def _bytes(path: Path | str, most: int, *, private: bool = False) -> bytes:
+def _read(path: Path | str) -> tuple[bytes, int]:
+    """The bytes of a key's file and the file's mode."""
     try:
         with open(local(path), "rb") as stream:
-            mode = stat.S_IMODE(os.fstat(stream.fileno()).st_mode)
-            data = stream.read(most + 1)
+            data, mode = stream.read(LARGEST_KEY + 1), stat.S_IMODE(os.fstat(stream.fileno()).st_mode)
     except (OSError, ValueError) as error:
         raise InvalidArgument(f"{path} cannot be read ({error_in_words(error)}).", read_advice(error)) from error
-    if private and b"PUBLIC KEY" in data:
-        raise InvalidArgument(f"{path} is a public key.", "Give the private key that was made with it.")
-    if private and b"PRIVATE KEY" not in data:
-        raise InvalidArgument(f"{path} is not a private key.", _MAKE)
-    if private and os.name == "posix" and mode & 0o077:
-        raise InvalidArgument(
-            f"Other users may read or change the private key {path} (mode {mode:03o}).",
-            f"Close it: chmod 600 {shlex.quote(str(path))}. If others could use this computer, make a new key.",
-        )
-    if len(data) > most:
-        raise InvalidArgument(f"{path} is larger than {most} bytes.", "Check the path.")
-    return data
+    if len(data) > LARGEST_KEY:
+        raise InvalidArgument(f"{path} is larger than {LARGEST_KEY} bytes.", "Check the path.")
+    return data, mode

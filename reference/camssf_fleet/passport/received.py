@@ -12,16 +12,9 @@ from camssf.documents.forms import from_plain
 from camssf.errors import InvalidArgument, PassportInvalid
 from camssf.photo.read.unit import Unit
 from camssf.report.provenance import Signature
-from camssf_fleet.passport.document import (
-    LARGEST_PRINTED,
-    Passport,
-    check_belongs,
-    passport_in,
-    read,
-    verify,
-)
+from camssf_fleet.passport.document import LARGEST_PRINTED, Passport, check_belongs, passport_in, read, verify
 from camssf_fleet.passport.keys import read_public
-from camssf_fleet.passport.revocations import LARGEST_LIST, read_revoked
+from camssf_fleet.passport.revocations import LIST, read_revoked
 
 __all__ = ["check_photo_of", "read_excerpt", "read_list", "read_received", "read_signature"]
 
@@ -79,4 +72,4 @@ def read_list(source: Path | None, trusted: Mapping[str, Any]) -> frozenset[str]
     """The names that a signed list revokes; empty without a list."""
     if source is None:
         return frozenset()
-    return read_revoked(read_bytes(str(source), LARGEST_LIST, PassportInvalid), trusted)
+    return read_revoked(read_bytes(str(source), LIST.largest, PassportInvalid), trusted)

@@ -8,19 +8,38 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Mapping
-from datetime import UTC, datetime, timedelta
-from typing import Any
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Annotated, Any, Literal
 
+from camssf.documents import forms
+from camssf.documents.forms import BrokenError
 from camssf.errors import InvalidArgument, PassportInvalid
-from camssf_fleet.passport.jws import advice, sign_jws, verify_jws
+from camssf.shapes import Pattern
+from camssf_fleet.passport.claims import PASSPORT_ID, Second, known_members
+from camssf_fleet.passport.jws import SignedKind, sign_jws, verify_jws
 from camssf_fleet.passport.keys import KEY_ID
 
-FORMAT, TYPE = "camssf-revocations/1", "camssf-revocations+jwt"
-LARGEST_LIST = 16 * 2**20
-LONGEST_DAYS = 366
-PASSPORT_ID = re.compile(r"[0-9a-f]{32}")
+FORMAT: Literal["camssf-revocations/1"] = "camssf-revocations/1"
+LIST = SignedKind("camssf-revocations+jwt", "revocation list", 16 * 2**20, 366, "Revoke a key instead.")
+NAME = Pattern(f"{PASSPORT_ID}|{KEY_ID.pattern}", "is neither a passport's id nor a key's name")
 
-_WHAT = "the revocation list"
+
+@dataclass(frozen=True)
+class Revocations:
+    """The payload of a list.
+
+    Attributes:
+        format: name and version of this form.
+        iat: issued at.
+        exp: not valid from then on.
+        revoked: ids of passports and names of keys.
+    """
+
+    format: Literal["camssf-revocations/1"]
+    iat: Second
+    exp: Second
+    revoked: tuple[Annotated[str, NAME], ...]
 
 
 def sign_revocations(names: Collection[str], key: Any, *, days: float = 30.0, now: datetime | None = None) -> bytes:
@@ -36,24 +55,15 @@ def sign_revocations(names: Collection[str], key: Any, *, days: float = 30.0, no
         InvalidArgument: a name is neither an id nor a key's name, or `days` or the list is too large.
     """
     for name in names:
-        if not _is_name(name):
+        if not re.fullmatch(NAME.expression, name):
             raise InvalidArgument(
-                f"{name!r} is neither a passport's id nor a key's name.",
+                f"{name!r} {NAME.words}.",
                 "Give what `camssf passport show` prints as id (32 hexadecimal digits) or key (43 characters).",
             )
-    if not 0 < days <= LONGEST_DAYS:
-        raise InvalidArgument(f"Good for {days:g} days.", f"Give more than 0 and at most {LONGEST_DAYS}.")
-    issued = (now or datetime.now(UTC)).timestamp()
-    payload = {
-        "format": FORMAT,
-        "iat": int(issued),
-        "exp": int(issued + max(1.0, timedelta(days=days).total_seconds())),
-        "revoked": sorted(set(names)),
-    }
-    signed = sign_jws(payload, TYPE, key)
-    if len(signed) > LARGEST_LIST:
-        raise InvalidArgument(f"The list would be larger than {LARGEST_LIST} bytes.", "Revoke a key instead.")
-    return signed
+    issued = now or datetime.now(UTC)
+    ends = issued + LIST.validity(days)
+    revocations = Revocations(FORMAT, int(issued.timestamp()), int(ends.timestamp()), tuple(sorted(set(names))))
+    return sign_jws(forms.to_plain(revocations), LIST, key)
 
 
 def read_revoked(data: bytes, trusted: Mapping[str, Any], now: datetime | None = None) -> frozenset[str]:
@@ -67,14 +77,14 @@ def read_revoked(data: bytes, trusted: Mapping[str, Any], now: datetime | None =
     Raises:
         PassportInvalid: the list is unsigned, signed by an untrusted key, changed, malformed or expired.
     """
-    names, ends = _read(data, trusted)
-    if (now or datetime.now(UTC)).timestamp() >= ends:
-        when = datetime.fromtimestamp(ends, UTC).isoformat()
+    revocations = _read(data, trusted)
+    ends = datetime.fromtimestamp(revocations.exp, UTC)
+    if (now or datetime.now(UTC)) >= ends:
         raise PassportInvalid(
-            f"The revocation list ended at {when}.",
+            f"The revocation list ended at {ends.isoformat()}.",
             "Get the newest one from its signer, who renews it by `camssf passport revoke`.",
         )
-    return names
+    return frozenset(revocations.revoked)
 
 
 def names_of(data: bytes, trusted: Mapping[str, Any]) -> frozenset[str]:
@@ -83,30 +93,17 @@ def names_of(data: bytes, trusted: Mapping[str, Any]) -> frozenset[str]:
     Raises:
         PassportInvalid: as for `read_revoked`, except that the list may have expired.
     """
-    return _read(data, trusted)[0]
+    return frozenset(_read(data, trusted).revoked)
 
 
-def _read(data: bytes, trusted: Mapping[str, Any]) -> tuple[frozenset[str], int]:
-    if len(data) > LARGEST_LIST:
-        raise PassportInvalid(f"The revocation list is larger than {LARGEST_LIST} bytes.", advice(_WHAT))
+def _read(data: bytes, trusted: Mapping[str, Any]) -> Revocations:
     if data.count(b".") != 2:
         raise PassportInvalid(
             "The revocation list is not signed.",
             "Get it from its signer; `camssf passport revoke` signs one.",
         )
-    payload, _ = verify_jws(data, TYPE, trusted, _WHAT)
-    names: Any = payload.get("revoked")
-    issued, ends = (payload.get(name) for name in ("iat", "exp"))
-    sound = (
-        payload.get("format") == FORMAT
-        and all(type(time) is int and 0 <= time < 253402300800 for time in (issued, ends))
-        and isinstance(names, list)
-        and all(isinstance(name, str) and _is_name(name) for name in names)
-    )
-    if not sound:  # reject the whole list: reading a part of it would miss revocations
-        raise PassportInvalid(f"The revocation list is not in the form {FORMAT}.", advice(_WHAT))
-    return frozenset(names), int(ends or 0)
-
-
-def _is_name(name: str) -> bool:
-    return bool(PASSPORT_ID.fullmatch(name) or KEY_ID.fullmatch(name))
+    payload, _ = verify_jws(data, LIST, trusted)
+    try:  # reject the whole list: reading a part of it would miss revocations
+        return forms.part_of(Revocations, known_members(payload, Revocations))
+    except BrokenError as error:
+        raise LIST.invalid(f"The revocation list is not in the form {FORMAT}.") from error
