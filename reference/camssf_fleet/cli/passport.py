@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import typer
 
-from camssf.cli.options import Command, Document, Group, Revoked
+from camssf.cli.options import Command, Document, Group, OutFolder, Revoked
 from camssf.cli.reading import check_captured, given_paths, read_bytes, spare
 from camssf.cli.terminal import emit, say
 from camssf.errors import InvalidArgument, PassportInvalid
@@ -24,33 +24,28 @@ passport = Group(
     rich_markup_mode=None,
 )
 
+
+def _option(metavar: str, words: str) -> Any:
+    return typer.Option(metavar=metavar, show_default=False, help=words)
+
+
 Received: TypeAlias = Annotated[str, typer.Argument(metavar="JWS", help="A passport: a file, or - for stdin.")]
-Private: TypeAlias = Annotated[
-    Path, typer.Option(metavar="PEM", help="The private key; only its owner may have access to the file.")
-]
-Captured: TypeAlias = Annotated[
-    str, typer.Option(metavar="TIME", show_default=False, help="When the photo was taken, ISO 8601.")
-]
+Private: TypeAlias = Annotated[Path, _option("PEM", "The private key; only its owner may have access to the file.")]
+Captured: TypeAlias = Annotated[str, _option("TIME", "When the photo was taken, ISO 8601.")]
 
 
 @passport.callback()
 def _passport(
     ctx: typer.Context,
     passphrase: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", show_default=False, help="File whose first line is the private key's passphrase."
-        ),
+        Path | None, _option("FILE", "File whose first line is the private key's passphrase.")
     ] = None,
 ) -> None:
     ctx.obj = passphrase
 
 
 @passport.command(epilog="Example: camssf passport key -o keys/")
-def key(
-    ctx: typer.Context,
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="FOLDER", help="Where the two files go.")],
-) -> None:
+def key(ctx: typer.Context, out: OutFolder) -> None:
     """Make a pair of keys.
 
     passport-key.pem signs and stays with you; passport-key.pub.pem verifies and is for everybody. A key is never
@@ -73,22 +68,13 @@ def sign(
     out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="Where the passport goes.")],
     photo: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="DNG",
-            show_default=False,
-            help="A photo of the result; serial number, lens and time are read from its file.",
-        ),
+        _option("DNG", "A photo of the result; serial number, lens and time are read from its file."),
     ] = None,
-    serial: Annotated[
-        str, typer.Option(metavar="TEXT", show_default=False, help="Serial number of the camera or phone.")
-    ] = "",
+    serial: Annotated[str, _option("TEXT", "Serial number of the camera or phone.")] = "",
     captured: Captured = "",
-    chart_serial: Annotated[
-        str, typer.Option(metavar="TEXT", show_default=False, help="Serial number of the chart.")
-    ] = "",
+    chart_serial: Annotated[str, _option("TEXT", "Serial number of the chart.")] = "",
     lamp_serial: Annotated[
-        list[str] | None,
-        typer.Option(metavar="TEXT", show_default=False, help="Serial number of a shot's lamp; in the shots' order."),
+        list[str] | None, _option("TEXT", "Serial number of a shot's lamp; in the shots' order.")
     ] = None,
     days: Annotated[float, typer.Option(help="How long it is valid.")] = 365.0,
 ) -> None:
@@ -106,17 +92,11 @@ def sign(
 
     check_captured(captured)
     data = read_bytes(result, LARGEST)
-    request = PassportRequest(
-        unit=Unit(serial=serial),
-        captured=captured,
-        chart_serial=chart_serial,
-        lamp_serials=tuple(lamp_serial or ()),
-        days=days,
-    )
-    created = create_passport(data, request, photos=given_paths(photo or []))
-    signature = signed(created, read_private(key, _passphrase(ctx)))
-    write_file(spare(out, result, key, *(photo or ())), signature)
-    _summarise(created)
+    request = PassportRequest(Unit(serial=serial), captured, chart_serial, tuple(lamp_serial or ()), days)
+    content = create_passport(data, request, photos=given_paths(photo or []))
+    token = signed(content, read_private(key, _passphrase(ctx)))
+    write_file(spare(out, result, key, *(photo or ())), token)
+    _summarise(content)
     say("", f"passport: {out}")
 
 
@@ -125,7 +105,7 @@ def issue(
     ctx: typer.Context,
     registry: Annotated[str, typer.Argument(metavar="REGISTRY", help="The registry's folder or URL.")],
     key: Private,
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="FOLDER", help="Where the passports go.")],
+    out: OutFolder,
     days: Annotated[float, typer.Option(help="How long they are valid.")] = 365.0,
     renew: Annotated[float, typer.Option(min=0.0, help="Renew a passport that ends within so many days.")] = 30.0,
 ) -> None:
@@ -155,10 +135,7 @@ def verify(
     received: Received,
     key: Annotated[list[Path], typer.Option(metavar="PEM", help="A trusted public key; may be repeated.")],
     revoked: Revoked = None,
-    result: Annotated[
-        str | None,
-        typer.Option(metavar="JSON", show_default=False, help="The result.json that the passport must belong to."),
-    ] = None,
+    result: Annotated[str | None, _option("JSON", "The result.json that the passport must belong to.")] = None,
 ) -> None:
     """Verify a passport, offline.
 
@@ -172,17 +149,13 @@ def verify(
     from camssf_fleet.passport.received import read_list, read_received
 
     data, trusted = read_received(received), read_public(key)
-    holds = verified(
-        data,
-        trusted,
-        revoked=read_list(revoked, trusted),
-        result=None if result is None else read_bytes(result, LARGEST),
-    )
-    emit(to_plain(as_printed(data, holds)))
-    _summarise(holds)
+    whole = None if result is None else read_bytes(result, LARGEST)
+    content = verified(data, trusted, revoked=read_list(revoked, trusted), result=whole)
+    emit(to_plain(as_printed(data, content)))
+    _summarise(content)
     say("[green]verified[/]", "" if result is None else f", and {result} is the result that was signed")
     if result is None:
-        say("", f"the whole result was not checked: its SHA-256 is {holds.result_sha256}; give it by --result")
+        say("", f"the whole result was not checked: its SHA-256 is {content.result_sha256}; give it by --result")
 
 
 class _Names(Command):
@@ -241,13 +214,13 @@ def show(received: Received) -> None:
     from camssf_fleet.passport.document import read
     from camssf_fleet.passport.received import read_received
 
-    found, name = read(read_received(received))
-    claims = to_plain(found.claims())
+    content, key = read(read_received(received))
+    claims = to_plain(content.claims())
     emit(
-        {"key": name, "verified": False, "id": found.id}
-        | {when: getattr(found, when).isoformat() for when in ("issued", "begins", "ends")}
+        {"key": key, "verified": False, "id": content.id}
+        | {time: getattr(content, time).isoformat() for time in ("issued", "begins", "ends")}
         | {name: value for name, value in claims.items() if name not in ("jti", "iat", "nbf", "exp", "result")}
-        | {"verdict": found.result.verdict.status}
+        | {"verdict": content.result.verdict.status}
     )
     say("[yellow]not verified[/]", ": anybody may have written this; see `camssf passport verify`")
 
@@ -270,10 +243,10 @@ def _passphrase(ctx: typer.Context) -> bytes | None:
     return line
 
 
-def _summarise(holds: Passport) -> None:
+def _summarise(content: Passport) -> None:
     """Print the unit, the status and the time of validity."""
-    unit = holds.unit
-    words = [unit.make, unit.model, unit.camera_id, unit.lens, unit.serial and f"serial {unit.serial}"]
-    status = holds.result.verdict.status
-    say("", f"{' '.join(filter(None, words)) or 'camera'}: {status}; passport {holds.id}")
-    say("", f"valid from {holds.begins.isoformat()} to {holds.ends.isoformat()}")
+    unit = content.unit
+    parts = [unit.make, unit.model, unit.camera_id, unit.lens, unit.serial and f"serial {unit.serial}"]
+    status = content.result.verdict.status
+    say("", f"{' '.join(filter(None, parts)) or 'camera'}: {status}; passport {content.id}")
+    say("", f"valid from {content.begins.isoformat()} to {content.ends.isoformat()}")
