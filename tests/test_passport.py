@@ -229,6 +229,14 @@ def test_a_list_of_what_was_called_back_that_is_not_to_be_trusted() -> None:
     assert read_revoked(sign_revocations([], key(), now=LATER), trusted(), NOW) == frozenset()
 
 
+def test_a_long_list() -> None:
+    """Longer than the payload that joserfc reads by default."""
+    names = {f"{number:032x}" for number in range(4000)}
+    data = sign_revocations(names, key(), now=NOW)
+    assert len(data) > 130_000
+    assert read_revoked(data, trusted(), NOW) == names
+
+
 def test_a_list_that_cannot_be_signed() -> None:
     for names, days in ((["0123"], 1), ([small().id.upper()], 1), ([], 0), ([], 367), ([], float("nan"))):
         with pytest.raises(InvalidArgument):
@@ -438,7 +446,8 @@ def test_headers_that_are_none() -> None:
     text = json.dumps(header_of(signed()))
     for head in (b"[]", b"null", b"1", text[:-1].encode(), f'{text[:-1]}, "alg": "ES256"}}'.encode(), b"\xff" * 20):
         refuses(resigned(head))
-    refuses(resigned(text.encode() + b" " * 1024))
+    refuses(resigned(text.encode() + b" " * 1024), "three parts")  # joserfc would read half of that
+    assert same(verify(resigned(text.encode() + b" " * 500), trusted(), now=LATER), small())
 
 
 def test_what_joserfc_alone_would_accept() -> None:

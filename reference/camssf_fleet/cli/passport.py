@@ -25,8 +25,8 @@ passport = Group(
 )
 
 
-def _option(metavar: str, words: str) -> Any:
-    return typer.Option(metavar=metavar, show_default=False, help=words)
+def _option(metavar: str, text: str) -> Any:
+    return typer.Option(metavar=metavar, show_default=False, help=text)
 
 
 Received: TypeAlias = Annotated[str, typer.Argument(metavar="JWS", help="A passport: a file, or - for stdin.")]

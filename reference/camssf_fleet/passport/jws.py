@@ -52,15 +52,15 @@ class SignedKind:
     smaller: str
 
     def invalid(self, message: str, place: str = "") -> PassportInvalid:
-        """The error for a document that was changed or damaged; `place` says where, in a sentence with a blank."""
+        """The error for a changed or damaged document; its advice begins with `place`, where the fault is."""
         advice = f"Ask the one who signed it for the {self.name} as it was written; trust nothing in this one."
         return PassportInvalid(message, f"{place}{advice}")
 
     def validity(self, days: float) -> timedelta:
-        """The time from its begin to its end, one second or more.
+        """How long a document of this kind is valid, one second or more.
 
         Raises:
-            InvalidArgument: it is negative or too long.
+            InvalidArgument: `days` is not more than 0, or too long.
         """
         if not 0 < days <= self.longest:
             raise InvalidArgument(f"Valid for {days:g} days.", f"Give more than 0 and at most {self.longest}.")
