@@ -1,5 +1,6 @@
 """A manifest over a Dask cluster: as over processes here, whoever dies, and whatever the cluster lacks."""
 
+import asyncio
 import json
 import os
 import signal
@@ -9,9 +10,8 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Iterator
-from concurrent.futures import CancelledError
+from concurrent.futures import CancelledError, Future
 from contextlib import nullcontext
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from test_stream import Desk, slow, templates
 from camssf import cli
 from camssf.errors import InvalidArgument
 from camssf.places import write_place
+from camssf_fleet import cluster as cluster_module
 from camssf_fleet import pools
 from camssf_fleet.manifest import Job, Manifest
 from camssf_fleet.outcome import Outcome
@@ -51,111 +52,132 @@ def cluster() -> Iterator[Any]:
         os.environ.pop("PYTHONPATH") if before is None else os.environ.update(PYTHONPATH=before)
 
 
-class Returned:
-    """A future as a busy cluster gives it back: cancelled, lost, or with an answer that never arrives."""
+class Ends:
+    """A recorder of what became of the jobs."""
 
-    def __init__(self, status: str, answer: Any) -> None:
-        self.status, self._answer = status, answer
+    def __init__(self) -> None:
+        self.outcomes: list[tuple[str, str, str, int]] = []
 
-    def result(self, timeout: float) -> Any:
-        assert self.status != "lost", "result() would wait"
-        if isinstance(self._answer, BaseException):
-            raise self._answer
-        return self._answer
+    def add(self, job: Job, outcome: Outcome) -> None:
+        self.outcomes.append((job.name, outcome.status, outcome.reason, outcome.deaths))
+
+    def update(self) -> None:
+        pass
 
 
-class Client:
-    """A cluster that drops each job so many times before it does it."""
+class Interrupting:
+    """A pool that interrupts each job so many times, after it has begun, before it does it."""
 
-    def __init__(self, drops: int, returned: tuple[str, Any], marks: Path) -> None:
-        self.drops, self.returned, self.marks = drops, returned, marks
-        self.handed_out: Counter[str] = Counter()
-        self.cancelled: list[Any] = []
+    def __init__(self, interruptions: int, error: Exception) -> None:
+        self.interruptions, self.error = interruptions, error
+        self.submitted: Counter[str] = Counter()
 
-    def nthreads(self) -> dict[str, int]:
-        return {"w": 1}
-
-    def as_current(self) -> Any:
-        return nullcontext()
-
-    def cancel(self, futures: list[Any], force: bool) -> None:
-        self.cancelled += futures
-
-    def submit(self, work: Any, job: Job, key: str, pure: bool) -> Returned:
-        self.handed_out[job.name] += 1
-        if self.handed_out[job.name] <= self.drops:
-            write_place(self.marks / job.task / "begun", b"")  # by a worker
-            return Returned(*self.returned)
-        return Returned("finished", work(job))
+    def submit(self, do: Any, job: Job, work: Any, marks: Path, version: str) -> Future[Outcome]:
+        future: Future[Outcome] = Future()
+        self.submitted[job.name] += 1
+        if self.submitted[job.name] > self.interruptions:
+            future.set_result(do(job, work, marks, version))
+        else:
+            write_place(marks / str(self.submitted[job.name]), b"")  # by a worker
+            future.set_exception(self.error)
+        return future
 
 
 def done_at_once(job: Job) -> Outcome:
     return Outcome(job.name, "accepted", reason=job.name)
 
 
-DROPS = {
-    "cancelled": ("cancelled", CancelledError("key")),
-    "lost": ("lost", None),
-    "no answer": ("finished", TimeoutError()),
-    "cancelled while asked": ("finished", CancelledError("key")),
-}
-
-
-def hand_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, drops: int, returned: tuple[str, Any]) -> Any:
-    def wait(futures: list[Any], **_: Any) -> None:
-        if any(future.status == "cancelled" for future in futures):
-            raise CancelledError("as distributed.wait does")
-
-    class Ends:
-        def add(self, job: Job, outcome: Outcome) -> None:
-            ends.append((job.name, outcome.status, outcome.reason, outcome.deaths))
-
-        def update(self) -> None:
-            pass
-
-    monkeypatch.setattr(distributed, "wait", wait)
+def run_interrupted(tmp_path: Path, interruptions: int, error: Exception, workers: int = 1) -> Any:
     (tmp_path / "m.csv").write_text("name,photo,lamp\na,x,D55\nb,y,D55\n")
-    first, *rest = (replace(job, task=job.name) for job in Manifest(tmp_path / "m.csv"))
-    client = Client(drops, returned, tmp_path)
-    ends: list[Any] = []
-    pools._hand_out(client, (first, iter(rest)), done_at_once, tmp_path, Ends())
-    return client, sorted(ends)
+    pool, ends = Interrupting(interruptions, error), Ends()
+    start = nullcontext(pools.Pool(pool.submit, lambda: workers, distributed.KilledWorker))
+    pools.run_jobs(iter(Manifest(tmp_path / "m.csv")), done_at_once, start, tmp_path / "marks", ends)
+    assert not (tmp_path / "marks").exists()
+    return pool, sorted(ends.outcomes)
 
 
-@pytest.mark.parametrize("drop", DROPS)
-@pytest.mark.parametrize("drops", [1, pools.RESUBMISSIONS])
-def test_what_a_busy_cluster_drops_is_handed_out_again(
-    drop: str, drops: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    client, ends = hand_out(tmp_path, monkeypatch, drops, DROPS[drop])
+DIED = distributed.KilledWorker("key", "worker", 3)
+
+
+@pytest.mark.parametrize("times", [1, pools.RESUBMISSIONS])
+def test_what_a_busy_cluster_loses_is_submitted_again(times: int, tmp_path: Path) -> None:
+    pool, ends = run_interrupted(tmp_path, times, pools.Lost())
     assert ends == [("a", "accepted", "a", 0), ("b", "accepted", "b", 0)]
-    assert client.handed_out == {"a": drops + 1, "b": drops + 1}
-    assert len(client.cancelled) == 2 * drops
+    assert pool.submitted == {"a": times + 1, "b": times + 1}
 
 
-@pytest.mark.parametrize("drop", DROPS)
-def test_not_for_ever(drop: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_not_for_ever(tmp_path: Path) -> None:
     """It is no job's fault: the next run tries it again."""
-    client, ends = hand_out(tmp_path, monkeypatch, 10**6, DROPS[drop])
-    assert client.handed_out == {"a": pools.RESUBMISSIONS + 1, "b": pools.RESUBMISSIONS + 1}
-    words = f"The Dask cluster lost it {pools.RESUBMISSIONS + 1} times. Run the same command again to do it."
+    pool, ends = run_interrupted(tmp_path, 10**6, pools.Lost())
+    times = pools.RESUBMISSIONS + 1
+    assert pool.submitted == {"a": times, "b": times}
+    words = f"It was interrupted {times} times. Run the same command again for it."
     assert ends == [("a", "failed", words, 0), ("b", "failed", words, 0)]
 
 
-def test_a_cluster_that_lost_all_workers_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pools, "WORKERLESS_TIMEOUT", 0.0)
-    monkeypatch.setattr(Client, "nthreads", lambda self: {})
+def test_a_job_whose_processes_died_is_not_begun_again(tmp_path: Path) -> None:
+    _, ends = run_interrupted(tmp_path, pools.DEATHS, DIED)
+    assert ends == [(name, "failed", pools.DIED, pools.DEATHS) for name in "ab"]
+    _, ends = run_interrupted(tmp_path, pools.DEATHS - 1, DIED)
+    assert [status for _, status, *_ in ends] == ["accepted"] * 2
+
+
+class Client:
+    """A client whose futures are awaitables of the test, in an event loop of their own."""
+
+    def __init__(self, answer: Any) -> None:
+        self.answer, self.loop = answer, self
+        self.asyncio_loop = asyncio.new_event_loop()
+
+    def as_current(self) -> Any:
+        return nullcontext()
+
+    def submit(self, *call: Any, key: str, pure: bool) -> Any:
+        return self.answer()
+
+
+async def lost() -> None:
+    await asyncio.sleep(60)
+
+
+async def cancelled() -> None:
+    raise CancelledError("key")
+
+
+@pytest.mark.parametrize("answer", [lost, cancelled])
+def test_the_future_of_a_lost_job_ends(answer: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def wait(futures: list[Any]) -> None:
+        pass
+
+    monkeypatch.setattr(distributed, "wait", wait)
+    monkeypatch.setattr(cluster_module, "SCHEDULER_TIMEOUT", 0.1)
+    client = Client(answer)
+    thread = threading.Thread(target=client.asyncio_loop.run_forever)
+    thread.start()
+    try:
+        with pytest.raises(pools.Lost):
+            cluster_module._submit(client, print).result(timeout=10)
+    finally:
+        client.asyncio_loop.call_soon_threadsafe(client.asyncio_loop.stop)
+        thread.join()
+        client.asyncio_loop.close()
+
+
+def test_a_cluster_that_lost_all_workers_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cluster_module, "WORKERLESS_TIMEOUT", 0.0)
+    monkeypatch.setattr(Client, "nthreads", lambda self: {}, raising=False)
     with pytest.raises(InvalidArgument, match="has had no worker for 0 s"):
-        hand_out(tmp_path, monkeypatch, 1, DROPS["lost"])
+        cluster_module._workers(Client(None), [time.monotonic() - 1.0])
 
 
-def test_a_client_that_closed_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_client_that_closed_is_said(desk: Desk, cluster: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     def closed(*_: Any, **__: Any) -> None:
         raise distributed.client.ClosedClientError("Can't perform action on a closed client")
 
-    monkeypatch.setattr(Client, "submit", closed)
+    monkeypatch.setattr(distributed.Client, "submit", closed)
+    desk.write(["one,a,D55,,,,,"], {"a": "Phone"})
     with pytest.raises(InvalidArgument, match="The Dask cluster was lost") as caught:
-        hand_out(tmp_path, monkeypatch, 0, DROPS["lost"])
+        desk.run(dask=cluster.scheduler_address)
     assert "the same command" in caught.value.advice
 
 
@@ -212,7 +234,7 @@ def test_a_scheduler_that_is_lost_is_told_and_the_next_goes_on(
     desk: Desk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The scheduler is killed in the middle; another one, with another address, does the rest."""
-    monkeypatch.setattr(pools, "WORKERLESS_TIMEOUT", 10.0)
+    monkeypatch.setattr(cluster_module, "WORKERLESS_TIMEOUT", 10.0)
     names = [f"c{i}" for i in range(12)]
     desk.write([f"{n},{n},D55,,,,," for n in names], {n: f"Phone {n}" for n in names})
     search = os.pathsep.join([*(str(Path(path).absolute()) for path in sys.path if path), str(Path(__file__).parent)])
@@ -306,18 +328,18 @@ def test_another_version_on_the_worker_is_refused(desk: Desk, cluster: Any, monk
 
 
 def test_a_worker_without_camssf_is_named(desk: Desk, cluster: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    def lacks(job: Job, *, work: Any, marks: Path, version: str) -> None:
+    def lacks(*_: Any) -> None:
         raise ModuleNotFoundError("No module named 'camssf'", name="camssf")
 
     desk.write(["one,a,D55,,,,,"], {"a": "Phone"})
-    monkeypatch.setattr(pools, "_marked", lacks)
+    monkeypatch.setattr(pools, "do_job", lacks)
     with pytest.raises(InvalidArgument, match="lacks camssf") as caught:
         desk.run(dask=cluster.scheduler_address)
     assert "wheel" in caught.value.advice
 
 
 def test_nobody_answers(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pools, "SCHEDULER_TIMEOUT", 1.0)
+    monkeypatch.setattr(cluster_module, "SCHEDULER_TIMEOUT", 1.0)
     desk.write(["one,a,D55,,,,,"], {"a": "Phone"})
     for address in ("tcp://127.0.0.1:9", "nonsense://x"):
         with pytest.raises(InvalidArgument, match="No Dask scheduler answers"):

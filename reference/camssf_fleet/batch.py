@@ -24,10 +24,11 @@ from camssf.progress import Progress
 from camssf.report.build import NAMES
 from camssf.version import __version__
 from camssf_fleet.archive import Archive, unfinished
+from camssf_fleet.cluster import run_dask
 from camssf_fleet.inputs import basis_hash, file_hash, file_in, layout_in
 from camssf_fleet.manifest import Job, Manifest
 from camssf_fleet.outcome import KEPT, Outcome, Summary
-from camssf_fleet.pools import cores, run_dask, run_processes
+from camssf_fleet.pools import cores, run_processes
 from camssf_fleet.recorder import OutcomeRecorder, summary_csv
 from camssf_fleet.registry import Registry
 from camssf_fleet.upkeep import mend, optimize

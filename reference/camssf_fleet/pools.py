@@ -1,8 +1,8 @@
-"""Runs the jobs of a batch in local processes or on the workers of a Dask cluster, and repeats interrupted jobs.
+"""Runs the jobs of a batch on local processes or on a Dask cluster, and repeats those that were interrupted.
 
-A job during which DEATHS processes died has failed. Local processes: after a crash each job that was running is
-repeated alone, to find the one that crashes. Cluster: a job writes a file into the archive when it begins and deletes
-its files at its end; a worker that finds DEATHS of them does not begin the job.
+`run_jobs` is the one loop over both, and `do_job` is what their processes do. One rule for both: a job writes a mark
+when it begins and removes its marks when it ends, so each mark that is left is a process that died during the job. A
+job with DEATHS marks has failed. A job that only waited has no mark.
 """
 
 from __future__ import annotations
@@ -12,20 +12,22 @@ import secrets
 import signal
 import sys
 import threading
-import time
+from collections import Counter
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
 from functools import partial
 from multiprocessing import current_process, get_context, parent_process
+from queue import LifoQueue
 from typing import Any, Protocol, TypeAlias
 
 from camssf.errors import InvalidArgument
-from camssf.libraries import library
+from camssf.files import temporary_folder
 from camssf.places import Place, files_below, remove, write_place
 from camssf.version import __version__
-from camssf_fleet.manifest import Job
+from camssf_fleet.manifest import Job, rows_hash
 from camssf_fleet.outcome import Outcome
 
 FLUSH = 2.0
@@ -34,12 +36,8 @@ QUEUED_PER_WORKER = 4
 """Jobs queued for each worker."""
 DEATHS = 2
 """Processes that may die during a job; then it has failed."""
-SCHEDULER_TIMEOUT = 30.0
-"""Seconds to wait for the scheduler's answer, and for its first worker."""
-WORKERLESS_TIMEOUT = 60.0
-"""Seconds without any worker after which the batch fails; a Dask nanny restarts a worker in less."""
 RESUBMISSIONS = 8
-"""Number of times that a job is resubmitted because workers died while it waited, or the cluster lost it."""
+"""Number of times that an interrupted job is submitted again."""
 DIED = "The process that worked on it died, twice (memory, or a damaged file)."
 UNGUARDED = 78
 """Exit status of a process that ends because the user's script would start a batch in it."""
@@ -58,24 +56,136 @@ class Recorder(Protocol):
         """Called at least every FLUSH seconds: write what is due, report progress."""
 
 
-# Local processes
+class Lost(Exception):
+    """A cluster has lost a job or its outcome, and no process died."""
+
+
+@dataclass(frozen=True)
+class Pool:
+    """Processes that do jobs.
+
+    Attributes:
+        submit: queues a call of a function; its future may end with `Lost`.
+        workers: number of jobs done at a time.
+        died: exception of a future whose process died.
+    """
+
+    submit: Callable[..., Future[Outcome]]
+    workers: Callable[[], int]
+    died: type[Exception]
 
 
 def run_processes(jobs: Iterator[Job], work: Work, count: int, recorder: Recorder) -> None:
-    """Run the jobs in local processes; if one dies, repeat each job that was running alone.
+    """Run the jobs in local processes.
 
     Raises:
         InvalidArgument: the user's script starts a batch in every new process, because nothing guards the call.
     """
     if getattr(current_process(), "_inheriting", False):  # a new process, which imports the script
         sys.exit(UNGUARDED)
-    with _single_threads():
-        while suspects := _pool(jobs, work, count, recorder):
+    with temporary_folder() as marks:
+        run_jobs(jobs, work, _processes(count), marks, recorder)
+
+
+def run_jobs(
+    jobs: Iterator[Job], work: Work, start: AbstractContextManager[Pool], marks: Place, recorder: Recorder
+) -> None:
+    """Run jobs until none is left, QUEUED_PER_WORKER for each worker at a time; without a job nothing is started."""
+    job = next(jobs, None)
+    if job is None:
+        return
+    running: dict[Future[Outcome], Job] = {}
+    interruptions: Counter[Job] = Counter()
+    with start as pool:
+
+        def submit(job: Job) -> None:
+            running[pool.submit(do_job, job, work, marks / rows_hash(job), __version__)] = job
+
+        try:
+            while job is not None or running:
+                limit = QUEUED_PER_WORKER * max(1, pool.workers())
+                while job is not None and len(running) < limit:
+                    submit(job)
+                    job = next(jobs, None)
+                for future in wait(running, FLUSH, FIRST_COMPLETED).done:
+                    ended = running.pop(future)
+                    try:
+                        outcome = future.result()
+                    except (pool.died, Lost) as error:
+                        interruptions[ended] += 1
+                        if isinstance(error, Lost):
+                            remove(marks / rows_hash(ended))
+                        if interruptions[ended] <= RESUBMISSIONS:
+                            submit(ended)
+                            continue
+                        words = f"It was interrupted {interruptions[ended]} times. Run the same command again for it."
+                        outcome = Outcome(ended.name, "failed", "", words)
+                    recorder.add(ended, outcome)
+                recorder.update()
+        finally:
+            for future in running:
+                future.cancel()
+            remove(marks)
+
+
+# In a worker
+
+_job_lock = threading.Lock()
+"""One job at a time in a process, however many threads its worker has."""
+
+
+def do_job(job: Job, work: Work, marks: Place, version: str) -> Outcome:
+    """Do the job, unless DEATHS processes died during it."""
+    if version != __version__:
+        raise InvalidArgument(
+            f"A worker of the Dask cluster has camssf {__version__}.", f"Install {version} there, as it is here."
+        )
+    with _job_lock:
+        if sum(1 for _ in files_below(marks)) >= DEATHS:
+            return Outcome(job.name, "failed", "", DIED, job.folder, deaths=DEATHS)
+        write_place(marks / secrets.token_hex(8), b"")
+        outcome = work(job)
+        remove(marks)
+        return outcome
+
+
+# Local processes
+
+
+@contextmanager
+def _processes(count: int) -> Iterator[Pool]:
+    """Local processes with one BLAS thread each, which they read from the environment at their start.
+
+    A thread for each process hands it one job at a time, so that a death interrupts no other job.
+    """
+    unset = [name for name in _THREADS if name not in os.environ]
+    new_process = partial(ProcessPoolExecutor, 1, get_context("spawn"), _begin)
+    idle: LifoQueue[ProcessPoolExecutor] = LifoQueue()
+    for _ in range(count):
+        idle.put(new_process())  # started by its first job
+
+    def in_process(*call: Any) -> Outcome:
+        process = idle.get()
+        try:
+            outcome: Outcome = process.submit(*call).result()
+            return outcome
+        except BrokenProcessPool:
+            process = new_process()
             _check_script()
-            for job in suspects:
-                if _pool(iter([job]), work, 1, recorder):
-                    recorder.add(job, Outcome(job.name, "failed", "", DIED, job.folder, deaths=DEATHS))
-                    recorder.update()
+            raise
+        finally:
+            idle.put(process)
+
+    os.environ.update(dict.fromkeys(unset, "1"))
+    threads = ThreadPoolExecutor(count)
+    try:
+        yield Pool(partial(threads.submit, in_process), lambda: count, BrokenProcessPool)
+    finally:
+        threads.shutdown()  # waits for the jobs that run
+        while not idle.empty():
+            idle.get().shutdown()
+        for name in unset:
+            del os.environ[name]
 
 
 def _check_script() -> None:
@@ -86,32 +196,7 @@ def _check_script() -> None:
         raise InvalidArgument(
             "A batch starts processes; each of them runs this script again, which would start another batch.",
             'Put what the script does below a line `if __name__ == "__main__":`.',
-        )
-
-
-def _pool(jobs: Iterator[Job], work: Work, count: int, recorder: Recorder) -> list[Job]:
-    """Run jobs until none is left or a process dies; returns the unfinished ones. Starts no process without a job."""
-    job = next(jobs, None)
-    if job is None:
-        return []
-    running: dict[Future[Outcome], Job] = {}
-    with ProcessPoolExecutor(count, get_context("spawn"), _begin) as pool:
-        try:
-            while job is not None or running:
-                while job is not None and len(running) < QUEUED_PER_WORKER * count:
-                    running[pool.submit(work, job)] = job
-                    job = next(jobs, None)
-                finished, _ = wait(running, timeout=FLUSH, return_when=FIRST_COMPLETED)
-                for future in sorted(finished, key=lambda each: each.exception() is not None):
-                    recorder.add(running[future], future.result())
-                    del running[future]
-                recorder.update()
-        except BrokenProcessPool:
-            return [*running.values(), *([] if job is None else [job])]
-        except BaseException:
-            pool.shutdown(cancel_futures=True)  # waits for running jobs; leaving `with` would not cancel the rest
-            raise
-    return []
+        ) from None
 
 
 def cores() -> int:
@@ -131,172 +216,3 @@ def _end_with_parent() -> None:
     if parent is not None:
         parent.join()
         os._exit(1)  # immediate exit is safe: files are written atomically
-
-
-@contextmanager
-def _single_threads() -> Iterator[None]:
-    """Set one BLAS thread for each new process, which reads it at its start; the processes are the parallelism."""
-    before = {name: os.environ.get(name) for name in _THREADS}
-    os.environ.update({name: value or "1" for name, value in before.items()})
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-
-
-# A Dask cluster
-
-
-def run_dask(jobs: Iterator[Job], work: Work, address: str, archive: Place, recorder: Recorder) -> None:
-    """Run the jobs on the workers of an existing cluster, which keeps running afterwards.
-
-    Args:
-        jobs: the jobs; each has a `task`.
-        work: function that does one job.
-        address: of the scheduler.
-        archive: folder for the files that mark begun jobs.
-        recorder: receives the finished jobs.
-
-    Raises:
-        InvalidArgument: the library is missing, the scheduler does not answer, a worker has no camssf or another
-            version, or the scheduler or all workers were lost; finished jobs are kept.
-    """
-    distributed = library("distributed", "A Dask scheduler needs", "dask")
-    first = next(jobs, None)
-    if first is None:
-        return
-    marks = archive / f".camssf-begun-{os.getpid()}-{secrets.token_hex(8)}"
-    with _client(distributed, address) as client:
-        try:
-            _hand_out(client, (first, jobs), work, marks, recorder)
-        except OSError as error:
-            raise InvalidArgument(
-                f"{archive}: the archive cannot be used ({error.strerror or error}).", "Check the folder."
-            ) from error
-        finally:
-            remove(marks)
-
-
-@contextmanager
-def _client(distributed: Any, address: str) -> Iterator[Any]:
-    try:
-        client = distributed.Client(address, timeout=SCHEDULER_TIMEOUT, set_as_default=False)
-    except (OSError, ValueError, TypeError) as error:
-        raise InvalidArgument(
-            f"No Dask scheduler answers at {address!r}.",
-            "Start one with `dask scheduler` and workers with `dask worker ADDRESS`, and give its address, tcp://...",
-        ) from error
-    try:
-        try:
-            client.wait_for_workers(1, timeout=SCHEDULER_TIMEOUT)
-        except TimeoutError as error:
-            raise InvalidArgument(
-                f"The Dask cluster at {address} has no worker.", "Start some with `dask worker ADDRESS --nthreads 1`."
-            ) from error
-        yield client
-    finally:
-        with suppress(Exception):  # the scheduler may be gone
-            client.close(timeout=2)
-
-
-def _hand_out(client: Any, jobs: tuple[Job, Iterator[Job]], work: Work, marks: Place, recorder: Recorder) -> None:
-    """Submit jobs until none is left, at most QUEUED_PER_WORKER at a time for each worker thread."""
-    from distributed import KilledWorker
-    from distributed import wait as wait_for
-    from distributed.client import ClosedClientError
-
-    marked = partial(_marked, work=work, marks=marks, version=__version__)
-    job: Job | None
-    job, rest = jobs
-    running: dict[Any, Job] = {}
-    lost: dict[str, int] = {}
-    had_workers = time.monotonic()
-    try:
-        while job is not None or running:
-            threads = sum(client.nthreads().values())
-            had_workers = time.monotonic() if threads else had_workers
-            if time.monotonic() - had_workers > WORKERLESS_TIMEOUT:
-                raise InvalidArgument(
-                    f"The Dask cluster has had no worker for {WORKERLESS_TIMEOUT:.0f} s.",
-                    "Start some with `dask worker ADDRESS --nthreads 1`, and the same command: what was done is not "
-                    "done again.",
-                )
-            while job is not None and len(running) < QUEUED_PER_WORKER * max(1, threads):
-                running[_submit(client, marked, job)] = job
-                job = next(rest, None)
-            with suppress(TimeoutError, CancelledError), client.as_current():  # cancelled ones are handled below
-                wait_for(list(running), timeout=FLUSH, return_when="FIRST_COMPLETED")
-            for future in [each for each in running if each.status != "pending"]:
-                done = running.pop(future)
-                try:
-                    outcome = _outcome_of(future)
-                except (KilledWorker, CancelledError, TimeoutError) as error:
-                    killed = isinstance(error, KilledWorker)  # `_marked` decides whether this job was the cause
-                    count = lost[done.task] = lost.get(done.task, 0) + 1
-                    if not killed:  # the cluster dropped the job and no worker died: delete its mark
-                        remove(marks / done.task)
-                        with suppress(Exception):
-                            client.cancel([future], force=True)
-                    if count <= RESUBMISSIONS:
-                        running[_submit(client, marked, done)] = done
-                        continue
-                    words = f"The Dask cluster lost it {count} times. Run the same command again to do it."
-                    if killed:
-                        words = f"Workers died {count} times while they had it."
-                    outcome = Outcome(done.name, "failed", "", words, deaths=DEATHS if killed else 0)
-                except ModuleNotFoundError as error:
-                    raise InvalidArgument(
-                        f"A worker of the Dask cluster lacks {error.name}.",
-                        f"Install camssf {__version__} there: the wheel is all that a worker needs.",
-                    ) from error
-                recorder.add(done, outcome)
-            recorder.update()
-    except (OSError, RuntimeError, ClosedClientError) as error:  # a lost connection, from Dask or from Tornado
-        raise InvalidArgument(
-            f"The Dask cluster was lost ({' '.join(str(error).split()) or type(error).__name__}).",
-            "Start it again, and the same command: what was done is not done again.",
-        ) from error
-    finally:
-        with suppress(Exception):
-            client.cancel(list(running), force=True)
-
-
-def _outcome_of(future: Any) -> Outcome:
-    """What a worker answered.
-
-    Raises:
-        KilledWorker: workers died while they had it.
-        CancelledError, TimeoutError: the cluster dropped it, or lost the answer.
-    """
-    if future.status == "lost":
-        raise CancelledError  # `result` would wait for it
-    outcome: Outcome = future.result(timeout=SCHEDULER_TIMEOUT)
-    return outcome
-
-
-def _submit(client: Any, work: Work, job: Job) -> Any:
-    return client.submit(work, job, key=f"camssf-{job.task[:24]}-{secrets.token_hex(4)}", pure=False)
-
-
-# In a cluster's worker
-
-_job_lock = threading.Lock()
-"""One job at a time in a process, however many threads its worker has."""
-
-
-def _marked(job: Job, *, work: Work, marks: Place, version: str) -> Outcome:
-    """Do the job, unless it was begun DEATHS times and never ended."""
-    if version != __version__:
-        raise InvalidArgument(
-            f"A worker of the Dask cluster has camssf {__version__}.", f"Install {version} there, as it is here."
-        )
-    mark = marks / job.task
-    with _job_lock:
-        if sum(1 for _ in files_below(mark)) >= DEATHS:
-            return Outcome(job.name, "failed", "", DIED, deaths=DEATHS)
-        write_place(mark / secrets.token_hex(8), b"")
-        outcome = work(job)
-        remove(mark)
-        return outcome
