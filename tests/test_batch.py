@@ -159,8 +159,8 @@ def test_another_basis_in_the_same_file_and_another_sidecar_are_noticed(tmp_path
     basis = str(tmp_path / "mine.npz")
 
     def again() -> bool:
-        (found,) = here(manifest, tmp_path / "out", basis=basis)
-        return found.resumed
+        (outcome,) = here(manifest, tmp_path / "out", basis=basis)
+        return outcome.resumed
 
     assert [again(), again()] == [False, True]
     (tmp_path / "mine.npz").write_text("basis 2")
@@ -176,15 +176,15 @@ def test_a_refused_capture_replaces_no_result_of_its_name(tmp_path: Path, monkey
     (tmp_path / "ssf.csv").write_text("curves")
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     job = Job("one", (str(tmp_path / "typo.dng"),), ("D55",), (None,), (None,), "classic24")
-    found = calibrate_into(job, tmp_path)
-    assert (found.status, found.code) == ("refused", "unreadable_raw")
-    assert found.reason.endswith("The earlier result of this name was kept as it is.")
+    outcome = calibrate_into(job, tmp_path)
+    assert (outcome.status, outcome.code) == ("refused", "unreadable_raw")
+    assert outcome.reason.endswith("The earlier result of this name was kept as it is.")
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()} == before
     assert (tmp_path / "refused" / "result.json").is_file()
     refusal = refused(ChartNotFound("No chart.", "Take one."))
     monkeypatch.setattr(batch, "attempt_job", lambda _: refusal)
-    found = calibrate_into(job, tmp_path)
-    assert found.reason == "No chart. Take one. The earlier result of this name was kept as it is."
+    outcome = calibrate_into(job, tmp_path)
+    assert outcome.reason == "No chart. Take one. The earlier result of this name was kept as it is."
     assert sorted(path.name for path in (tmp_path / "refused").iterdir()) == ["report.html", "result.json"]
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()} == before
 
@@ -359,11 +359,11 @@ def test_no_cell_of_the_summary_is_a_formula(tmp_path: Path) -> None:
     manifest = write(tmp_path, [*rows, "refused,=x,D55,,,"], {"a": "fine"})
     assert [o.name for o in here(manifest, tmp_path / "out")] == [*names, "refused"]
     with (tmp_path / "out" / "summary.csv").open(encoding="utf-8", newline="") as file:
-        found = list(csv.DictReader(file))
-    for row in found:
+        lines = list(csv.DictReader(file))
+    for row in lines:
         for cell in row.values():
             assert not any(part.startswith((*leads, "\t", "\r")) for part in cell.split(";")), cell
-    assert [row["name"] for row in found] == [
+    assert [row["name"] for row in lines] == [
         *(name.replace(";", ";'") if name.startswith("cam") else f"'{name}" for name in names), "refused",
     ]  # fmt: skip
     assert [o.resumed for o in here(manifest, tmp_path / "out")] == [True] * len(names) + [False]
@@ -387,8 +387,8 @@ def test_backslashes_are_explained(tmp_path: Path) -> None:
     named = [f"cam{i},{row}" for i, row in enumerate(rows)]
     manifest = write(tmp_path, [*named, "ok,a\\b,D55,,,"], {"a": "fine", "a\\b": "fine"})
     *bad, good = here(manifest, tmp_path / "out")
-    assert [(each.status, each.code) for each in bad] == [("refused", "invalid_argument")] * len(rows)
-    assert all("write / instead" in each.reason for each in bad)
+    assert [(outcome.status, outcome.code) for outcome in bad] == [("refused", "invalid_argument")] * len(rows)
+    assert all("write / instead" in outcome.reason for outcome in bad)
     assert good.status == "accepted"  # a name that holds one
 
 

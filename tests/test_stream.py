@@ -2,6 +2,7 @@
 
 import json
 import os
+import platform
 import shutil
 import signal
 import subprocess
@@ -23,8 +24,9 @@ from camssf.errors import InvalidArgument
 
 pytest.importorskip("duckdb", reason="duckdb is not here")
 
+from camssf.documents.document import Document, read_document
 from camssf.photo.read.unit import Unit
-from camssf_fleet import archive, batch, pools
+from camssf_fleet import archive, batch, pools, processes
 from camssf_fleet.archive import task_of
 from camssf_fleet.batch import inputs_hash
 from camssf_fleet.inputs import basis_hash, file_hash
@@ -466,7 +468,7 @@ def test_a_place_is_seen_from_the_registry(desk: Desk, capsys: pytest.CaptureFix
 def test_a_done_run_begins_no_process(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
     desk.write(["one,a,D55,,,,,"], {"a": "Phone"})
     desk.run()
-    monkeypatch.setattr(pools, "ProcessPoolExecutor", None)
+    monkeypatch.setattr(processes, "ProcessPoolExecutor", None)
     assert desk.run(processes=True).resumed == 1
 
 
@@ -530,6 +532,40 @@ def test_progress_tells_rate_and_time(desk: Desk) -> None:
     desk.run(progress=lambda words, part: said.append((words, part)))
     assert said[-1][0].startswith("5 done, ")
     assert said[-1][1] == 1.0
+
+
+@pytest.mark.full
+def test_the_row_of_a_job_is_that_of_its_file(tmp_path: Path) -> None:
+    """A worker does not read the document that it has just written."""
+    photo = photos().shots[0].chart
+    job = Job("one", (str(photo),), ("D55",), (None,), (None,), "classic24", unit=Unit(serial="S1"))
+    outcome = batch.calibrate_into(job, tmp_path, pages=False)
+    file = tmp_path / archive.RESULT
+    stored = archive.row_of(job, file.read_bytes(), read_document(file, Document))
+    assert outcome.row is not None
+    assert replace(outcome.row, added=stored.added) == stored
+    assert (stored.serial, stored.model) == ("S1", "Nikon 5100 (NPL)")
+    missing = batch.calibrate_into(replace(job, photos=("none.dng",)), tmp_path / "none", pages=False)
+    assert (missing.status, missing.code) == ("refused", "unreadable_raw")
+    assert missing.row is not None
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="mallopt is glibc's")
+def test_a_job_s_memory_is_kept_for_the_next(tmp_path: Path) -> None:
+    """As in the worker of a Dask nanny, which lets each freed array go back to the system."""
+    code = (
+        "import resource, numpy as np\nfrom camssf_fleet.memory import keep_memory\n"
+        "def faults():\n before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt\n"
+        " for _ in range(50): np.ones(1_000_000)\n"
+        " return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before\n"
+        "first = faults(); keep_memory(); faults(); print(first, faults())"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=os.environ | {"MALLOC_TRIM_THRESHOLD_": "65536"}, capture_output=True,
+        text=True, check=True,
+    )  # fmt: skip
+    before, after = map(int, done.stdout.split())
+    assert after < before / 10
 
 
 @pytest.mark.full

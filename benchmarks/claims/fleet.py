@@ -10,6 +10,8 @@
   killed in the middle: nothing lost, nothing twice.
 - stubs: so many jobs whose work is to write a result, with two processes; the run is killed five times at random
   times and taken up again. Nothing may be missing or doubled.
+- overhead: processor time of the same captures by `camssf batch --registry` and over a LocalCluster of two workers,
+  against that of one process that solves them.
 - cost: processor seconds of a capture of 12 megapixels, from which that of a million follows.
 
 Exit status 1 where a bar is missed.
@@ -43,10 +45,11 @@ from camssf_fleet.batch import calibrate_into, run_batch
 from camssf_fleet.manifest import Job, Manifest
 from camssf_fleet.outcome import Outcome
 from camssf_fleet.registry import Registry
-from camssf_fleet.rows import Origin, Task, row
+from camssf_fleet.rows import Task
 from camssf_fleet.verification import verify
 
 START, MEMORY, RESUME, TWO, DASK = 2.0, 300e6, 5.0, 1.8, 1.15
+OVERHEAD, DASK_OVERHEAD = 1.15, 1.3
 WAIT = 0.5
 """Seconds that a job of `handed_out` takes: a capture's."""
 HEADER = "name,photo,lamp\n"
@@ -76,20 +79,50 @@ def shoot(home: Path, count: int) -> Path:
     return manifest
 
 
+def timed(command: Sequence[str]) -> tuple[float, float, bytes]:
+    """Wall and processor seconds of a process and its children, and what it printed."""
+    before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+    done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, check=False)
+    wall, after = time.perf_counter() - begun, resource.getrusage(resource.RUSAGE_CHILDREN)
+    return wall, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, done.stdout
+
+
 def batch(manifest: Path, to: Path, *words: str) -> Run:
     """`camssf batch` in a process of its own."""
-    before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     command = [sys.executable, "-m", "camssf", "batch", str(manifest), "-o", str(to / "archive"), "--registry"]
-    done = subprocess.run(
-        [*command, str(to / "registry"), *words], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-        check=False,
-    )  # fmt: skip
-    wall, after = time.perf_counter() - begun, resource.getrusage(resource.RUSAGE_CHILDREN)
-    used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    found = json.loads(done.stdout)
-    return Run(
-        wall, used, found["total"] - found["by_status"].get("failed", 0) - found["by_status"].get("refused", 0)
+    wall, processor, printed = timed([*command, str(to / "registry"), *words])
+    counts = json.loads(printed)
+    statuses = counts["by_status"]
+    return Run(wall, processor, counts["total"] - statuses.get("failed", 0) - statuses.get("refused", 0))
+
+
+def plain(manifest: Path, to: Path) -> Run:
+    """The same captures in one process, each into a folder of its own."""
+    code = (
+        "import sys\nfrom pathlib import Path\nfrom camssf_fleet.batch import calibrate_into\n"
+        "from camssf_fleet.manifest import Manifest\n"
+        "jobs = list(Manifest(sys.argv[1]))\n"
+        "print(sum(calibrate_into(job, Path(sys.argv[2]) / job.name, pages=False).ok for job in jobs))"
     )
+    wall, processor, printed = timed([sys.executable, "-c", code, str(manifest), str(to)])
+    return Run(wall, processor, int(printed))
+
+
+def clustered(manifest: Path, to: Path, cluster: Any) -> Run:
+    """`camssf batch` on a cluster whose scheduler runs in this process; the processor time is all of theirs."""
+    import distributed
+    import psutil
+
+    with distributed.Client(cluster.scheduler_address, set_as_default=False) as client:
+        workers = [psutil.Process(pid) for pid in client.run(os.getpid).values()]
+
+    def used() -> float:
+        times = [worker.cpu_times() for worker in workers]
+        return time.process_time() + sum(one.user + one.system for one in times)
+
+    before = used()
+    run = batch(manifest, to, "--workers", cluster.scheduler_address)
+    return replace(run, processor=run.processor + used() - before)
 
 
 def million(home: Path, rows: int) -> dict[str, float]:
@@ -103,7 +136,7 @@ def million(home: Path, rows: int) -> dict[str, float]:
         "from camssf_fleet.manifest import Manifest\nfrom camssf_fleet.registry import Registry\n"
         "from camssf_fleet.archive import Archive, unfinished\nfrom camssf_fleet.outcome import Summary\n"
         "rows, registry = Manifest(sys.argv[1]), Registry(sys.argv[1] + '.registry', new=True)\n"
-        "jobs = unfinished(rows, registry, Summary(), Archive(Path('archive'), registry.folder, False))\n"
+        "jobs = unfinished(rows, registry, Summary(), Archive(Path('archive'), registry.folder))\n"
         "next(jobs); first, work = time.time() - begun, time.process_time()\ncount = 1 + sum(1 for _ in jobs)\n"
         "held = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
         "held *= 1 if sys.platform == 'darwin' else 1024\n"
@@ -188,11 +221,11 @@ def cost(home: Path) -> dict[str, float]:
     (job,) = Manifest(manifest)
     for number in range(4):  # the first loads the libraries
         begun = time.process_time()
-        calibrate_into(job, home / f"large-{number}", pages=False)
+        one = calibrate_into(job, home / f"large-{number}", pages=False).row
         found.append(time.process_time() - begun)
     result = (home / "large-0" / "result.json").read_bytes()
+    assert one is not None
     registry = Registry(home / "large-registry", new=True)
-    one = row(result, json.loads(result), Origin())
     registry.add([replace(one, key=f"{number:064x}") for number in range(1000)])
     held = sum(path.stat().st_size for path in registry.folder.rglob("*.parquet"))
     return {"processor": float(np.median(found[1:])), "result": len(result), "row": held / 1000}
@@ -303,7 +336,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--captures", type=int, default=60, help="real ones of each run")
     parser.add_argument("--pairs", type=int, default=3)
     parser.add_argument("--stubs", type=int, default=10_000, help="jobs that only write a result")
-    parser.add_argument("--only", choices=("manifest", "resume", "cost", "waits", "stubs", "workers", "dask"))
+    parser.add_argument(
+        "--only", choices=("manifest", "resume", "cost", "waits", "stubs", "workers", "overhead", "dask")
+    )
     options = parser.parse_args(arguments)
     out, document, missed = console(), {}, []
 
@@ -350,7 +385,7 @@ def main(arguments: list[str] | None = None) -> int:
             )
             for name in ("missing", "doubled", "faults"):
                 bar(f"stubs, a run killed five times: {name}", found[name], 0)
-        if options.only in (None, "workers", "dask"):
+        if options.only in (None, "workers", "overhead", "dask"):
             manifest = shoot(home / "shots", options.captures)
         if options.only in (None, "workers"):
             runs = pairs(home, options.pairs, [("one", local(manifest, 1)), ("two", local(manifest, 2))])
@@ -368,6 +403,24 @@ def main(arguments: list[str] | None = None) -> int:
             bar("two workers over one, median of pairs", float(np.median(ratios)), TWO, least=True)
             each = min(run.wall for run in runs["two"]) / options.captures
             out.print(f"{1 / each:.2f} captures/s with two: a million in {each * 1e6 / 86400:.1f} days")
+        if options.only in (None, "overhead"):
+            import distributed
+
+            with distributed.LocalCluster(
+                n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
+            ) as cluster:
+                ways = [
+                    ("plain", lambda to: plain(manifest, to)),
+                    ("batch", lambda to: batch(manifest, to)),
+                    ("dask", lambda to: clustered(manifest, to, cluster)),
+                ]
+                runs = pairs(home, options.pairs, ways)
+            assert all(run.done == options.captures for each in runs.values() for run in each)
+            document["overhead"] = {name: [vars(run) for run in each] for name, each in runs.items()}
+            for name, limit in (("batch", OVERHEAD), ("dask", DASK_OVERHEAD)):
+                ratios = [b.processor / a.processor for a, b in zip(runs["plain"], runs[name], strict=True)]
+                out.print(f"{name} over plain, processor time: {', '.join(f'{r:.2f}' for r in ratios)}")
+                bar(f"{name} over plain, processor time, median of pairs", float(np.median(ratios)), limit)
         if options.only in (None, "dask"):
             import distributed
 

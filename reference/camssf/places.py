@@ -93,6 +93,22 @@ def write_place(path: Place, content: bytes) -> None:
         path.write_bytes(content)
 
 
+def touch(path: Place) -> None:
+    """Make an empty file and its folders; unlike `write_place` it may be lost if the machine stops.
+
+    Raises:
+        InvalidArgument: it cannot be written.
+    """
+    if is_remote(path):
+        write_place(path, b"")
+        return
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    except OSError as error:
+        raise InvalidArgument(f"{path} cannot be written ({error.strerror}).", "Name another folder.") from error
+
+
 def file_system(folder: Place, sizes: Mapping[str, int]) -> Any:
     """A file system of `fsspec` for files that never change; as it has their sizes, it asks the store for none.
 

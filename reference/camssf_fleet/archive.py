@@ -13,14 +13,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from camssf.errors import CalibrationError, InvalidArgument, UnreadableRaw
 from camssf.files import local, temporary_folder
-from camssf.photo.read.unit import read_unit
+from camssf.photo.read.unit import read_metadata
 from camssf.places import Place, is_remote, reached, relative, remove, write_place
 from camssf.version import __version__
 from camssf_fleet.inputs import Stamp, file_in, layout_in, stamp, stamps
@@ -30,6 +30,9 @@ from camssf_fleet.pools import DEATHS
 from camssf_fleet.registry import IDENTITY, Registry
 from camssf_fleet.rows import Origin, Row, Task, checksum, row
 from camssf_fleet.tables import Table, row_batches
+
+if TYPE_CHECKING:
+    from camssf.documents.document import Document
 
 RESULT = "result.json"
 PARTS = tuple(f"p{i}" for i in range(4))
@@ -85,10 +88,12 @@ class Archive:
 
     def keep(self, job: Job, made_from: str, outcome: Outcome) -> Outcome:
         """The outcome with the row of the result, if there is one; of the earlier one if a photo is unreadable."""
-        if outcome.code == UnreadableRaw.code and (kept := self.instead(job, outcome)).row:
+        if outcome.code == UnreadableRaw.code and (kept := self.instead(job, outcome)).made_from:
             remove(self.place(made_from))  # the refusal, of which there is no row
             return kept
-        return self._outcome(job, made_from) or outcome
+        if outcome.row is None:
+            return self._outcome(job, made_from) or outcome
+        return self._placed(outcome.row, made_from)
 
     def instead(self, job: Job, outcome: Outcome) -> Outcome:
         """A refusal without a result, with the row of the earlier result if there is one."""
@@ -98,6 +103,7 @@ class Archive:
         return replace(outcome, reason=f"{outcome.reason} {KEPT}", row=earlier.row, made_from=job.earlier)
 
     def _outcome(self, job: Job, made_from: str) -> Outcome | None:
+        """The outcome of a result that only its file knows."""
         from camssf.documents import forms
         from camssf.documents.document import Document
 
@@ -108,15 +114,27 @@ class Archive:
             document = forms.read(data, Document, str(file), "")
         except (OSError, InvalidArgument):
             return None
-        if document.verdict is None:
-            return None
-        unit, captured = job.unit, job.captured
-        with suppress(CalibrationError):
-            photographed = read_unit(job.photos[0])
-            unit, captured = unit.filled(photographed.unit), captured or photographed.time
-        place = relative(file, self.registry)
-        kept = row(data, document, Origin(unit, captured, job.name, made_from, place=place, extra=dict(job.extra)))
-        return Outcome(kept.name, kept.status, kept.code, kept.reason, row=kept)
+        return None if document.verdict is None else self._placed(row_of(job, data, document), made_from)
+
+    def _placed(self, row: Row, made_from: str) -> Outcome:
+        place = relative(self.place(made_from) / RESULT, self.registry)
+        row = replace(row, made_from=made_from, place=place)
+        return Outcome(row.name, row.status, row.code, row.reason, row=row)
+
+
+def row_of(job: Job, data: bytes, document: Document) -> Row:
+    """The row of a job's result, without its place; what the manifest does not say of the unit, the first photo does.
+
+    Args:
+        job: the job.
+        data: bytes of result.json.
+        document: its content.
+    """
+    unit, captured = job.unit, job.captured
+    with suppress(CalibrationError):
+        photo_unit, photo_time = read_metadata(job.photos[0])
+        unit, captured = unit.filled(photo_unit), captured or photo_time
+    return row(data, document, Origin(unit, captured, job.name, extra=dict(job.extra)))
 
 
 # In the process that hands out the work
@@ -124,13 +142,13 @@ class Archive:
 
 def task_of(job: Job, basis: Stamp | None) -> str:
     """SHA-256 of a job, the version, and the sizes and times of all its files; no file is read."""
-    found: list[Stamp | None] = [basis]
+    stamped: list[Stamp | None] = [basis]
     for role, specification in job.specifications:
         _, path = file_in(role, specification)
-        found += [None] if path is None else stamps(path)
-        own = layout_in(role, specification)
-        found += [] if own is None else stamps(own)
-    return hashlib.sha256(json.dumps([repr(job), found, __version__]).encode()).hexdigest()
+        stamped += [None] if path is None else stamps(path)
+        layout_file = layout_in(role, specification)
+        stamped += [] if layout_file is None else stamps(layout_file)
+    return hashlib.sha256(json.dumps([repr(job), stamped, __version__]).encode()).hexdigest()
 
 
 def unfinished(manifest: Manifest, registry: Registry, summary: Summary, archive: Archive) -> Iterator[Job]:

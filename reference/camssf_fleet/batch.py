@@ -23,12 +23,12 @@ from camssf.places import absolute, fetch, folder_place, is_remote, place
 from camssf.progress import Progress
 from camssf.report.build import NAMES
 from camssf.version import __version__
-from camssf_fleet.archive import Archive, unfinished
+from camssf_fleet.archive import RESULT, Archive, row_of, unfinished
 from camssf_fleet.cluster import run_dask
 from camssf_fleet.inputs import basis_hash, file_hash, file_in, layout_in
 from camssf_fleet.manifest import Job, Manifest
 from camssf_fleet.outcome import KEPT, Outcome, Summary
-from camssf_fleet.pools import cores, run_processes
+from camssf_fleet.processes import cores, run_processes
 from camssf_fleet.recorder import OutcomeRecorder, summary_csv
 from camssf_fleet.registry import Registry
 from camssf_fleet.upkeep import mend, optimize
@@ -128,8 +128,8 @@ def attempt_job(job: Job) -> Result:
     from camssf.photo.shot import Shot
 
     shots = [
-        Shot(*each, lens_shading=job.lens_shading)
-        for each in zip(job.photos, job.lamps, job.white, job.dark, strict=True)
+        Shot(*shot, lens_shading=job.lens_shading)
+        for shot in zip(job.photos, job.lamps, job.white, job.dark, strict=True)
     ]
     return attempt(shots, chart=job.chart, options=Options(basis=job.basis))
 
@@ -137,7 +137,8 @@ def attempt_job(job: Job) -> Result:
 def calibrate_into(job: Job, folder: Path, *, pages: bool = True) -> Outcome:
     """Calibrate one camera into a folder; a refused capture has a document, too.
 
-    With pages (report.html, ssf.svg, the CSVs), an earlier result with curves is kept (`Report.save`).
+    With pages (report.html, ssf.svg, the CSVs), an earlier result with curves is kept (`Report.save`). Without, the
+    outcome has the row of the result.
     """
     from camssf.documents.document import document_bytes
     from camssf.report.build import holds_result, report
@@ -146,14 +147,17 @@ def calibrate_into(job: Job, folder: Path, *, pages: bool = True) -> Outcome:
     result = attempt_job(job)
     if pages:
         report(result, result.previews, provenance=read_provenance(job.photos)).save(folder)
+        row = None
     else:
-        write_files(folder, {"result.json": document_bytes(result)})
+        data = document_bytes(result)
+        write_files(folder, {RESULT: data})
+        row = row_of(job, data, result)
     if result.error is not None:
-        refused = _refused(job, result.error)
+        refused = replace(_refused(job, result.error), row=row)
         return replace(refused, reason=f"{refused.reason} {KEPT}") if holds_result(folder) else refused
     reasons = result.verdict.reasons
     code, reason = (reasons[0].code, reasons[0].message) if reasons else ("", "")
-    return Outcome(job.name, result.verdict.status, code, reason)
+    return Outcome(job.name, result.verdict.status, code, reason, row=row)
 
 
 # In a worker
@@ -187,14 +191,14 @@ def _local_job(job: Job) -> Iterator[Job]:
     Raises:
         InvalidArgument: one cannot be read; or of the work within, with the URLs instead of the copies' names.
     """
-    remote = list(dict.fromkeys(each for _, each in job.specifications if each and is_remote(each)))
+    remote = list(dict.fromkeys(text for _, text in job.specifications if text and is_remote(text)))
     if not remote:
         yield job
         return
     with temporary_folder() as folder:
         copies = {url: str(fetch(place(url), folder / str(i))) for i, url in enumerate(remote)}
         fields: dict[str, Any] = {
-            name: tuple(copies.get(each, each) for each in getattr(job, name)) for name in FRAMES
+            name: tuple(copies.get(path, path) for path in getattr(job, name)) for name in FRAMES
         }
         try:
             yield replace(job, **fields)
@@ -211,12 +215,12 @@ def _refused(job: Job, error: CalibrationError) -> Outcome:
 def inputs_hash(job: Job) -> str:
     """SHA-256 of all that determines a result: file contents, options and version, but not the photos' names."""
     contents = []
-    for role, each in job.specifications:
-        layout, path = file_in(role, each)
-        own = layout_in(role, each)
-        kind = layout if own is None else file_hash(own)
+    for role, specification in job.specifications:
+        layout, path = file_in(role, specification)
+        layout_file = layout_in(role, specification)
+        kind = layout if layout_file is None else file_hash(layout_file)
         try:
-            contents.append(each if path is None else f"{kind}:{photo_hash(path)}")
+            contents.append(specification if path is None else f"{kind}:{photo_hash(path)}")
         except OSError as error:
             raise UnreadableRaw(f"{path} cannot be read ({error_in_words(error)}).", read_advice(error)) from error
     basis = basis_hash(job.basis)

@@ -17,7 +17,7 @@ from typing import Any
 
 from camssf.errors import InvalidArgument
 from camssf.libraries import library
-from camssf.places import Place
+from camssf.places import Place, remove
 from camssf.version import __version__
 from camssf_fleet.manifest import Job
 from camssf_fleet.outcome import Outcome
@@ -44,7 +44,11 @@ def run_dask(jobs: Iterator[Job], work: Work, address: str, archive: Place, reco
             version, or the scheduler or all workers were lost; finished jobs are kept.
     """
     library("distributed", "A Dask scheduler needs", "dask")
-    run_jobs(jobs, work, _cluster(address), archive / f".camssf-begun-{os.getpid()}-{secrets.token_hex(8)}", recorder)
+    marks = archive / f".camssf-begun-{os.getpid()}-{secrets.token_hex(8)}"
+    try:
+        run_jobs(jobs, work, _cluster(address), marks, recorder)
+    finally:
+        remove(marks)
 
 
 @contextmanager

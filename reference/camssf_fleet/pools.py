@@ -1,36 +1,32 @@
-"""Runs the jobs of a batch on local processes or on a Dask cluster, and repeats those that were interrupted.
+"""Runs the jobs of a batch on a pool of processes, and repeats those that were interrupted.
 
-`run_jobs` is the one loop over both, and `do_job` is what their processes do. One rule for both: a job writes a mark
-when it begins and removes its marks when it ends, so each mark that is left is a process that died during the job. A
-job with DEATHS marks has failed. A job that only waited has no mark.
+`run_jobs` is the one loop over local processes (`processes`) and a Dask cluster (`cluster`), `do_job` is what their
+processes do. One rule for both: a job writes a mark when it begins and removes its marks when it ends, so each mark
+that is left is a process that died during the job. A job with DEATHS marks has failed. A job that only waited has no
+mark.
 """
 
 from __future__ import annotations
 
-import os
 import secrets
-import signal
-import sys
 import threading
 from collections import Counter
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import AbstractContextManager, contextmanager
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from functools import partial
-from multiprocessing import current_process, get_context, parent_process
-from queue import LifoQueue
-from typing import Any, Protocol, TypeAlias
+from typing import Protocol, TypeAlias
 
 from camssf.errors import InvalidArgument
-from camssf.files import temporary_folder
-from camssf.places import Place, files_below, remove, write_place
+from camssf.places import Place, files_below, remove, touch
 from camssf.version import __version__
 from camssf_fleet.manifest import Job, rows_hash
+from camssf_fleet.memory import keep_memory
 from camssf_fleet.outcome import Outcome
 
-FLUSH = 2.0
+FLUSH = 10.0
+"""Seconds after which the recorder writes the outcomes that it has; a killed run loses none, the archive has them."""
+POLL = 2.0
 """Longest wait for a job's end, before the recorder is called again, seconds."""
 QUEUED_PER_WORKER = 4
 """Jobs queued for each worker."""
@@ -39,9 +35,6 @@ DEATHS = 2
 RESUBMISSIONS = 8
 """Number of times that an interrupted job is submitted again."""
 DIED = "The process that worked on it died, twice (memory, or a damaged file)."
-UNGUARDED = 78
-"""Exit status of a process that ends because the user's script would start a batch in it."""
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 Work: TypeAlias = Callable[[Job], Outcome]
 
@@ -53,7 +46,7 @@ class Recorder(Protocol):
         """Add one finished job."""
 
     def update(self) -> None:
-        """Called at least every FLUSH seconds: write what is due, report progress."""
+        """Called at least every POLL seconds: write what is due, report progress."""
 
 
 class Lost(Exception):
@@ -73,18 +66,6 @@ class Pool:
     submit: Callable[..., Future[Outcome]]
     workers: Callable[[], int]
     died: type[Exception]
-
-
-def run_processes(jobs: Iterator[Job], work: Work, count: int, recorder: Recorder) -> None:
-    """Run the jobs in local processes.
-
-    Raises:
-        InvalidArgument: the user's script starts a batch in every new process, because nothing guards the call.
-    """
-    if getattr(current_process(), "_inheriting", False):  # a new process, which imports the script
-        sys.exit(UNGUARDED)
-    with temporary_folder() as marks:
-        run_jobs(jobs, work, _processes(count), marks, recorder)
 
 
 def run_jobs(
@@ -107,7 +88,7 @@ def run_jobs(
                 while job is not None and len(running) < limit:
                     submit(job)
                     job = next(jobs, None)
-                for future in wait(running, FLUSH, FIRST_COMPLETED).done:
+                for future in wait(running, POLL, FIRST_COMPLETED).done:
                     ended = running.pop(future)
                     try:
                         outcome = future.result()
@@ -125,7 +106,6 @@ def run_jobs(
         finally:
             for future in running:
                 future.cancel()
-            remove(marks)
 
 
 # In a worker
@@ -143,76 +123,8 @@ def do_job(job: Job, work: Work, marks: Place, version: str) -> Outcome:
     with _job_lock:
         if sum(1 for _ in files_below(marks)) >= DEATHS:
             return Outcome(job.name, "failed", "", DIED, job.folder, deaths=DEATHS)
-        write_place(marks / secrets.token_hex(8), b"")
+        touch(marks / secrets.token_hex(8))
+        keep_memory()
         outcome = work(job)
         remove(marks)
         return outcome
-
-
-# Local processes
-
-
-@contextmanager
-def _processes(count: int) -> Iterator[Pool]:
-    """Local processes with one BLAS thread each, which they read from the environment at their start.
-
-    A thread for each process hands it one job at a time, so that a death interrupts no other job.
-    """
-    unset = [name for name in _THREADS if name not in os.environ]
-    new_process = partial(ProcessPoolExecutor, 1, get_context("spawn"), _begin)
-    idle: LifoQueue[ProcessPoolExecutor] = LifoQueue()
-    for _ in range(count):
-        idle.put(new_process())  # started by its first job
-
-    def in_process(*call: Any) -> Outcome:
-        process = idle.get()
-        try:
-            outcome: Outcome = process.submit(*call).result()
-            return outcome
-        except BrokenProcessPool:
-            process = new_process()
-            _check_script()
-            raise
-        finally:
-            idle.put(process)
-
-    os.environ.update(dict.fromkeys(unset, "1"))
-    threads = ThreadPoolExecutor(count)
-    try:
-        yield Pool(partial(threads.submit, in_process), lambda: count, BrokenProcessPool)
-    finally:
-        threads.shutdown()  # waits for the jobs that run
-        while not idle.empty():
-            idle.get().shutdown()
-        for name in unset:
-            del os.environ[name]
-
-
-def _check_script() -> None:
-    probe = get_context("spawn").Process(target=cores)
-    probe.start()
-    probe.join()
-    if probe.exitcode == UNGUARDED:
-        raise InvalidArgument(
-            "A batch starts processes; each of them runs this script again, which would start another batch.",
-            'Put what the script does below a line `if __name__ == "__main__":`.',
-        ) from None
-
-
-def cores() -> int:
-    """Processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _begin() -> None:
-    """Initialise a worker process: ignore Ctrl-C, which the parent handles, and exit when the parent ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    """Exit when the parent process ends; otherwise this process would wait for work for ever."""
-    parent = parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)  # immediate exit is safe: files are written atomically

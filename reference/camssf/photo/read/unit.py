@@ -108,10 +108,19 @@ def read_unit(path: Path | str) -> Taken:
     path = local(path)
     try:
         sha256 = photo_hash(path)
+    except (OSError, ValueError) as error:  # ValueError: a path with a zero byte
+        raise UnreadableRaw(f"{path} cannot be read ({error_in_words(error)}).", read_advice(error)) from error
+    return Taken(*read_metadata(path), sha256)
+
+
+def read_metadata(path: Path | str) -> tuple[Unit, str]:
+    """Camera and time of a DNG, as in `Taken`, without its hash; raises what `read_unit` raises."""
+    path = local(path)
+    try:
         with path.open("rb") as stream:
             tiff = Tiff(path, stream)
             exif = tiff.exif()
-            return Taken(unit_of(tiff, exif), _time(tiff, exif), sha256)
+            return unit_of(tiff, exif), _time(tiff, exif)
     except (OSError, ValueError) as error:  # ValueError: a path with a zero byte
         raise UnreadableRaw(f"{path} cannot be read ({error_in_words(error)}).", read_advice(error)) from error
 
