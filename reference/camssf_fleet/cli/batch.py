@@ -24,11 +24,13 @@ MOST_MODELS = 20
 
 def batch(
     manifest: Annotated[
-        str,
+        str | None,
         typer.Argument(
-            metavar="CSV", help="Columns name,photo,lamp,white,dark,chart; rows of one name are its shots."
+            metavar="CSV",
+            show_default=False,
+            help="Columns name,photo,lamp,white,dark,chart; rows of one name are its shots.",
         ),
-    ],
+    ] = None,
     out: Annotated[
         str, typer.Option("-o", "--out", metavar="FOLDER", help="Output folder; with a registry also a URL.")
     ] = "out",
@@ -54,11 +56,29 @@ def batch(
     correct: Annotated[
         bool, typer.Option("--correct", help="With a registry: replace what it says otherwise of a result.")
     ] = False,
+    make_manifest: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FOLDER",
+            show_default=False,
+            help="Only write FOLDER/manifest.csv, of photos named UNIT_LAMP.dng, UNIT_LAMP_white.dng ...",
+        ),
+    ] = None,
 ) -> None:
     """Calibrate many cameras from a manifest.
 
     Goes on after a failure, skips what is done and unchanged.
     """
+    if (manifest is None) == (make_manifest is None):
+        raise InvalidArgument(
+            f"{'Neither' if manifest is None else 'Both'} a manifest {'nor' if manifest is None else 'and'} "
+            "--make-manifest was given.",
+            "Name a CSV file, or the folder whose manifest is to be made.",
+        )
+    if make_manifest is not None:
+        _make(make_manifest)
+        return
+    assert manifest is not None
     count, scheduler = _parse_workers(workers)
     if registry is None and correct:
         raise InvalidArgument("--correct is for a registry.", "Leave it out, or name a --registry.")
@@ -87,6 +107,15 @@ def batch(
     if summary.failed:
         say("", AGAIN)
         raise typer.Exit(BATCH_FAILED)
+
+
+def _make(folder: str) -> None:
+    from camssf_fleet.compare import many
+    from camssf_fleet.manifest_maker import MANIFEST, make_manifest
+
+    rows = make_manifest(folder)
+    path = Path(folder) / MANIFEST
+    say("", f"{many(rows, 'row')} written to {path}; it has serial numbers, so `camssf batch` needs a --registry")
 
 
 def _parse_workers(text: str | None) -> tuple[int | None, str | None]:
