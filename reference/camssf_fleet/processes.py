@@ -11,7 +11,7 @@ from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from functools import partial
-from multiprocessing import current_process, get_all_start_methods, get_context, parent_process
+from multiprocessing import current_process, get_context, parent_process
 from queue import LifoQueue
 from typing import Any
 
@@ -23,8 +23,6 @@ from camssf_fleet.pools import Pool, Recorder, Work, run_jobs
 
 UNGUARDED = 78
 """Exit status of a process that ends because the user's script would start a batch in it."""
-PRELOADED = ("camssf_fleet.batch", "camssf.verdict.judge", "camssf.documents.basis_choice", "cv2", "onnxruntime")
-"""Modules that a job needs; none starts a thread, so that a process that has them can be copied."""
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -47,7 +45,7 @@ def _processes(count: int) -> Iterator[Pool]:
     A thread for each process hands it one job at a time, so that a death interrupts no other job.
     """
     unset = [name for name in _THREADS if name not in os.environ]
-    new_process = partial(ProcessPoolExecutor, 1, _context(), _begin)
+    new_process = partial(ProcessPoolExecutor, 1, get_context("spawn"), _begin)
     idle: LifoQueue[ProcessPoolExecutor] = LifoQueue()
     for _ in range(count):
         idle.put(new_process())  # started by its first job
@@ -85,15 +83,6 @@ def _check_script() -> None:
             "A batch starts processes; each of them runs this script again, which would start another batch.",
             'Put what the script does below a line `if __name__ == "__main__":`.',
         ) from None
-
-
-def _context() -> Any:
-    """How processes start: as copies of a server that has imported what a job needs, where the system can do that."""
-    if "forkserver" not in get_all_start_methods():
-        return get_context("spawn")
-    context = get_context("forkserver")
-    context.set_forkserver_preload(list(PRELOADED))
-    return context
 
 
 def cores() -> int:
