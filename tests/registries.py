@@ -12,8 +12,8 @@ import numpy as np
 
 from camssf.grid import Floats
 from camssf_fleet.compare import NM
+from camssf_fleet.records import Row
 from camssf_fleet.registry import Registry
-from camssf_fleet.rows import Row
 
 START = datetime(2026, 1, 1, tzinfo=UTC)
 PEAKS = np.array([600.0, 540.0, 460.0])

@@ -43,7 +43,7 @@ def calls(line: str) -> list[list[str]]:
     """The camssf commands of a shell line, without redirections."""
     found, current = [], None
     for token in shlex.split(line, comments=True):
-        if token in ("|", "&&", ">"):
+        if token in ("|", "&&") or re.fullmatch(r"\d?>.*", token):
             current = None
         elif current is not None:
             current.append(token)

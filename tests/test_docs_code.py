@@ -36,10 +36,13 @@ from camssf_fleet.manifest import Manifest
 from camssf_lab.simulation.frames import simulate
 from camssf_lab.simulation.scene import Scene
 from tools import tutorials
-from tools.tutorials import TUTORIALS
+from tools.tutorials import TUTORIALS, WITH_OUTPUT
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("**/*.md"))]
 PYTHON_NOT_RUN = {
+    "camssf batch --make-manifest photos/": "photos named by unit and lamp: tests/test_manifest_maker.py has some",
+    "camssf batch photos/manifest.csv": "likewise",
+    "camssf registry verify backup/": "a copy: tests/test_registry_losses.py makes one",
     "passport": "a passport of this photo's unit: tests/test_fleet_passports.py signs one",
     "registry": "a fleet's registry: tests/test_registry.py reads one so",
 }
@@ -110,6 +113,9 @@ def test_the_python_of_colour_md_runs(
 # -- shell ----------------------------------------------------------------------------------------------------------
 
 NOT_RUN = {
+    "camssf batch --make-manifest photos/": "photos named by unit and lamp: tests/test_manifest_maker.py has some",
+    "camssf batch photos/manifest.csv": "likewise",
+    "camssf registry verify backup/": "a copy: tests/test_registry_losses.py makes one",
     "camssf calibrate first.dng": "a unit's two photos: tests/test_previous.py makes them and runs both commands",
     "camssf calibrate later.dng": "likewise",
     "camssf calibrate on.dng": "a torch, on and off: tests/test_previous.py solves the means of such photos",
@@ -126,8 +132,8 @@ NOT_RUN = {
     "camssf registry compare phones/": "a fleet of Pixels: tests/test_registry.py compares one",
 }
 """Lines that begin so are parsed (tests/test_docs.py), not run, and why."""
-BEFORE = {"registry": "passport"}
-"""A page whose commands need what those of another one make."""
+BEFORE = {"registry": ("passport",), "operator": ("passport", "registry")}
+"""Pages whose commands need what those of others make."""
 
 
 def camssf_lines(page: Path) -> list[str]:
@@ -147,7 +153,7 @@ RUN_ELSEWHERE = {
 WITH_COMMANDS = [
     page
     for page in PAGES
-    if page not in TUTORIALS and page.stem not in RUN_ELSEWHERE and any(map(runs, camssf_lines(page)))
+    if page not in WITH_OUTPUT and page.stem not in RUN_ELSEWHERE and any(map(runs, camssf_lines(page)))
 ]
 
 
@@ -232,7 +238,7 @@ def same(shown: str, printed: str) -> bool:
 
 @pytest.mark.full
 @pytest.mark.skipif(os.name == "nt", reason="the pages' commands are for a POSIX shell")
-@pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", WITH_OUTPUT, ids=lambda page: page.stem)
 def test_a_tutorial_prints_in_an_empty_folder_what_it_shows(page: Path, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     text = page.read_text("utf-8")
@@ -293,7 +299,7 @@ def test_the_commands_of_a_page_run(
     monkeypatch.setenv("PATH", f"{tmp_path / 'bin'}{os.pathsep}{os.environ['PATH']}")
     monkeypatch.setenv("MPLBACKEND", "agg")
     ran = 0
-    first = camssf_lines(ROOT / "docs" / f"{BEFORE[page.stem]}.md") if page.stem in BEFORE else []
+    first = [line for name in BEFORE.get(page.stem, ()) for line in camssf_lines(ROOT / "docs" / f"{name}.md")]
     for line in [*first, *camssf_lines(page)]:
         if not runs(line):
             continue

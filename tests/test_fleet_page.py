@@ -14,14 +14,15 @@ from camssf.grid import CHANNELS
 from camssf.photo.read.unit import Unit
 
 pytest.importorskip("duckdb", reason="duckdb is not here")
-pytest.importorskip("deltalake", reason="deltalake is not here")
 
 from camssf_fleet.compare import spread
 from camssf_fleet.overview import fleet_page
 from camssf_fleet.page import MOST_ROWS
+from camssf_fleet.records import JobEnd
 from camssf_fleet.registry import Registry
 
 NOW = START + timedelta(days=400)
+NOT_ACCEPTED = "Captures without an accepted result, refused ones first, the newest first"
 
 
 class Tables(HTMLParser):
@@ -74,9 +75,24 @@ def test_what_the_page_counts(phones: Registry) -> None:
         ["", "Units", "Accepted", "Doubtful", "Refused"], ["Maker Model", "5", "24", "1", "3"],
         ["Maker Old", "1", "1", "0", "0"],
     ]  # fmt: skip
-    assert [row[:3] for row in tables["Units that are due"][1:]] == [
-        ["S9", "Maker Model", "none with a time"], ["O1", "Maker Old", "2025-12-23"],
-    ]  # fmt: skip
+    units = {row[0]: row[1:] for row in tables["One row a phone"][1:]}
+    assert list(units) == ["S0", "S9", "O1", "S1", "S2", "S3"]
+    assert units["S0"][:4] == ["Maker Model", "2026-10-28", "accepted", "100"]
+    assert units["S0"][4].startswith("drifts, below: red centre, green centre, blue centre")
+    assert units["S0"][5] == "2027-10-28"
+    assert units["S9"] == [
+        "Maker Model",
+        "2027-02-05",
+        "refused",
+        "0",
+        "not testable yet: 0 of 2 calibrations",
+        "now",
+    ]
+    assert units["O1"][1:] == ["2025-12-23", "accepted", "409", "not testable yet: 1 of 2 calibrations", "now"]
+    assert all(units[name][4].startswith("none found; smaller than 1.") for name in ("S1", "S2", "S3"))
+    refused = tables[NOT_ACCEPTED][1:]
+    assert [row[:4] for row in refused[:1]] == [["Maker Model S9", "", "refused", "overexposed"]]
+    assert len(refused) == 4
     drifts = tables["Features that drift"][1:]
     assert {(row[0], row[1], row[4]) for row in drifts} == {("S0", "Maker Model", "6 in 300 days")}
     assert {row[2] for row in drifts} == {f"{colour} centre" for colour in CHANNELS}
@@ -87,19 +103,68 @@ def test_what_the_page_counts(phones: Registry) -> None:
 
 
 def test_what_cannot_be_tested_is_not_called_without_drift(phones: Registry, tmp_path: Path) -> None:
-    """Units with too few results are counted by their results; none of them is said not to drift."""
+    """None of the units with too few results is said not to drift."""
     page = fleet_page(phones, now=NOW)
-    assert '<span class="number">1</span><span>of 4 tested units drift</span>' in page
-    assert "Not testable: 1 unit has no calibration with a time, 1 unit has one calibration. A test needs 4" in page
-    assert "Tested: 4 units;" in page
+    assert '<span class="number">1</span><span>of 4 tested units changed</span>' in page
     young = Registry(tmp_path / "young", new=True)
     young.add([made(i, bells(), serial=f"S{i}", captured=START) for i in range(1200)])
-    young.add([made(2000 + i, bells(), serial="S0", captured=START + timedelta(days=i)) for i in range(1, 3)])
     page = fleet_page(young, now=NOW)
     assert '<span class="number">not testable</span>' in page
-    assert "Not testable: 1,199 units have one calibration, 1 unit has 3 calibrations. A test needs 4, each" in page
-    assert "units that drift" not in page
-    assert "Tested" not in page
+    assert "not testable yet: 1 of 2 calibrations" in page
+    assert "And 1150 more." in page
+    assert "changed" not in page.replace("those that changed first", "")
+
+
+@pytest.mark.parametrize(
+    ("moved", "words"), [(0.0, "none found; smaller than"), (4.0, "changed against the first: ")]
+)
+def test_the_second_calibration_is_compared_with_the_first(tmp_path: Path, moved: float, words: str) -> None:
+    """By the scatter of other units' repeats; the page says what cannot be seen."""
+    one, rng, rows = Registry(tmp_path / "phones", new=True), np.random.default_rng(1), []
+    for unit in range(6):
+        for time in range(2):
+            shift = 0.2 * rng.standard_normal(3) + (moved if (unit, time) == (3, 1) else 0)
+            captured = START + timedelta(days=30 * time + unit)
+            rows.append(made(10 * unit + time, bells(shift), serial=f"S{unit}", captured=captured))
+    one.add(rows)
+    units = {row[0]: row[5] for row in Tables(fleet_page(one, now=NOW)).rows["One row a phone"][1:]}
+    assert units["S3"].startswith(words), units["S3"]
+    assert all(units[f"S{unit}"].startswith("none found; smaller than ") for unit in (0, 1, 2, 4, 5))
+
+
+@pytest.mark.parametrize(("moved", "words"), [
+    (2.0, "red centre +2.0 nm against the first; too few repeats to say what that means"),
+    (7.0, "changed against the first: "),
+])  # fmt: skip
+def test_alone_only_a_large_change_is_warned_of(tmp_path: Path, moved: float, words: str) -> None:
+    one = Registry(tmp_path / "phones", new=True)
+    shifts = (np.zeros(3), np.array([moved, 0.0, 0.0]))
+    one.add([made(i, bells(shift), captured=START + timedelta(days=i)) for i, shift in enumerate(shifts)])
+    ((_, row),) = [Tables(fleet_page(one, now=NOW)).rows["One row a phone"]]
+    assert row[5].startswith(words), row
+
+
+def test_results_without_a_time_are_called_that(tmp_path: Path) -> None:
+    one = Registry(tmp_path / "phones", new=True)
+    one.add([made(number, bells(), captured=None) for number in range(2)])
+    ((_, row),) = [Tables(fleet_page(one, now=NOW)).rows["One row a phone"]]
+    assert row[5:] == ["not testable: 2 accepted results without a time", "unknown"]
+
+
+def test_refused_jobs_are_shown_with_unit_and_photo(tmp_path: Path) -> None:
+    one = Registry(tmp_path / "phones", new=True)
+    ends = [
+        JobEnd(
+            "t1", "j1", "", START, "a", "refused", "blurred", "Too blurred.", "", "", "", "S1", ("a.dng", "b.dng")
+        ),
+        JobEnd("t2", "j2", "", START, "b", "refused", "blurred", "Too blurred.", "", photos=("c.dng",)),
+        JobEnd("t3", "j2", "", START + timedelta(days=1), "b", "accepted", "", "", "1" * 64),
+    ]
+    one.append([made(1, bells())], ends)
+    rows = Tables(fleet_page(one, now=NOW)).rows[
+        "Captures without an accepted result, refused ones first, the newest first"
+    ]
+    assert rows[1:] == [["S1", "a.dng, b.dng", "refused", "blurred", "Too blurred."]]
 
 
 def test_the_spread_is_that_of_compare(phones: Registry) -> None:
@@ -119,15 +184,15 @@ def test_rows_beyond_the_most_are_counted_and_names_are_escaped(tmp_path: Path) 
     page = fleet_page(one, now=NOW)
     assert "<b>" not in page
     assert "&lt;b&gt;" in page
-    assert page.count("And 7 more.") == 2  # models, and units that are due: their results have no time
-    assert len(Tables(page).rows["Units that are due"]) == 1 + MOST_ROWS
+    assert page.count("And 7 more.") == 2  # models, and units
+    assert len(Tables(page).rows["One row a phone"]) == 1 + MOST_ROWS
 
 
 def test_the_command(phones: Registry, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "fleet.html"
     assert cli.main(["registry", "report", str(phones.folder), "-o", str(out), "--days", "30"]) == 0
     assert out.read_text("utf-8").startswith("<!DOCTYPE html>")
-    assert "of the last 30 days" in out.read_text("utf-8")
+    assert "is due 30 days after" in out.read_text("utf-8")
     wrong = ["registry", "report", str(phones.folder), "-o", str(tmp_path / "fleet.pdf")]
     assert cli.main(wrong) == InvalidArgument.exit_status
     assert "does not end in .html" in " ".join(capsys.readouterr().err.split())

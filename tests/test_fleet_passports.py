@@ -36,7 +36,6 @@ def run(*words: object) -> int:
 
 def test_a_fleet_s_passports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("duckdb", reason="duckdb is not here")
-    pytest.importorskip("deltalake", reason="deltalake is not here")
     from camssf_fleet.registry import Registry
     from camssf_fleet.verification import verify as verify_registry
 

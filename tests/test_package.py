@@ -40,7 +40,7 @@ SMALL_LETTERS: set[str] = set()
 """Files whose messages do not all begin like sentences yet: the list only shrinks."""
 HEAVY = (
     "cv2", "rawpy", "colour", "torch", "onnx", "onnxruntime", "matplotlib", "tifffile", "rich", "typer",
-    "cryptography", "joserfc", "bcrypt", "duckdb", "deltalake", "arro3", "upath", "fsspec", "dask", "distributed",
+    "cryptography", "joserfc", "bcrypt", "duckdb", "upath", "fsspec", "dask", "distributed",
     "jinja2", "pandas", "xarray",
 )  # fmt: skip
 MODULES = sorted(
@@ -55,7 +55,7 @@ RETIRED = {
 }  # fmt: skip
 """Words of an earlier private language; none may be the name of a parameter or a product's attribute."""
 RETIRED_IN = {
-    "camssf_fleet.rows.Row.evidence", "camssf.documents.document.Answer.evidence",
+    "camssf_fleet.records.Row.evidence", "camssf.documents.document.Answer.evidence",
     "camssf.documents.excerpt.Excerpt.evidence", "camssf_colour.document.WeighedLamp.asked",
 }  # fmt: skip
 """Where one is right: the marginal likelihood, and a field of the documents of colours."""

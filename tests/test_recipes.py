@@ -48,13 +48,10 @@ def cache(tmp_path: Path) -> Path:
     return own
 
 
-PATIENT = ("-Dkotlin.compiler.daemon=false", "-Daether.connector.http.retryHandler.count=8")
-
-
 def project(folder: Path, cache: Path, *settings: str) -> Path:
-    """An empty folder, in which Maven uses that cache, leaves no process behind and asks a busy server again."""
+    """An empty folder, in which Maven uses that cache and says what it does without colours."""
     (folder / ".mvn").mkdir(parents=True)
-    words = [f"-Dmaven.repo.local={cache}", "--batch-mode", "--no-transfer-progress", *PATIENT, *settings]
+    words = [f"-Dmaven.repo.local={cache}", "--batch-mode", "--no-transfer-progress", *settings]
     (folder / ".mvn" / "maven.config").write_text("\n".join(words) + "\n", encoding="utf-8")
     return folder
 

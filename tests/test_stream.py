@@ -32,13 +32,13 @@ from camssf_fleet.batch import inputs_hash
 from camssf_fleet.inputs import basis_hash, file_hash
 from camssf_fleet.manifest import Job, Manifest
 from camssf_fleet.outcome import Outcome, Summary
+from camssf_fleet.record_queries import connection
+from camssf_fleet.records import Row, columns
 from camssf_fleet.registry import Registry
-from camssf_fleet.rows import Row, Task, columns
-from camssf_fleet.tables import connection
 
 HEADER = "name,photo,lamp,white,dark,chart,serial,site"
 HERE = Path(__file__).parent
-LAST = "ended = (SELECT max(ended) FROM rows)"
+LAST = "added = (SELECT max(added) FROM jobs)"
 
 
 def stub(job: Job, folder: Path) -> Outcome:
@@ -112,7 +112,7 @@ class Desk:
         return Registry(self.home / "phones").query(f"SELECT {columns} FROM rows ORDER BY name")
 
     def tasks(self) -> dict[str, str]:
-        found = Registry(self.home / "phones").query("SELECT name, status FROM rows", table=Task)
+        found = Registry(self.home / "phones").query("SELECT name, status FROM jobs ORDER BY added")
         return {each["name"]: each["status"] for each in found}
 
     def visits(self) -> Counter[str]:
@@ -331,7 +331,7 @@ def test_a_correction_of_the_manifest_reaches_the_registry(desk: Desk) -> None:
         (before,) = desk.rows("*")
         for _ in range(2):  # it is tried again, not forgotten
             assert desk.run().by_code == {"invalid_argument": 1}
-        (stored_row,) = Registry(desk.home / "phones").query(f"SELECT reason FROM rows WHERE {LAST}", table=Task)
+        (stored_row,) = Registry(desk.home / "phones").query(f"SELECT reason FROM jobs WHERE {LAST}")
         assert "What is given of the result" in stored_row["reason"]
         assert desk.rows("*") == [before]
         found = desk.run(correct=True)
@@ -515,11 +515,11 @@ def test_a_run_that_is_killed_is_taken_up(desk: Desk) -> None:
 def test_the_registry_s_full_disk_is_said(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
     desk.write(["one,a,D55,,,,,"], {"a": "Phone"})
 
-    def full(self: Registry, rows: Any, **more: Any) -> None:
+    def full(self: Registry, *rows: Any, **more: Any) -> None:
         raise InvalidArgument("No space left.", "Free some.")
 
     with monkeypatch.context() as patched:
-        patched.setattr(Registry, "add", full)
+        patched.setattr(Registry, "append", full)
         with pytest.raises(InvalidArgument, match="No space"):
             desk.run()
     assert desk.run().by_status["doubtful"] == 1
@@ -540,7 +540,7 @@ def test_the_row_of_a_job_is_that_of_its_file(tmp_path: Path) -> None:
     photo = photos().shots[0].chart
     job = Job("one", (str(photo),), ("D55",), (None,), (None,), "classic24", unit=Unit(serial="S1"))
     outcome = batch.calibrate_into(job, tmp_path, pages=False)
-    file = tmp_path / archive.RESULT
+    file = tmp_path / archive.RESULT_FILE
     stored = archive.row_of(job, file.read_bytes(), read_document(file, Document))
     assert outcome.row is not None
     assert replace(outcome.row, added=stored.added) == stored

@@ -21,6 +21,8 @@ from camssf.files import write_file
 TUTORIALS = sorted(
     page for page in (Path(__file__).parents[1] / "docs" / "tutorials").glob("*.md") if page.stem != "index"
 )
+WITH_OUTPUT = [*TUTORIALS, Path(__file__).parents[1] / "docs" / "registry-steps.md"]
+"""All pages that show what they print; those that are no tutorials need more than these install."""
 BLOCK = re.compile(r"^```(python|sh)\n(.*?)^```\n(\n```text\n(.*?)^```\n)?", re.MULTILINE | re.DOTALL)
 BREAK = "-- end of a block --"
 
@@ -75,7 +77,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m tools.tutorials", description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("names", nargs="*", metavar="NAME", help="pages, as `skin`; all if none is named")
     names = parser.parse_args(argv).names
-    for place in TUTORIALS:
+    for place in WITH_OUTPUT:
         if not names or place.stem in names:
             text = place.read_text("utf-8")
             with tempfile.TemporaryDirectory() as folder:

@@ -38,14 +38,15 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.claims.registry import made
 from benchmarks.shared import command_parser, console, save, table, versions
 from camssf.files import write_file
 from camssf_fleet.archive import task_of
 from camssf_fleet.batch import calibrate_into, run_batch
 from camssf_fleet.manifest import Job, Manifest
 from camssf_fleet.outcome import Outcome
+from camssf_fleet.records import JobEnd
 from camssf_fleet.registry import Registry
-from camssf_fleet.rows import Task
 from camssf_fleet.verification import verify
 
 START, MEMORY, RESUME, TWO, DASK = 2.0, 300e6, 5.0, 1.8, 1.15
@@ -161,10 +162,12 @@ def resumed(home: Path, count: int) -> dict[str, float]:
     manifest.write_text(HEADER + "".join(f"c{n},{n}.dng,D55\n" for n in range(count)), "utf-8")
     now = datetime(2026, 1, 1)
     done = [
-        Task(task_of(job, None), f"{n:064x}", now, job.name, "accepted", "", "", f"{n:064x}")
+        JobEnd(task_of(job, None), "", f"{n:064x}", now, job.name, "accepted", "", "", f"{n:064x}")
         for n, job in enumerate(Manifest(manifest))
     ]
-    Registry(folder / "registry", new=True).note(done)
+    registry = Registry(folder / "registry", new=True)
+    registry.append([made(n) for n in range(count)], done)
+    registry.list_records()
     for task in done:
         place = folder / "archive" / task.made_from[:2] / task.made_from
         place.mkdir(parents=True)

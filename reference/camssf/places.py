@@ -71,11 +71,6 @@ def check_place(words: str) -> None:
         check_local(words)
 
 
-def storage_options(folder: Place) -> dict[str, str] | None:
-    """Options of `deltalake`: on S3 a commit is a conditional put, so that of two writers one fails."""
-    return {"aws_conditional_put": "etag"} if str(folder).startswith("s3://") else None
-
-
 def write_place(path: Place, content: bytes) -> None:
     """Write one file, whole or not at all; folders are made.
 

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from camssf.errors import CalibrationError, InvalidArgument, UnreadableRaw
 from camssf.files import local, temporary_folder
@@ -27,14 +26,14 @@ from camssf_fleet.inputs import Stamp, file_in, layout_in, stamp, stamps
 from camssf_fleet.manifest import Job, Manifest, rows_hash
 from camssf_fleet.outcome import KEPT, Outcome, Summary
 from camssf_fleet.pools import DEATHS
-from camssf_fleet.registry import IDENTITY, Registry
-from camssf_fleet.rows import Origin, Row, Task, checksum, row
-from camssf_fleet.tables import Table, row_batches
+from camssf_fleet.record_queries import query_of
+from camssf_fleet.records import Origin, Row, row
+from camssf_fleet.registry import Registry
 
 if TYPE_CHECKING:
     from camssf.documents.document import Document
 
-RESULT = "result.json"
+RESULT_FILE = "result.json"
 PARTS = tuple(f"p{i}" for i in range(4))
 """Columns for the four integers of `made_from`."""
 
@@ -63,9 +62,9 @@ class Archive:
     def holds(self, made_from: str) -> bool:
         """Whether the result exists; it is not read."""
         if not is_remote(self.folder):
-            local(self.place(made_from) / RESULT)  # finishes a write that was interrupted
+            local(self.place(made_from) / RESULT_FILE)  # finishes a write that was interrupted
         with reached(self.folder, "read"):
-            return (self.place(made_from) / RESULT).is_file()
+            return (self.place(made_from) / RESULT_FILE).is_file()
 
     def earlier(self, job: Job, made_from: str) -> Outcome | None:
         """The outcome of a result in the archive, with its row; None if it is missing or damaged."""
@@ -83,7 +82,7 @@ class Archive:
             return
         with temporary_folder() as folder:
             yield folder
-            for path in sorted(folder.iterdir(), key=lambda path: path.name == RESULT):
+            for path in sorted(folder.iterdir(), key=lambda path: path.name == RESULT_FILE):
                 write_place(place / path.name, path.read_bytes())
 
     def keep(self, job: Job, made_from: str, outcome: Outcome) -> Outcome:
@@ -107,7 +106,7 @@ class Archive:
         from camssf.documents import forms
         from camssf.documents.document import Document
 
-        file = self.place(made_from) / RESULT
+        file = self.place(made_from) / RESULT_FILE
         try:
             with reached(file, "read"):
                 data = file.read_bytes()
@@ -117,7 +116,7 @@ class Archive:
         return None if document.verdict is None else self._placed(row_of(job, data, document), made_from)
 
     def _placed(self, row: Row, made_from: str) -> Outcome:
-        place = relative(self.place(made_from) / RESULT, self.registry)
+        place = relative(self.place(made_from) / RESULT_FILE, self.registry)
         row = replace(row, made_from=made_from, place=place)
         return Outcome(row.name, row.status, row.code, row.reason, row=row)
 
@@ -157,60 +156,47 @@ def unfinished(manifest: Manifest, registry: Registry, summary: Summary, archive
     Hashes are kept as integers, to save memory.
     """
     made_from = ", ".join(f"{_bits('made_from', 16 * i)} AS {part}" for i, part in enumerate(PARTS))
-    of = f"FROM rows WHERE key <> '' OR deaths >= {DEATHS}"
-    ends, done, curves = registry.ask(
+    done = f"FROM jobs WHERE deaths >= {DEATHS} OR {_bits('key')} IN (SELECT {_bits('key')} FROM rows)"
+    camera = "trim(concat_ws(' ', make, model)) AS camera"
+    ends, tasks, curves = registry.files.ask(
         lambda con: (
-            con.execute(f"SELECT DISTINCT status, code, camera {of} ORDER BY ALL").fetchall(),
+            con.execute(f"SELECT DISTINCT status, code, {camera} {done} ORDER BY ALL").fetchall(),
             con.execute(
-                f"SELECT {_bits('task')} AS task, key <> '' AS kept, {_bits('key')} AS key, {made_from}, "
-                f"dense_rank() OVER (ORDER BY status, code, camera) - 1 AS ended {of} ORDER BY task"
+                f"SELECT {_bits('task')} AS task, coalesce(key, '') <> '' AS kept, {made_from}, dense_rank() OVER "
+                f"(ORDER BY status, code, camera) - 1 AS ended FROM (SELECT *, {camera} {done}) ORDER BY task"
             ).fetchnumpy(),
             con.execute(
-                f"SELECT {_bits('job')} AS job, {made_from} FROM rows WHERE key <> '' AND job <> '' AND "
-                "status IN ('accepted', 'doubtful') ORDER BY job, ended"
+                f"SELECT {_bits('job')} AS job, {made_from} FROM jobs WHERE key <> '' AND "
+                "status IN ('accepted', 'doubtful') ORDER BY job, added"
             ).fetchnumpy(),
         ),
-        Task,
+        rows=True,
     )
-    numbers, kept, keys, *_, ended = done.values()
-    tasks = np.asarray(numbers, dtype=np.uint64)
-    sound, has_row = np.isin(tasks, _sound(registry, Task)), np.isin(keys, _sound(registry, Row))
+    numbers, kept, *_, ended = tasks.values()
     same = np.asarray(next(iter(curves.values())), dtype=np.uint64)
     basis = None if manifest.basis_file is None else stamp(manifest.basis_file)  # once, not once a row
-    for each in manifest:
-        job = replace(each, task=task_of(each, basis))
+    for unstamped in manifest:
+        job = replace(unstamped, task=task_of(unstamped, basis))
         first_bits = np.uint64(int(job.task[:16], 16))
-        at = int(np.searchsorted(tasks, first_bits))
-        there = at < len(tasks) and tasks[at] == first_bits and sound[at]
+        at = int(np.searchsorted(numbers, first_bits))
+        there = at < len(numbers) and numbers[at] == first_bits
         if there and kept[at]:
-            there = has_row[at] and archive.holds(_made_from(done, at))
+            there = archive.holds(_made_from(tasks, at))
         if there:
             summary.resumed += 1
             status, code, camera = ends[int(ended[at])]
             if code and code not in summary.examples:
-                for task in registry.query("SELECT name, reason FROM rows WHERE task = ?", [job.task], Task):
-                    summary.examples[code] = ": ".join(map(str, task.values()))
-            summary.count(status, code, camera)
+                for end in registry.files.ask(query_of("SELECT name, reason FROM jobs WHERE task = ?", [job.task])):
+                    summary.examples[code] = ": ".join(map(str, end.values()))
+            summary.count(status, code or "", camera)
             continue
-        wanted = np.uint64(int(rows_hash(each)[:16], 16))
+        wanted = np.uint64(int(rows_hash(unstamped)[:16], 16))
         at = int(np.searchsorted(same, wanted, side="right")) - 1
         yield replace(job, earlier=_made_from(curves, at)) if at >= 0 and same[at] == wanted else job
 
 
 def _made_from(columns: dict[str, Any], at: int) -> str:
     return "".join(f"{int(columns[part][at]):016x}" for part in PARTS)
-
-
-def _sound(registry: Registry, table: Table) -> NDArray[np.uint64]:
-    """64 bits of what identifies each row (`_bits`), of the rows that agree with their checksums."""
-
-    def read(con: Any) -> NDArray[np.uint64]:
-        files = con.execute("SELECT DISTINCT filename FROM every").fetchall()
-        rows = (row for (file,) in files for row in row_batches(con, file))
-        keys = (row[IDENTITY[table]] for row in rows if checksum(row) == row["checksum"])
-        return np.fromiter((int(key[:16], 16) for key in keys), np.uint64)
-
-    return registry.ask(read, table)
 
 
 def _bits(column: str, start: int = 0) -> str:

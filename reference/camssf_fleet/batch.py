@@ -23,7 +23,7 @@ from camssf.places import absolute, fetch, folder_place, is_remote, place
 from camssf.progress import Progress
 from camssf.report.build import NAMES
 from camssf.version import __version__
-from camssf_fleet.archive import RESULT, Archive, row_of, unfinished
+from camssf_fleet.archive import RESULT_FILE, Archive, row_of, unfinished
 from camssf_fleet.cluster import run_dask
 from camssf_fleet.inputs import basis_hash, file_hash, file_in, layout_in
 from camssf_fleet.manifest import Job, Manifest
@@ -31,7 +31,6 @@ from camssf_fleet.outcome import KEPT, Outcome, Summary
 from camssf_fleet.processes import cores, run_processes
 from camssf_fleet.recorder import OutcomeRecorder, summary_csv
 from camssf_fleet.registry import Registry
-from camssf_fleet.upkeep import mend, optimize
 
 if TYPE_CHECKING:
     from camssf.result import Result
@@ -100,7 +99,6 @@ def run_batch(
         folder = absolute(folder_place(out))
         manifest = manifest.absolute()
         store = Archive(folder, absolute(registry.folder))
-        mend(registry)
         jobs = unfinished(manifest, registry, summary, store)
     recorder = OutcomeRecorder(manifest, registry, summary, progress)
     do = partial(_run_job, store=store, work=work or partial(calibrate_into, pages=registry is None))
@@ -110,13 +108,11 @@ def run_batch(
         else:
             run_dask(jobs, do, dask, folder, recorder)
     finally:
-        recorder.flush()
+        recorder.finish()
     if registry is None:
         ended = {outcome.name: outcome for _, outcome in recorder.outcomes}
         summary.outcomes = tuple(ended[job.name] for job in todo)
         write_file(folder / "summary.csv", summary_csv(summary.outcomes))
-    else:
-        optimize(registry)
     summary.seconds = time.monotonic() - begun
     return summary
 
@@ -150,7 +146,7 @@ def calibrate_into(job: Job, folder: Path, *, pages: bool = True) -> Outcome:
         row = None
     else:
         data = document_bytes(result)
-        write_files(folder, {RESULT: data})
+        write_files(folder, {RESULT_FILE: data})
         row = row_of(job, data, result)
     if result.error is not None:
         refused = replace(_refused(job, result.error), row=row)

@@ -15,8 +15,8 @@ from camssf.errors import InvalidArgument
 from camssf.grid import CHANNELS, WAVELENGTHS, Floats
 from camssf.photo.read.unit import Unit
 from camssf.shapes import Count, RgbSizes, Text
+from camssf_fleet.records import STRIDE
 from camssf_fleet.registry import Registry, Wanted
-from camssf_fleet.rows import STRIDE
 
 if TYPE_CHECKING:
     pass

@@ -10,7 +10,7 @@ from camssf.shapes import Count, Text, Words
 from camssf.version import __version__
 from camssf_fleet.compare import Spread
 from camssf_fleet.drift import OUTCOMES, Drift, LeftOut
-from camssf_fleet.upkeep import Deleted
+from camssf_fleet.registry import Deletion
 from camssf_fleet.verification import Verification
 
 GENERATOR = Generator("camssf", __version__)
@@ -80,8 +80,9 @@ class VerificationDocument(Verification, Head):
     Attributes:
         format: name and version of this form.
         generator: the program that wrote it.
-        files, rows, documents: numbers that were compared with their checksums.
+        files, rows, documents: numbers that were compared with their hashes.
         documents_missing: number of documents outside an archive that are not at hand.
+        heads: the newest lists; a later verify --head notices that one is gone.
         faults: what is damaged, missing or of unknown origin, with its place.
         advice: what to do; "" without faults.
     """
@@ -90,14 +91,15 @@ class VerificationDocument(Verification, Head):
 
 
 @dataclass(frozen=True, kw_only=True)
-class DeletionDocument(Head):
+class DeletionDocument(Deletion, Head):
     """The results that were deleted.
 
     Attributes:
         format: name and version of this form.
         generator: the program that wrote it.
         results: each deleted result.
+        records: number of records that were deleted.
+        files: number of files that were written again without them.
     """
 
     format: Literal["camssf-deletion/1"]
-    results: tuple[Deleted, ...]

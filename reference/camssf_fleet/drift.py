@@ -38,6 +38,8 @@ SMALLEST_DRIFT = 1.0
 FEWEST = 4
 """Smallest number of results to test for a drift."""
 FEATURES = tuple(f"{colour} {what}" for colour in CHANNELS for what in ("centre", "width"))
+LARGE_CHANGE = 5.0
+"""nm: such a change is warned of although the scatter of calibrations is not known."""
 OUTCOMES = (DRIFT, NO_DRIFT, UNDECIDED) = ("drift", "no_drift", "undecided")
 DOUBTFUL, NO_CURVES, NO_TIME, NO_UNIT = "doubtful", "no curves", "no time", "unit not certain"
 """Why a result was left out."""
@@ -293,6 +295,70 @@ def drifts(days: Floats, values: Floats) -> tuple[Drift, ...]:
             )
         )
     return tuple(found)
+
+
+@dataclass(frozen=True)
+class LastChange:
+    """The largest change of a unit's last result against those before, in parts of what can be seen.
+
+    Attributes:
+        feature: one of FEATURES.
+        change: last value minus the mean of those before, nm.
+        detectable: the smallest change that would be significant, nm; None if the scatter is not known.
+        warns: whether the change is as large.
+    """
+
+    feature: str
+    change: float
+    detectable: float | None
+    warns: bool
+
+
+@dataclass(frozen=True, eq=False)
+class RepeatScatter:
+    """The scatter of FEATURES between results of one unit, pooled over units.
+
+    Attributes:
+        squares: (6,) sums of squares about each unit's mean, nm².
+        freedom: degrees of freedom.
+    """
+
+    squares: Floats
+    freedom: int
+
+    @classmethod
+    def of(cls, units: Sequence[Floats]) -> RepeatScatter:
+        """The scatter of units, each (n, 6) FEATURES, n from 1 on."""
+        squares = [np.sum((unit - unit.mean(axis=0)) ** 2, axis=0) for unit in units]
+        return cls(sum(squares, np.zeros(len(FEATURES))), sum(len(unit) - 1 for unit in units))
+
+    def without(self, unit: Floats) -> RepeatScatter:
+        """The scatter of the other units."""
+        own = RepeatScatter.of([unit])
+        return RepeatScatter(np.maximum(self.squares - own.squares, 0.0), self.freedom - own.freedom)
+
+
+def last_change(values: Floats, scatter: RepeatScatter) -> LastChange:
+    """The last result of a unit against those before: a t test of each feature, as the step in `drifts`.
+
+    Args:
+        values: (n, 6) FEATURES by time, n at least 2. From FEWEST on their own scatter counts.
+        scatter: of all units; with less than FEWEST - 2 degrees of freedom besides this unit's only a LARGE_CHANGE is
+            warned of.
+    """
+    from scipy.special import stdtrit
+
+    n, before = len(values), values[:-1]
+    scatter = RepeatScatter.of([before]) if n >= FEWEST else scatter.without(values)
+    freedom = scatter.freedom
+    change = values[-1] - before.mean(axis=0)
+    if freedom < FEWEST - 2:
+        at = int(np.argmax(np.abs(change)))
+        return LastChange(FEATURES[at], float(change[at]), None, bool(abs(change[at]) >= LARGE_CHANGE))
+    quantile = stdtrit(freedom, 1 - FALSE_ALARMS / (4 * len(FEATURES)))
+    limit = np.maximum(SMALLEST_DRIFT, quantile * np.sqrt(scatter.squares / freedom * (1 + 1 / (n - 1))))
+    at = int(np.argmax(np.abs(change) / limit))
+    return LastChange(FEATURES[at], float(change[at]), float(limit.max()), bool(abs(change[at]) >= limit[at]))
 
 
 def _two_sided(value: float, error: float, freedom: int) -> float:

@@ -215,7 +215,7 @@ def _csv(path: Path, further: bool) -> Iterator[tuple[float, dict[str, str]]]:
 def _parquet(path: Path, further: bool) -> Iterator[tuple[float, dict[str, str]]]:
     """As `_csv`."""
     duckdb = library("duckdb", "A manifest in Parquet needs", "fleet")
-    from camssf_fleet.tables import connection
+    from camssf_fleet.record_queries import connection
 
     with _readable(path), connection() as con:
         try:

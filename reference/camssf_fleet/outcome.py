@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import Any
 
-from camssf_fleet.rows import Row
+from camssf_fleet.records import Row
 
 KEPT = "The earlier result of this name was kept as it is."
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from camssf.error_codes import explain_code
@@ -16,6 +16,8 @@ from camssf.grid import CHANNELS, Floats
 from camssf.report.page import render, style
 from camssf.report.sections.text import number
 from camssf.version import __version__
+from camssf_fleet.compare import many
+from camssf_fleet.drift import LastChange
 
 STATUSES = ("accepted", "doubtful", "refused")
 MOST_ROWS = 50
@@ -48,14 +50,44 @@ class FleetUnit:
     Attributes:
         name: serial number, camera id and lens.
         newest: time of its newest accepted result; None without one, or if its time is unknown.
+        last: time of its last result, whatever its verdict; that of adding if its own is unknown.
+        status: verdict of the last result.
+        untimed: number of its accepted results without a time.
         timed: number of its accepted results with curves and a time.
         alarms: features that drift.
+        change: of the last of these results against those before; None for fewer than two.
     """
 
     name: str
     newest: datetime | None
+    last: datetime
+    status: str
+    untimed: int = 0
     timed: int = 0
     alarms: tuple[FleetDrift, ...] = ()
+    change: LastChange | None = None
+
+    @property
+    def warns(self) -> bool:
+        """Whether it drifts, or its last result differs from those before."""
+        return bool(self.alarms) or (self.change is not None and self.change.warns)
+
+
+@dataclass(frozen=True)
+class NotAccepted:
+    """A capture without an accepted result.
+
+    Attributes:
+        unit: make, model and serial number; the name in the manifest if these are unknown.
+        photos: as the manifest names them.
+        status, code, reason: of the verdict.
+    """
+
+    unit: str
+    photos: str
+    status: str
+    code: str
+    reason: str
 
 
 @dataclass(frozen=True)
@@ -79,10 +111,10 @@ class FleetModel:
 def fleet_html(
     models: list[FleetModel],
     reasons: list[tuple[str, int, int]],
+    not_accepted: tuple[list[NotAccepted], int],
     *,
     days: float,
     now: datetime,
-    fewest: int,
     false_alarms: float,
 ) -> str:
     """The page of these models.
@@ -90,18 +122,19 @@ def fleet_html(
     Args:
         models: in the order of the page.
         reasons: code, and numbers of doubtful and of refused results.
+        not_accepted: captures without an accepted result, and the number of all of them.
         days: a unit is due for calibration if its newest accepted result is older.
         now: time of the page.
-        fewest: smallest number of results that are tested for a drift.
         false_alarms: probability of an alarm for a unit that does not drift.
     """
-    before, every = now - timedelta(days=days), [(model, unit) for model in models for unit in model.units]
-    due = [(model, unit) for model, unit in every if unit.newest is None or unit.newest < before]
-    due.sort(key=lambda each: (each[1].newest is not None, each[1].newest or now))
+    every = [(model, unit) for model in models for unit in model.units]
+    every.sort(key=lambda each: (not each[1].warns, _due(each[1], days) or datetime.min.replace(tzinfo=UTC)))
+    due = sum((_due(unit, days) or now) <= now for _, unit in every)
     drifting = [[*_unit_cells(*each), *_drift_cells(alarm)] for each in every for alarm in each[1].alarms]
-    tested = sum(unit.timed >= fewest for _, unit in every)
+    tested = sum(unit.change is not None for _, unit in every)
     spread = [model for model in models if model.spread is not None]
     total = sum((model.statuses for model in models), Counter[str]())
+    captures, count = not_accepted
     shown: dict[str, Any] = {
         "title": "Fleet",
         "style": style(),
@@ -109,13 +142,15 @@ def fleet_html(
         "big": [
             (f"{total.total():,}", "results"), (f"{len(models):,}", "models"), (f"{len(every):,}", "units"),
             *((f"{total[status]:,}", status) for status in STATUSES),
-            (f"{sum(bool(unit.alarms) for _, unit in every):,}", f"of {tested:,} tested units drift")
+            (f"{sum(unit.warns for _, unit in every):,}", f"of {tested:,} tested units changed")
             if tested
-            else ("not testable", "whether units drift"),
-            (f"{len(due):,}", "units due for calibration"),
+            else ("not testable", "whether units change"),
+            (f"{due:,}", "units due for calibration"),
         ],
         "at": f"{now:%Y-%m-%d %H:%M} UTC",
         "days": f"{days:g}",
+        "units": [[*_unit_cells(*each), *_state_cells(each[1], days, now)] for each in every[:MOST_ROWS]],
+        "more_units": max(0, len(every) - MOST_ROWS),
         "models": [
             [model.name, len(model.units), *(model.statuses[status] for status in STATUSES)] for model in models
         ],
@@ -123,24 +158,43 @@ def fleet_html(
         "spread": [_spread_row(model, _largest(spread[:MOST_ROWS])) for model in spread[:MOST_ROWS]],
         "more_spread": max(0, len(spread) - MOST_ROWS),
         "drifting": drifting,
-        "tested": tested,
-        "untested": _untested(Counter(unit.timed for _, unit in every if unit.timed < fewest)),
         "false_alarms": f"{false_alarms:.0%}".replace("%", " %"),
-        "fewest": fewest,
-        "due": [[*_unit_cells(*each), _day(each[1].newest)] for each in due],
         "reasons": [[code, *counts, _advice(code)] for code, *counts in reasons],
+        "captures": [list(vars(capture).values()) for capture in captures],
+        "more_captures": max(0, count - len(captures)),
         "most": MOST_ROWS,
     }  # fmt: skip
     return render("fleet.html.jinja", shown)
 
 
-def _untested(units: Counter[int]) -> str:
-    """Numbers of units that are not testable, by their number of results."""
-    words = {0: "no calibration with a time", 1: "one calibration"}
-    return ", ".join(
-        f"{count:,} unit{' has' if count == 1 else 's have'} {words.get(number, f'{number} calibrations')}"
-        for number, count in sorted(units.items())
-    )
+def _due(unit: FleetUnit, days: float) -> datetime | None:
+    """When a unit is due for calibration; None for now, without an accepted result."""
+    return None if unit.newest is None else unit.newest + timedelta(days=days)
+
+
+def _state_cells(unit: FleetUnit, days: float, now: datetime) -> tuple[str, ...]:
+    """Last result, its verdict, days since, drift, next calibration."""
+    due, since = _due(unit, days), f"{max(0, (now - unit.last).days):,}"
+    following = "now" if due is None or due <= now else f"{due:%Y-%m-%d}"
+    following = "unknown" if due is None and unit.untimed else following
+    return f"{unit.last:%Y-%m-%d}", unit.status, since, _drift_words(unit), following
+
+
+def _drift_words(unit: FleetUnit) -> str:
+    """What is known of a unit's drift."""
+    if unit.change is None and unit.untimed:
+        return f"not testable: {many(unit.untimed, 'accepted result')} without a time"
+    if unit.change is None:
+        return f"not testable yet: {unit.timed} of 2 calibrations"
+    change = f"{unit.change.feature} {unit.change.change:+.1f} nm".replace("-", "\u2212")
+    if unit.alarms:
+        return f"drifts, below: {', '.join(alarm.feature for alarm in unit.alarms)}"
+    against = "the first" if unit.timed == 2 else f"the {unit.timed - 1} before"
+    if unit.change.warns:
+        return f"changed against {against}: {change}"
+    if unit.change.detectable is None:
+        return f"{change} against {against}; too few repeats to say what that means"
+    return f"none found; smaller than {unit.change.detectable:.1f} nm cannot be seen"
 
 
 def _unit_cells(model: FleetModel, unit: FleetUnit) -> tuple[str, str]:
@@ -157,10 +211,6 @@ def _advice(code: str) -> str:
         return explain_code(code).do[0]
     except InvalidArgument:  # of another release
         return ""
-
-
-def _day(time: datetime | None) -> str:
-    return "none with a time" if time is None else f"{time:%Y-%m-%d}"
 
 
 def _largest(models: list[FleetModel]) -> float:

@@ -15,8 +15,8 @@ from camssf.files import write_file
 from camssf.photo.read.unit import Unit
 from camssf.places import join, place, reached
 from camssf_fleet.passport.document import PassportRequest, create_passport, sign
+from camssf_fleet.records import Row, columns
 from camssf_fleet.registry import Registry
-from camssf_fleet.rows import Row, columns
 
 PER_UNIT = "PARTITION BY make, model, serial, camera_id, lens ORDER BY captured DESC NULLS LAST, added DESC, key"
 NOTED = 100

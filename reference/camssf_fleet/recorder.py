@@ -6,19 +6,20 @@ import csv
 import io
 import re
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
+from pathlib import PurePath
 
 from camssf.errors import InvalidArgument
-from camssf.files import readable
 from camssf.progress import Progress
 from camssf_fleet.manifest import Job, Manifest, rows_hash
+from camssf_fleet.merge import Added
 from camssf_fleet.outcome import Outcome, Summary
 from camssf_fleet.pools import FLUSH
+from camssf_fleet.record_files import MANY_FILES
+from camssf_fleet.records import JobEnd
 from camssf_fleet.registry import Registry
-from camssf_fleet.rows import Task, utc
-from camssf_fleet.upkeep import MANY_FILES, optimize
 
 CORRECT_MANIFEST = "Correct the manifest, or replace what the registry has by --correct."
 LARGEST_BUFFER = 256
@@ -60,62 +61,69 @@ class OutcomeRecorder:
             self._progress(f"{total} done, {rate:.1f}/s, {left / 60:.0f} min left", done)
 
     def flush(self) -> None:
-        """Write the outcomes to the registry, rows before tasks, so that each task there has its row."""
+        """Write the outcomes to the registry: results, and ends of jobs."""
         if self._registry is None or not self.outcomes:
             return
-        written = [number for number, (_, outcome) in enumerate(self.outcomes) if outcome.row is not None]
-        rows = [row for _, outcome in self.outcomes if (row := outcome.row) is not None]
-        sql = "SELECT key, name FROM rows WHERE list_contains(?, key)"
-        names = {each["key"]: each["name"] for each in self._registry.query(sql, [[each.key for each in rows]])}
-        for each in rows:
-            name = readable(each.name)
-            self._summary.duplicates += names.setdefault(each.key, name) != name
-        for number, said in zip(written, self._registry.add(rows, partly=True), strict=True):
-            self._summary.added += said.new
-            if said.contradiction:
-                job, outcome = self.outcomes[number]
-                words = f"{said.contradiction} {CORRECT_MANIFEST}"
-                refused = replace(outcome, status="refused", code=InvalidArgument.code, reason=words, row=None)
-                self.outcomes[number] = job, refused
-        for _, outcome in self.outcomes:
+        outcomes, self.outcomes, self._last = self.outcomes, [], time.monotonic()
+        rows = {number: outcome.row for number, (_, outcome) in enumerate(outcomes) if outcome.row is not None}
+
+        def ends(added: tuple[Added, ...]) -> list[JobEnd]:
+            for number, statement in zip(rows, added, strict=True):
+                self._summary.added += statement.new
+                self._summary.duplicates += statement.renamed
+                if statement.contradiction:
+                    job, outcome = outcomes[number]
+                    words = f"{statement.contradiction} {CORRECT_MANIFEST}"
+                    refused = replace(outcome, status="refused", code=InvalidArgument.code, reason=words, row=None)
+                    outcomes[number] = job, refused
+            return [_end(job, outcome) for job, outcome in outcomes]
+
+        self._registry.append(list(rows.values()), ends, partly=True)
+        for _, outcome in outcomes:
             self._summary.add(outcome)
-        self._registry.note([_task(job, outcome) for job, outcome in self.outcomes])
-        optimize(self._registry, least=MANY_FILES)
-        self.outcomes, self._last = [], time.monotonic()
+        self._registry.files.compact(MANY_FILES)
+
+    def finish(self) -> None:
+        """Write the last outcomes, and list what no list has: also what a batch wrote that was killed."""
+        self.flush()
+        if self._registry is not None:
+            self._registry.list_records()
+            self._registry.files.compact(MANY_FILES)
 
 
-def _task(job: Job, outcome: Outcome) -> Task:
+def _end(job: Job, outcome: Outcome) -> JobEnd:
     row, reason = outcome.row, f"{outcome.reason} It is put aside." if outcome.deaths else outcome.reason
-    return Task(
-        job.task,
-        outcome.made_from,
-        utc(datetime.now(UTC)),
-        job.name,
-        outcome.status,
-        outcome.code,
-        reason,
-        key="" if row is None else row.key,
-        camera=outcome.camera,
-        deaths=outcome.deaths,
+    return JobEnd(
+        task=job.task,
         job=rows_hash(job),
+        made_from=outcome.made_from,
+        added=datetime.now(UTC),
+        name=job.name,
+        status=outcome.status,
+        code=outcome.code,
+        reason=reason,
+        key="" if row is None else row.key,
+        make="" if row is None else row.make,
+        model="" if row is None else row.model,
+        serial=job.unit.serial if row is None else row.serial,
+        photos=() if outcome.status == "accepted" else tuple(PurePath(photo).name for photo in job.photos),
+        deaths=outcome.deaths,
     )
 
 
 def summary_csv(outcomes: Sequence[Outcome]) -> str:
     """One row for each outcome."""
+    head = ("name", "folder", "status", "code", "reason")
+    rows = [[getattr(outcome, name) for name in head] + ["yes" if outcome.resumed else "no"] for outcome in outcomes]
+    return csv_text((*head, "resumed"), rows)
+
+
+def csv_text(head: Sequence[str], rows: Iterable[Iterable[object]]) -> str:
+    """A table as CSV that no spreadsheet takes for formulas; None is empty."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(("name", "folder", "status", "code", "reason", "resumed"))
-    for outcome in outcomes:
-        values = (
-            outcome.name,
-            outcome.folder,
-            outcome.status,
-            outcome.code,
-            outcome.reason,
-            "yes" if outcome.resumed else "no",
-        )
-        writer.writerow([cell(value) for value in values])
+    writer.writerow(head)
+    writer.writerows(["" if value is None else cell(str(value)) for value in row] for row in rows)
     return text.getvalue()
 
 

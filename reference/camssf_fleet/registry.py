@@ -1,72 +1,51 @@
-"""Stores results, one row each, in a Delta Lake table, for concurrent writers and readers.
+"""A registry: what was said of many results, in records that never change.
 
-A registry has two tables: `results`, partitioned by make and model, and `tasks`, the jobs of batches. `deltalake`
-writes them and commits each change at once or not at all; DuckDB queries the files of one version of a table.
+A row shows what all records of a result say together (`record_files.rows_of`). A later record adds or corrects, and
+empties nothing. Each record is known by the hash of what it says, so that saying it again adds nothing.
 
-A write looks up which rows exist and merges them with what is said now (`merge`), then appends the new rows, or
-replaces all if some rows changed. Every write carries the same Delta transaction identifier, so of two writes that
-began at the same version the second one fails, and is repeated at the new version.
+After records are written, a list is, with the hashes of all records that no list has, and of the lists before it; so
+`verification` knows what must be there.
 """
 
 from __future__ import annotations
 
-import random
-import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+import getpass
+import platform
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, TypeVar
-from urllib.parse import unquote
+from typing import Any
 
 from camssf.errors import InvalidArgument
-from camssf.files import local, write_aside
+from camssf.files import local, readable, write_aside
 from camssf.libraries import library
 from camssf.photo.read.unit import Unit
-from camssf.places import Place, folder_place, is_remote, storage_options, without_secrets
-from camssf_fleet.merge import CORRECT, UNKNOWN, Added, fold
-from camssf_fleet.rows import Row, Task, checksum, columns
-from camssf_fleet.seals import LOG, SEALS, Changed, seal
-from camssf_fleet.tables import (
-    Table,
-    column,
-    connection,
-    create_views,
-    csv_cell,
-    dicts,
-    in_partitions,
-    in_utc,
-    query_of,
-    quoted,
-    row_batches,
+from camssf.places import Place, folder_place
+from camssf.shapes import Count, Text
+from camssf_fleet.merge import CORRECT, FACTS, Added, Json, Sayings, in_words, merge
+from camssf_fleet.record_files import DAMAGED, MANY_FILES, ONE_THREAD_STREAMED, ROW_GROUP, RecordFiles
+from camssf_fleet.record_queries import csv_cell, dicts, in_utc, query_of, quoted, rows_of, stored_value
+from camssf_fleet.records import (
+    COLUMNS,
+    DELETION,
+    EXCERPT,
+    JOB,
+    LIST,
+    RESULT,
+    JobEnd,
+    Row,
+    columns,
+    is_empty,
+    one_spelling,
+    record_hash,
 )
 
-Answer = TypeVar("Answer")
-
-FORMAT = "camssf-registry/1"
-"""Name of the Delta tables, in their metadata."""
-FOLDERS: dict[Table, str] = {Row: "results", Task: "tasks"}
-IDENTITY: dict[Table, str] = {Row: "key", Task: "task"}
-"""The column that identifies a row."""
-STAMP: dict[Table, str] = {Row: "added", Task: "ended"}
-"""The time of writing; a row that differs in it alone is not written again."""
-PARTITIONS: dict[Table, tuple[str, ...]] = {Row: ("make", "model"), Task: ()}
-ROW_GROUP = 4096
-"""Rows of an exported file that are in memory at once; with covariances, 45 MB."""
-STREAMED = "SET preserve_insertion_order = false; SET threads = 1"
-ATTEMPTS = 50
-"""Attempts to write while other processes write, and to read while another process vacuums."""
 SHORT = ("name", "status", "code", "make", "model", "serial", "captured", "lamps", "half_width", "delta_e00", "key")
 """Columns of `Registry.listing`."""
-
+LONGEST_LIST = 4096
+"""Largest number of records in one list."""
 WHICH_FOLDER = "Name the folder that `camssf registry add` or `camssf batch --registry` wrote to."
-DAMAGED = (
-    "Move the registry away and run the same `camssf batch` again: it makes a new one from the archive. "
-    "Or restore a backup of the registry."
-)
-
-STATISTICS: dict[Table, str] = {Row: "key,captured,added", Task: "task,key,ended"}
-"""Columns with a least and a largest value in the log: no serial number or name, which `delete` leaves there."""
 
 
 @dataclass(frozen=True)
@@ -83,13 +62,58 @@ class Wanted:
 
     def where(self) -> tuple[str, list[Any]]:
         """The filter as an SQL condition, and its values."""
-        equal = {"make": self.unit.make, "model": self.unit.model, "serial": self.unit.serial}
+        equal = {name: one_spelling(getattr(self.unit, name)) for name in ("make", "model", "serial")}
         terms = [f"{name} = ?" for name, value in equal.items() if value]
         values: list[Any] = [value for value in equal.values() if value]
         if self.statuses:
             terms.append("list_contains(?, status)")
             values.append(list(self.statuses))
         return " AND ".join(terms) or "true", values
+
+
+@dataclass(frozen=True)
+class HistoryEntry:
+    """What one record said.
+
+    Attributes:
+        added: UTC, ISO 8601.
+        added_by: user and machine.
+        key: of the result.
+        what: in words.
+    """
+
+    added: str
+    added_by: str
+    key: str
+    what: str
+
+
+@dataclass(frozen=True)
+class Deleted:
+    """A deleted result.
+
+    Attributes:
+        key: SHA-256 of its document.
+        place: path of its document, relative to the registry; "" if unknown.
+    """
+
+    key: Text
+    place: Text
+
+
+@dataclass(frozen=True)
+class Deletion:
+    """What `Registry.delete` removed.
+
+    Attributes:
+        results: each deleted result.
+        records: number of records that were deleted.
+        files: number of files that were written again without them.
+    """
+
+    results: tuple[Deleted, ...]
+    records: Count
+    files: Count
 
 
 class Registry:
@@ -106,176 +130,203 @@ class Registry:
 
     def __init__(self, folder: Path | str, *, new: bool = False, correct: bool = False) -> None:
         library("duckdb", "The registry needs", "fleet")
-        library("deltalake", "The registry needs", "fleet")
         self.folder: Place = folder_place(folder)
         self._correct = correct
         if str(self.folder).startswith("memory:"):
             raise InvalidArgument("A registry cannot be in memory://.", "Name a folder, or a bucket of a store.")
-        with self.failures():
-            if not any(self._is_there(each) for each in FOLDERS) and not (new and _is_empty(self.folder)):
+        self.files = RecordFiles(self.folder)
+        with self.files.failures():
+            if not self.files.sizes() and not (new and _is_empty(self.folder)):
                 raise _no_registry(self.folder, new)
-
-    def _is_there(self, table: Table) -> bool:
-        """Whether a table is there; one whose log is damaged is, and is named when it is read."""
-        try:
-            with self.failures():
-                return self.table(table) is not None
-        except InvalidArgument as error:
-            if error.__cause__ is None or is_remote(self.folder):
-                raise
-            return True
 
     # Writing
 
-    def add(self, rows: Sequence[Row], *, partly: bool = False, names: Sequence[str] = ()) -> tuple[Added, ...]:
-        """Write rows in one commit, merged with what the registry and the rows before say of the same results.
+    def add(self, rows: Sequence[Row], *, names: Sequence[str] = ()) -> tuple[Added, ...]:
+        """Add what rows say, and list it.
 
         Args:
             rows: what is said now; a field that is empty empties nothing.
-            partly: if a row contradicts the registry, write the others.
             names: of the rows' files, for messages.
 
         Raises:
-            InvalidArgument: they cannot be written, or one contradicts the registry; then none of them is.
+            InvalidArgument: they cannot be written, or one contradicts the registry or a row before, then nothing is;
+                or they were written and the list cannot be, which the message says.
         """
-        return self._write(Row, rows, partly, names)
+        added = self.append(rows, (), names=names)
+        try:
+            self.list_records()
+            self.files.compact(MANY_FILES)
+        except InvalidArgument as error:
+            message = f"The results were added, but then: {error.message}"
+            raise InvalidArgument(message, "Mend the cause; the next `camssf registry add` does the rest.") from error
+        return added
 
-    def note(self, tasks: Sequence[Task]) -> None:
-        """Write finished jobs; call it after their rows are written, so that each task has its result."""
-        self._write(Task, tasks)
-
-    def _write(
-        self, table: Table, rows: Sequence[Row] | Sequence[Task], partly: bool = False, names: Sequence[str] = ()
+    def append(
+        self,
+        rows: Sequence[Row],
+        ends: Callable[[tuple[Added, ...]], Sequence[JobEnd]] | Sequence[JobEnd] = (),
+        *,
+        partly: bool = False,
+        names: Sequence[str] = (),
     ) -> tuple[Added, ...]:
-        kinds, added = columns(table), list[Added]()
-        if not rows:
-            return ()
-        with self.failures(), connection() as con:
-            _fill(con, "fresh", kinds, [vars(each) for each in rows])
-            fresh = dicts(con.execute(f"SELECT {in_utc(kinds)} FROM fresh ORDER BY rowid"))
-            for row in fresh:
-                row |= {name: row[name] or UNKNOWN for name in PARTITIONS[table]}
-            self._create(table, con)
+        """Add what rows say and how jobs ended; `list_records` must follow, after any number of calls.
 
-            def put(delta: Any) -> Changed | None:
-                held = self._held(table, delta, fresh)
-                how = (IDENTITY[table], STAMP[table], self._correct if table is Row else None)
-                found, added[:] = fold(held, fresh, *how)
-                files = [f"{name}: " for name in names] or [""] * len(added)
-                told = zip(files, added, strict=True)
-                wrong = [f"{file}{each.contradiction}" for file, each in told if each.contradiction]
-                if wrong and not partly:
-                    more = f" So do {len(wrong) - 1} more." if len(wrong) > 1 else ""
-                    raise InvalidArgument(f"{wrong[0]}{more}", CORRECT)
-                return self._put(table, delta, con, held, found)
-
-            self.commit(table, put)
+        Args:
+            rows: as in `add`.
+            ends: of jobs, or a function that gets what became of the rows and returns them.
+            partly: if a row contradicts the registry, write the others.
+            names: as in `add`.
+        """
+        stated = [_said_by(row) for row in rows]
+        held = self._held([row["key"] for row in stated])
+        records, added, now = list[Json](), list[Added](), datetime.now(UTC)
+        for row in stated:
+            old = held.get(row["key"])
+            statement = merge(old, row, self._correct)
+            added.append(statement.added)
+            if statement.added.contradiction:
+                continue
+            records += [record | {"added": row["added"]} for record in statement.records(old)]
+            held[row["key"]] = statement.after(old)
+        wrong = [
+            f"{f'{name}: ' if name else ''}{row.contradiction}"
+            for name, row in zip(names or [""] * len(added), added, strict=True)
+            if row.contradiction
+        ]
+        if wrong and not partly:
+            more = f" So do {len(wrong) - 1} more." if len(wrong) > 1 else ""
+            raise InvalidArgument(f"{wrong[0]}{more}", CORRECT)
+        jobs = ends(tuple(added)) if callable(ends) else ends
+        self._write(records + self._new_ends([_plain(vars(end)) | {"kind": JOB, "revision": 0} for end in jobs]), now)
         return tuple(added)
 
-    def _held(self, table: Table, delta: Any, fresh: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
-        """The rows that the registry has of these, by identity."""
-        identity = IDENTITY[table]
-        sql = f"SELECT {identity}, filename FROM rows WHERE {identity} IN (SELECT unnest(?))"
-        found = self.ask(query_of(sql, [[row[identity] for row in fresh]]), table, delta)
-        where = f"{identity} IN ({', '.join(sorted({quoted(each[identity]) for each in found}))})"
-        files = sorted({each["filename"] for each in found})
-        rows = self.ask(lambda con: [r for file in files for r in row_batches(con, file, where)], table, delta)
-        return {row[identity]: dict.fromkeys(columns(table)) | row for row in rows}
+    def _new_ends(self, ends: Sequence[Json]) -> list[Json]:
+        """The ends of jobs that no record says already."""
+        hashes = [record_hash(end) for end in ends]
+        sql = "SELECT record, task FROM records WHERE kind = 'job' AND list_contains(?, record)"
+        known = set(self.files.ask(lambda con: con.execute(sql, [hashes]).fetchall())) if ends else set()
+        return [end for hashed, end in zip(hashes, ends, strict=True) if (hashed, end["task"]) not in known]
 
-    def _put(
-        self, table: Table, delta: Any, con: Any, held: dict[str, dict[str, Any]], found: dict[str, dict[str, Any]]
-    ) -> Changed | None:
-        """Append the new rows, or merge all if some have changed; returns what was written."""
-        from arro3.core import Table as ArrowTable
-        from deltalake import write_deltalake
+    def _held(self, keys: Sequence[str]) -> dict[str, Json]:
+        """What the registry says of results, by key, also of those of which it has only facts."""
+        if not keys:
+            return {}
+        kinds = columns(Row) | {"revision": "", "whole": "", "held": ""}
+        sql = f"SELECT {in_utc(kinds)} FROM ({rows_of('list_contains(?, key)')})"
+        names = in_utc({name: COLUMNS[name] for name in FACTS})
+        facts = f"SELECT key, revision, {names} FROM said WHERE list_contains(?, key)"
+        rows, said = self.files.ask(lambda con: [query_of(text, [list(keys)])(con) for text in (sql, facts)])
+        sayings = Sayings()
+        for record in said:
+            sayings.add(record)
+        disputed = sayings.disputed()
+        return {row["key"]: row | {"disputed": tuple(disputed.get(row["key"], ()))} for row in rows}
 
-        identity, partitions = IDENTITY[table], PARTITIONS[table]
-        told = {key: {row["checksum"], checksum(row)} for key, row in held.items()}  # two if it was changed
-        write = {key: row for key, row in found.items() if told.get(key) != {row["checksum"]}}
-        if not write:
-            return None
-        _fill(con, "source", columns(table) | {"checksum": "VARCHAR"}, list(write.values()))
-        source, done = ArrowTable(con.sql("FROM source")), Changed(tuple(write) if table is Row else ())
-        how = {"commit_properties": transaction(), "writer_properties": zstd()}
-        places = {tuple(held[key][name] for name in partitions) for key in write if key in held}
-        if not places:
-            write_deltalake(delta, source, mode="append", schema_mode="merge", **how)
-            return done
-        (
-            delta.merge(
-                source,
-                f"stored.{identity} = fresh.{identity} AND ({in_partitions(partitions, places, 'stored.')})",
-                source_alias="fresh",
-                target_alias="stored",
-                merge_schema=True,
-                **how,
-            )
-            .when_matched_update_all()
-            .when_not_matched_insert_all()
-            .execute()
-        )
-        return done
-
-    def _create(self, table: Table, con: Any) -> None:
-        from arro3.core import Table as ArrowTable
-        from deltalake import DeltaTable, Schema
-        from deltalake.exceptions import DeltaError
-
-        if self.table(table) is not None:
+    def _write(self, records: Sequence[Json], now: datetime) -> None:
+        """Write records with their hashes, and who adds them; one that says what a deleted one said is a revision."""
+        if not records:
             return
-        if not is_remote(self.folder):
-            Path(self.folder).mkdir(parents=True, exist_ok=True)
-        empty = ArrowTable(con.sql("SELECT *, '' AS checksum FROM fresh LIMIT 0"))
-        try:
-            DeltaTable.create(
-                self._uri(table),
-                Schema.from_arrow(empty.schema),
-                name=FORMAT,
-                partition_by=list(PARTITIONS[table]) or None,
-                configuration={"delta.dataSkippingStatsColumns": STATISTICS[table]},
-                storage_options=storage_options(self.folder),
+        deleted = {record for (record,) in self.files.ask(lambda con: con.execute("FROM deleted").fetchall())}
+        by, named = _user(), []
+        for record in records:
+            hashed = record_hash(record)
+            while hashed in deleted:
+                record["revision"] += 1
+                hashed = record_hash(record)
+            named.append({"added": now, "added_by": by} | record | {"record": hashed})
+        self.files.write(named)
+
+    def list_records(self) -> None:
+        """Write lists of the records that no list has.
+
+        If one list was lost, and a list of these records after the lists before it has its hash, it is written again.
+        """
+        unlisted = self.files.ask(
+            query_of(
+                "SELECT DISTINCT record, coalesce(key, '') AS key FROM records WHERE kind <> 'list' "
+                "AND record NOT IN (SELECT unnest(records) FROM records WHERE kind = 'list') ORDER BY record",
+                [],
             )
-        except DeltaError:
-            if self.table(table) is None:  # else another writer created it meanwhile
-                raise
-        else:
-            seal(self.folder / FOLDERS[table], 0, Changed())
+        )
+        if not unlisted:
+            return
+        known = self.lists()
+        lost = {record for previous in known.values() for record in previous} - known.keys()
+        lists = _lists(unlisted, heads(known))
+        again = _lists(unlisted, heads(known, lost)) if lost else lists
+        self._write(again if record_hash(again[-1]) in lost else lists, datetime.now(UTC))
 
-    def commit(self, table: Table, write: Callable[[Any], Changed | None]) -> None:
-        """Call `write` with the newest version of a table until no other writer came first; then seal what it did."""
-        from deltalake.exceptions import CommitFailedError
+    def lists(self) -> dict[str, list[str]]:
+        """The lists before each list, by hash."""
+        lists = self.files.ask(query_of("SELECT record, previous FROM records WHERE kind = 'list'", []))
+        return {row["record"]: row["previous"] or [] for row in lists}
 
-        attempt = 0
-        with self.failures():
-            while (delta := self.table(table)) is not None:
-                try:
-                    if (changed := write(delta)) is not None:
-                        seal(self.folder / FOLDERS[table], delta.version(), changed)
-                    return
-                except CommitFailedError:
-                    if (attempt := attempt + 1) == ATTEMPTS:
-                        raise
-                    time.sleep(random.uniform(0, 0.05 * min(attempt, 20)))
+    def delete(self, unit: Unit) -> Deletion:
+        """Delete all records of a unit's results, and of its jobs, and the files that held them.
+
+        A list of their hashes remains. The documents remain, too.
+
+        Raises:
+            InvalidArgument: the files cannot be read or written; the same call then does the rest.
+        """
+        where, values = Wanted(unit).where()
+
+        def question(con: Any) -> tuple[list[Json], list[Json]]:
+            results = dicts(con.execute(f"SELECT key, place FROM rows WHERE {where} ORDER BY place, key", values))
+            alone = f"{where} AND (kind = '{JOB}' OR key NOT IN (SELECT key FROM rows))"  # no result of another unit
+            said = f"kind NOT IN ('{LIST}', '{DELETION}') AND (list_contains(?, key) OR ({alone}))"
+            sql = f"SELECT DISTINCT record, coalesce(key, '') AS key FROM records WHERE {said} ORDER BY ALL"
+            records = con.execute(sql, [[row["key"] for row in results], *values])
+            return results, dicts(records)
+
+        results, records = self.files.ask(question, rows=True)
+        if records:
+            self.files.holders([row["record"] for row in records])  # raises before anything is written
+            said = {"records": [row["record"] for row in records], "keys": [row["key"] for row in records]}
+            self._write([{"kind": DELETION, "revision": 0} | said], datetime.now(UTC))
+            self.list_records()
+        deleted = self.files.ask(lambda con: con.execute("SELECT DISTINCT record FROM deleted").fetchall())
+        files = self.files.drop([record for (record,) in deleted])
+        return Deletion(tuple(Deleted(**row) for row in results), len(records), files)
 
     # Reading
 
-    def files(self, table: Table = Row) -> dict[str, int]:
-        """Size in bytes of each file of a table's version, by path or URL."""
-        with self.failures():
-            return self._sizes(table, self.table(table))
-
-    def listing(self, wanted: Wanted | None = None) -> list[dict[str, Any]]:
+    def listing(self, wanted: Wanted | None = None) -> list[Json]:
         """The results, newest first, in the columns SHORT."""
         where, values = (wanted or Wanted()).where()
         return self.query(f"SELECT {', '.join(SHORT)} FROM rows WHERE {where} ORDER BY added DESC, key", values)
 
-    def query(self, sql: str, values: Sequence[Any] = (), table: Table = Row) -> list[dict[str, Any]]:
-        """The rows that a query on the view `rows` returns."""
-        return self.ask(query_of(sql, values), table)
+    def query(self, sql: str, values: Sequence[Any] = ()) -> list[Json]:
+        """The rows that a query on the views `rows` and `jobs` returns."""
+        return self.files.ask(query_of(sql, values), rows=True)
 
-    def arrays(self, sql: str, values: Sequence[Any] = (), table: Table = Row) -> dict[str, Any]:
+    def arrays(self, sql: str, values: Sequence[Any] = ()) -> dict[str, Any]:
         """As `query`, but returns NumPy columns; times are in UTC."""
-        return self.ask(lambda con: dict(con.execute(sql, list(values)).fetchnumpy()), table)
+        return self.files.ask(lambda con: dict(con.execute(sql, list(values)).fetchnumpy()), rows=True)
+
+    def history(self, unit: Unit) -> list[HistoryEntry]:
+        """What was said of a unit's results: of each result in the order of saying, whatever the clock said.
+
+        A result belongs to the unit if any of its records ever said so.
+        """
+        where, values = Wanted(unit).where()
+        once = "row_number() OVER (PARTITION BY record ORDER BY added) = 1"
+        of_unit = f"SELECT {in_utc(COLUMNS)} FROM said WHERE key IN (SELECT key FROM said WHERE {where})"
+        sql = f"{of_unit} QUALIFY {once} ORDER BY revision, kind = 'fact', added, record"
+        held, changes = dict[str, Json](), list[HistoryEntry]()
+        first: dict[str, None] = {}
+        for record in self.files.ask(query_of(sql, values)):
+            old = held.get(record["key"])
+            statement = merge(old, record, True)
+            facts = [f"{word} {in_words(record[name])}" for name, word in FACTS.items() if not is_empty(record[name])]
+            what = [f"{record['status']} {record['kind']}", *facts] if old is None else statement.added.changes
+            when = f"{record['added']:%Y-%m-%dT%H:%M:%SZ}"
+            changes.append(
+                HistoryEntry(when, record["added_by"] or "", record["key"], ", ".join(what) or "name or place")
+            )
+            held[record["key"]] = statement.after(old)
+            first.setdefault(record["key"])
+        return [change for key in first for change in changes if change.key == key]
 
     def export(self, path: Path | str) -> None:
         """Write all results to one local file: .parquet with all columns, .csv without curves.
@@ -291,139 +342,69 @@ class Registry:
         if path.suffix == ".csv":
             form = "FORMAT csv, HEADER true"
             what = ", ".join(csv_cell(name, kind) for name, kind in kinds.items() if kind != "FLOAT[]")
-        sql = f"COPY (SELECT {what} FROM every) TO"
+        sql = f"{ONE_THREAD_STREAMED}; COPY (SELECT {what} FROM results) TO"
         with write_aside(path) as aside:
             # In any order and by one thread, rows are written as they are read.
-            self.ask(lambda con: con.execute(f"{STREAMED}; {sql} {quoted(str(aside))} ({form})"))
+            self.files.ask(lambda con: con.execute(f"{sql} {quoted(str(aside))} ({form})"), rows=True)
 
     def damaged(self, key: str, what: str) -> InvalidArgument:
         """The error for a damaged row, with the file that holds it; `what` describes the damage."""
-        found = self.ask(query_of("SELECT filename FROM every WHERE key = ?", [key]))
-        place = found[0]["filename"] if found else self.folder
+        holders = self.query("SELECT filename FROM results WHERE key = ?", [key])
+        place = holders[0]["filename"] if holders else self.folder
         return InvalidArgument(f"{place} is damaged: of the result {key[:12]}... {what}.", DAMAGED)
 
-    def ask(self, ask: Callable[[Any], Answer], table: Table = Row, delta: Any = None) -> Answer:
-        """Call `ask` with a connection that has both views; again if a file was vacuumed meanwhile."""
-        import duckdb
 
-        with self.failures():
-            for attempt in range(ATTEMPTS):
-                opened = delta or self.table(table)
-                files = self._sizes(table, opened)
-                try:
-                    with connection(self.folder, files) as con:
-                        create_views(con, table, list(files))
-                        return ask(con)
-                except (FileNotFoundError, duckdb.Error) as error:
-                    newer = None if delta is not None else self.table(table)
-                    if attempt + 1 == ATTEMPTS or newer is None or newer.version() == opened.version():
-                        self._name_damaged(table, files, error)
-                        raise
-            raise AssertionError  # the last attempt returns or raises
-
-    def _sizes(self, table: Table, delta: Any) -> dict[str, int]:
-        """Size of each file of a table's version, by path or URL."""
-        if delta is None:
-            return {}
-        found = delta.get_add_actions()
-        paths, sizes = (found.column(name).to_pylist() for name in ("path", "size_bytes"))
-        return dict(sorted((f"{self._uri(table)}/{unquote(p)}", n) for p, n in zip(paths, sizes, strict=True)))
-
-    def _name_damaged(self, table: Table, files: dict[str, int], error: Exception) -> None:
-        """Raise InvalidArgument for the first file that cannot be read by itself; return if all can."""
-        import duckdb
-
-        for path in files:
-            try:
-                with connection(self.folder, files) as con:
-                    create_views(con, table, [path])
-                    con.execute("SELECT bit_xor(hash(every)) FROM every").fetchone()
-            except (duckdb.Error, OSError):
-                what = "damaged, missing or out of reach" if is_remote(self.folder) else "damaged or missing"
-                raise InvalidArgument(f"{path} is {what}.", DAMAGED) from error
-
-    def _uri(self, table: Table) -> str:
-        return str(self.folder / FOLDERS[table])
-
-    def table(self, table: Table) -> Any:
-        """The newest version of a table; None if it is missing."""
-        from deltalake import DeltaTable
-        from deltalake.exceptions import DeltaError, TableNotFoundError
-
-        try:
-            delta = DeltaTable(self._uri(table), storage_options=storage_options(self.folder))
-        except TableNotFoundError as error:
-            folder = self.folder / FOLDERS[table]
-            if (folder / SEALS).is_dir():
-                fault = f"{self.folder}: the registry cannot be used ({folder / LOG} is missing)."
-                raise InvalidArgument(fault, DAMAGED) from error
-            return None
-        except BaseException as error:
-            if is_remote(self.folder) or not (isinstance(error, DeltaError) or _is_panic(error)):
-                raise
-            log = self.folder / FOLDERS[table] / LOG
-            fault = f"{self.folder}: the registry cannot be used (a file of {log} is missing or damaged)."
-            raise InvalidArgument(fault, DAMAGED) from error
-        if delta.metadata().name != FORMAT:
-            raise InvalidArgument(
-                f"{self.folder} is no registry that this camssf can use: its format is {delta.metadata().name!r}, "
-                f"not {FORMAT!r}.",
-                "Use the camssf that wrote it, or name another folder.",
-            )
-        return delta
-
-    @contextmanager
-    def failures(self) -> Iterator[None]:
-        """Turn errors of the libraries, the disk and the object store into InvalidArgument."""
-        import duckdb
-        from deltalake.exceptions import DeltaError
-
-        try:
-            yield
-        except InvalidArgument:
-            raise
-        except BaseException as error:
-            panic = _is_panic(error)
-            remote = is_remote(self.folder) and isinstance(error, Exception)
-            if not (panic or remote or isinstance(error, (OSError, duckdb.IOException, DeltaError))):
-                raise
-            words = getattr(error, "strerror", None) or without_secrets(error)
-            damaged = DAMAGED if panic or isinstance(error, DeltaError) else "Check the folder."
-            advice = "Check the address, the credentials and the network." if remote else damaged
-            raise InvalidArgument(f"{self.folder}: the registry cannot be used ({words}).", advice) from error
+def _said_by(row: Row) -> Json:
+    """A row as a record: of a passport's excerpt if it has a passport and no covariance."""
+    excerpt = bool(row.passport) and not row.code_covariance
+    return _plain(vars(row)) | {"kind": EXCERPT if excerpt else RESULT}
 
 
-def _is_panic(error: BaseException) -> bool:
-    """Whether `deltalake` panicked, as it does where the log is damaged."""
-    return type(error).__name__ == "PanicException"
+def _plain(values: dict[str, Any]) -> Json:
+    return {name: stored_value(name, value) for name, value in values.items()}
 
 
-def _fill(con: Any, name: str, kinds: dict[str, str], rows: list[dict[str, Any]]) -> None:
-    """Make a table of rows in DuckDB."""
-    each = ", ".join(f"unnest(?::{kind}[]) AS {name}" for name, kind in kinds.items())
-    con.execute(f"CREATE OR REPLACE TABLE {name} AS SELECT {each}", [column(rows, name) for name in kinds])
+def _lists(unlisted: Sequence[Json], previous: list[str]) -> list[Json]:
+    """Lists of records, one after the other, the first after the lists `previous`."""
+    lists = list[Json]()
+    for first in range(0, len(unlisted), LONGEST_LIST):
+        part = unlisted[first : first + LONGEST_LIST]
+        content = {"records": [row["record"] for row in part], "keys": [row["key"] for row in part]}
+        lists.append({"kind": LIST, "revision": 0, "previous": previous} | content)
+        previous = [record_hash(lists[-1])]
+    return lists
 
 
-def transaction() -> Any:
-    """The identifier that every write of rows carries: of two that began at one version, the second fails."""
-    from deltalake import CommitProperties, Transaction
+def heads(lists: Mapping[str, Sequence[str]], without: Collection[str] = ()) -> list[str]:
+    """The newest lists: those that no other names; one, unless several writers wrote at once.
 
-    return CommitProperties(app_transactions=[Transaction("camssf", 1)])
+    Args:
+        lists: the lists before each list.
+        without: leave out these, and all after them.
+    """
+    after, size = set(without), -1
+    while size < len(after):
+        size = len(after)
+        after |= {record for record, previous in lists.items() if not after.isdisjoint(previous)}
+    rest = {record: previous for record, previous in lists.items() if record not in after}
+    return sorted(rest.keys() - {record for previous in rest.values() for record in previous})
 
 
-def zstd() -> Any:
-    """The compression of the files."""
-    from deltalake import WriterProperties
-
-    return WriterProperties(compression="ZSTD")
+def _user() -> str:
+    """Who runs this program, and where."""
+    try:
+        name = getpass.getuser()
+    except (OSError, KeyError, ImportError):  # no entry for the user's number, as in some containers
+        name = "unknown"
+    return readable(f"{name}@{platform.node()}")
 
 
 def _is_empty(folder: Place) -> bool:
-    """Whether the folder is missing or empty, apart from hidden files and other writers' half-made tables."""
+    """Whether the folder is missing or empty, apart from hidden files."""
     if not folder.exists():
         return True
     try:
-        return all(path.name.startswith(".") or path.name in FOLDERS.values() for path in folder.iterdir())
+        return all(path.name.startswith(".") for path in folder.iterdir())
     except (FileNotFoundError, NotADirectoryError):
         return not folder.exists()
 
@@ -433,4 +414,4 @@ def _no_registry(folder: Place, new: bool) -> InvalidArgument:
         return InvalidArgument(f"There is no folder {folder}.", WHICH_FOLDER)
     if new:
         return InvalidArgument(f"{folder} is no registry: it holds something else.", "Name a new or an empty folder.")
-    return InvalidArgument(f"{folder} is no registry: it holds no table of results.", WHICH_FOLDER)
+    return InvalidArgument(f"{folder} is no registry: it holds no file of records.", WHICH_FOLDER)

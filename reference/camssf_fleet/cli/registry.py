@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import re
 from collections import Counter
 from dataclasses import replace
@@ -21,7 +19,7 @@ from camssf_fleet.cli.passport import Captured
 if TYPE_CHECKING:
     from camssf_fleet.documents import Head
     from camssf_fleet.drift import UnitDrift
-    from camssf_fleet.rows import Row
+    from camssf_fleet.records import Row
 
 registry = Group(
     name="registry",
@@ -49,6 +47,7 @@ def add(
     camera_id: CameraId = "",
     lens: Lens = "",
     captured: Captured = "",
+    note: Annotated[str, typer.Option(metavar="TEXT", show_default=False, help="A note of the operator.")] = "",
     correct: Annotated[
         bool, typer.Option("--correct", help="Replace what the registry says otherwise of a result.")
     ] = False,
@@ -64,9 +63,8 @@ def add(
     from camssf.documents.forms import LARGEST, parse_json
     from camssf.photo.read.unit import Unit
     from camssf_fleet.compare import many
+    from camssf_fleet.records import Origin, row
     from camssf_fleet.registry import Registry
-    from camssf_fleet.rows import Origin, row
-    from camssf_fleet.upkeep import MANY_FILES, optimize, seal_commits
 
     check_captured(captured)
     kept, rows, read, passports = Registry(folder, new=True, correct=correct), [], [], []
@@ -83,20 +81,18 @@ def add(
             raise InvalidArgument(f"{name_of(path)} is {what}.", "Give a result.json, or a passport (.jws).")
         else:
             passports.append((path, data))
-    if passports and any((serial, camera_id, lens, captured)):
+    if passports and any((serial, camera_id, lens, captured, note)):
         raise InvalidArgument(
             f"{name_of(passports[0][0])} is a passport; it already names its unit and time.",
-            "Leave out --serial, --camera-id, --lens and --captured.",
+            "Leave out --serial, --camera-id, --lens, --captured and --note.",
         )
     unit, whole = Unit(serial=serial, camera_id=camera_id, lens=lens), {}
     for path, data, document in read:
-        rows.append(row(data, document, Origin(unit, captured, place=_place(folder, path))))
+        rows.append(row(data, document, Origin(unit, captured, place=_place(folder, path), note=note)))
         whole[rows[-1].key] = data
     rows += [_from_passport(data, folder, path, (key or [], revoked), whole) for path, data in passports]
-    seal_commits(kept)
     names = [name_of(path) for path, *_ in read] + [name_of(path) for path, _ in passports]
     added = kept.add(rows, names=names)
-    optimize(kept, least=MANY_FILES)
     for name, result in zip(names, added, strict=True):
         if result.changes:
             say("", f"{name}: {', '.join(result.changes)}")
@@ -124,7 +120,7 @@ def _from_passport(
     from camssf_fleet.passport.document import check_belongs, verify
     from camssf_fleet.passport.keys import read_public
     from camssf_fleet.passport.received import read_list
-    from camssf_fleet.rows import Origin, row
+    from camssf_fleet.records import Origin, row
 
     keys, revoked = trust
     if not keys:
@@ -152,19 +148,13 @@ def list_results(
     """List results as CSV, the newest first."""
     from camssf.photo.read.unit import Unit
     from camssf_fleet.compare import many
-    from camssf_fleet.recorder import cell
+    from camssf_fleet.record_queries import as_json
+    from camssf_fleet.recorder import csv_text
     from camssf_fleet.registry import SHORT, Registry, Wanted
-    from camssf_fleet.tables import as_json
 
     listed = Registry(folder).listing(Wanted(Unit(model=model, serial=serial)))
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(SHORT)
-    for result in listed:
-        values = as_json(result)
-        values["lamps"] = " ".join(values["lamps"] or ())
-        writer.writerow(["" if value is None else cell(str(value)) for value in values.values()])
-    put(text.getvalue().rstrip("\n"))
+    rows = [as_json(result) | {"lamps": " ".join(result["lamps"] or ())} for result in listed]
+    put(csv_text(SHORT, (row.values() for row in rows)).rstrip("\n"))
     count = Counter(str(result["status"]) for result in listed)
     words = ", ".join(f"{n} {word}" for word, n in sorted(count.items()))
     say("", f"{many(len(listed), 'result')}: {words}" if listed else "no results")

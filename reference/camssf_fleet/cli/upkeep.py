@@ -1,22 +1,32 @@
-"""Commands on a whole registry: camssf registry report, verify, optimize, vacuum, delete."""
+"""Commands on a whole registry: camssf registry report, verify, history, compact, delete."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeAlias
 
 import typer
 
-from camssf.cli.terminal import emit, say
+from camssf.cli.terminal import emit, put, say
 from camssf_fleet.cli.registry import Folder, Model
 
+SerialOfUnit: TypeAlias = Annotated[str, typer.Argument(metavar="UNIT", help="The unit's serial number.")]
 
-def verify(folder: Folder) -> None:
-    """Compare rows, tasks, files and the archive with each other and with their checksums.
+
+def verify(
+    folder: Folder,
+    head: Annotated[
+        str,
+        typer.Option(
+            metavar="HASH", show_default=False, help="The heads that an earlier verify printed: notices an old copy."
+        ),
+    ] = "",
+) -> None:
+    """Compare files, records, lists and the archive with each other and with their hashes.
 
     JSON on stdout. The exit status is 1 if anything is damaged or missing, and it is named. Run it while nobody
-    writes to the registry: a batch that runs, or was stopped, has results without a row.
+    writes to the registry: a batch that runs, or was stopped, has results without a record.
     """
     from camssf.cli.terminal import PARTED
     from camssf.documents.forms import to_plain
@@ -25,71 +35,72 @@ def verify(folder: Folder) -> None:
     from camssf_fleet.registry import Registry
     from camssf_fleet.verification import verify as verify_registry
 
-    found = verify_registry(Registry(folder))
-    emit(to_plain(VerificationDocument(format="camssf-verification/1", generator=GENERATOR, **vars(found))))
-    for fault in found.faults:
+    verification = verify_registry(Registry(folder), head)
+    emit(to_plain(VerificationDocument(format="camssf-verification/1", generator=GENERATOR, **vars(verification))))
+    for fault in verification.faults:
         say("[bold red]damaged[/]: ", fault)
-    counted = (
-        f"{many(found.rows, 'row')}, {many(found.files, 'file')} and {many(found.documents, 'document')} compared"
+    counts = ((verification.rows, "result"), (verification.files, "file"), (verification.documents, "document"))
+    missing = f", {many(verification.documents_missing, 'document')} not at hand" * (
+        verification.documents_missing > 0
     )
-    missing = f", {many(found.documents_missing, 'document')} not at hand" if found.documents_missing else ""
-    say("", f"{counted}{missing}")
-    if found.faults:
-        say("", f"{many(len(found.faults), 'fault')}. {found.advice}")
+    say("", f"{', '.join(many(*count) for count in counts)} compared{missing}")
+    for name in verification.heads:
+        say("", f"head {name}")
+    if verification.faults:
+        say("", f"{many(len(verification.faults), 'fault')}. {verification.advice}")
         raise typer.Exit(PARTED)
 
 
-def optimize(folder: Folder) -> None:
-    """Merge small files, so that the registry is read faster."""
-    from camssf_fleet import upkeep
+def history(folder: Folder, unit: SerialOfUnit, model: Model = "") -> None:
+    """Print what was said of a unit, by whom and when, as CSV."""
+    from camssf.photo.read.unit import Unit
+    from camssf_fleet.recorder import csv_text
+    from camssf_fleet.registry import Registry
+
+    changes = Registry(folder).history(Unit(model=model, serial=unit)) if unit else ()
+    if not changes:
+        raise _no_unit(unit)
+    put(csv_text(("added", "added_by", "key", "what"), (vars(change).values() for change in changes)).rstrip("\n"))
+
+
+def compact(folder: Folder) -> None:
+    """Merge small files into larger ones, so that the registry is read faster."""
     from camssf_fleet.compare import many
     from camssf_fleet.registry import Registry
 
-    found = Registry(folder)
-    before = len(found.files())
-    upkeep.seal_commits(found)
-    upkeep.optimize(found)
-    say("", f"{many(before, 'file')} before, {len(found.files())} now")
+    files = Registry(folder).files
+    before = len(files.sizes())
+    files.compact()
+    say("", f"{many(before, 'file')} before, {many(len(files.sizes()), 'file')} now")
 
 
-def vacuum(
-    folder: Folder,
-    days: Annotated[float, typer.Option(min=0.0, help="Keep what versions of so many days need.")] = 7.0,
-) -> None:
-    """Delete files that no version of the last days needs. Versions before can then not be read any more."""
-    from camssf_fleet import upkeep
-    from camssf_fleet.compare import many
-    from camssf_fleet.registry import Registry
-
-    say("", f"{many(upkeep.vacuum(Registry(folder), days), 'file')} deleted")
-
-
-def delete(
-    folder: Folder,
-    serial: Annotated[str, typer.Option(metavar="TEXT", help="Serial number of the unit.")],
-    model: Model = "",
-) -> None:
-    """Delete all results of a unit from the registry and from its older versions.
+def delete(folder: Folder, unit: SerialOfUnit, model: Model = "") -> None:
+    """Delete all results of a unit, in every file.
 
     Their documents remain where they are. JSON on stdout gives each one's place, relative to the registry.
     """
     from camssf.documents.forms import to_plain
-    from camssf.errors import InvalidArgument
     from camssf.photo.read.unit import Unit
-    from camssf_fleet import upkeep
     from camssf_fleet.compare import many
     from camssf_fleet.documents import GENERATOR, DeletionDocument
-    from camssf_fleet.registry import Registry
+    from camssf_fleet.registry import Deletion, Registry
 
-    found = Registry(folder)
-    deleted = upkeep.delete(found, Unit(model=model, serial=serial)) if serial else ()
-    if not deleted:
-        raise InvalidArgument(
-            f"The registry has no result of a unit with the serial number {serial!r}.",
-            "See `camssf registry list` for those that it has.",
-        )
-    emit(to_plain(DeletionDocument(format="camssf-deletion/1", generator=GENERATOR, results=deleted)))
-    say("", f"{many(len(deleted), 'result')} deleted; the documents remain, their places are on stdout")
+    deletion = Registry(folder).delete(Unit(model=model, serial=unit)) if unit else Deletion((), 0, 0)
+    if not deletion.records and not deletion.files:
+        raise _no_unit(unit)
+    emit(to_plain(DeletionDocument(format="camssf-deletion/1", generator=GENERATOR, **vars(deletion))))
+    counts = ((len(deletion.results), "result"), (deletion.records, "record"), (deletion.files, "file"))
+    results, records, files = (many(*count) for count in counts)
+    say("", f"{results} deleted: {records} in {files}; the documents remain, their places are on stdout")
+
+
+def _no_unit(serial: str) -> Exception:
+    from camssf.errors import InvalidArgument
+
+    return InvalidArgument(
+        f"The registry has no result of a unit with the serial number {serial!r}.",
+        "See `camssf registry list` for those that it has.",
+    )
 
 
 def report(
@@ -117,8 +128,8 @@ def report(
 COMMANDS: tuple[tuple[Callable[..., Any], str], ...] = (
     (report, "camssf registry report phones/ -o fleet.html"),
     (verify, "camssf registry verify phones/"),
-    (optimize, "camssf registry optimize phones/"),
-    (vacuum, "camssf registry vacuum phones/ --days 30"),
-    (delete, "camssf registry delete phones/ --serial A1B2"),
+    (history, "camssf registry history phones/ A1B2"),
+    (compact, "camssf registry compact phones/"),
+    (delete, "camssf registry delete phones/ A1B2"),
 )
 """Each command and its example."""

@@ -1,10 +1,15 @@
-"""Defines the registry's two kinds of row, one for each result, one for each job of a batch, and their checksum."""
+"""Defines what a registry stores: records that never change, each known by the SHA-256 of what it says.
+
+Kinds of record (`kind`): a result, or the excerpt of one in a passport; a fact that is said of a result later; the
+end of a batch's job; the deletion of records; and a list of the records that were written.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import struct
+import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from datetime import UTC, datetime
@@ -19,6 +24,11 @@ if TYPE_CHECKING:
 
 STRIDE = 10
 """Grid points between the registry's samples: its curves are sampled every 5 nm from 380 to 720 nm."""
+
+RESULT, EXCERPT, FACT, JOB, DELETION, LIST = "result", "excerpt", "fact", "job", "deletion", "list"
+"""Kinds of record."""
+OF_RESULTS = (RESULT, EXCERPT, FACT)
+"""Kinds of record that say something of a result."""
 
 _TYPES = {
     "str": "VARCHAR",
@@ -64,6 +74,7 @@ class Row:
         prior_scale: width of the prior; None unless one basis was used alone, under named lights.
         odds: of the basis against the others; infinite if their probability is 0, None if the basis was given.
         code_covariance: posterior covariance of the code, as in the result.
+        note: of the operator.
     """
 
     key: str
@@ -111,36 +122,41 @@ class Row:
     odds: float | None = None
     code_covariance: Curve = ()
     passport_ends: datetime | None = None
+    note: str = ""
 
 
 @dataclass(frozen=True)
-class Task:
-    """The end of one job of a batch.
+class JobEnd:
+    """How one job of a batch ended.
 
     Attributes:
         task: hash of the job's rows, options, version, and its files' sizes and times (`archive.task_of`).
+        job: SHA-256 of the job's rows and options (`manifest.rows_hash`).
         made_from: as in `Row`; "" if the files could not be read.
-        ended: UTC.
+        added: UTC.
         name: in the manifest.
         status: accepted, doubtful, refused, failed.
         code, reason: of the first reason.
         key: of its result; "" without one.
-        camera: make and model of the result.
+        make, model, serial: of the unit, as far as they are known.
+        photos: of the job, as the manifest names them; empty if the result was accepted.
         deaths: number of processes that died during the job.
-        job: SHA-256 of the job's rows and options (`manifest.rows_hash`).
     """
 
     task: str
+    job: str
     made_from: str
-    ended: datetime
+    added: datetime
     name: str
     status: str
     code: str
     reason: str
     key: str
-    camera: str = ""
+    make: str = ""
+    model: str = ""
+    serial: str = ""
+    photos: tuple[str, ...] = ()
     deaths: int = 0
-    job: str = ""
 
 
 @dataclass(frozen=True)
@@ -150,7 +166,7 @@ class Origin:
     Attributes:
         unit: what is known about the unit besides make and model.
         captured: ISO 8601, "" if unknown.
-        name, made_from, passport, place: as in `Row`.
+        name, made_from, passport, place, note: as in `Row`.
         extra: further columns of the manifest.
     """
 
@@ -161,11 +177,24 @@ class Origin:
     passport: str = ""
     place: str = ""
     extra: Mapping[str, str] = field(default_factory=dict)
+    note: str = ""
 
 
 def columns(kind: type) -> dict[str, str]:
-    """Names and DuckDB types of the fields of `Row` or `Task`."""
-    return {each.name: _TYPES[str(each.type)] for each in fields(kind)}
+    """Names and DuckDB types of the fields of `Row` or `JobEnd`."""
+    return {column.name: _TYPES[str(column.type)] for column in fields(kind)}
+
+
+HEAD = {"record": "VARCHAR", "kind": "VARCHAR", "added": "TIMESTAMPTZ", "added_by": "VARCHAR", "revision": "INTEGER"}
+"""Columns of every record: its hash, its kind, when and by whom it was added, and its revision: 0 if it changes
+nothing that was said before, else one more than the largest revision of its result."""
+LISTED = {"records": "VARCHAR[]", "keys": "VARCHAR[]", "previous": "VARCHAR[]"}
+"""Columns of a list: the hashes of records, the keys of their results, and the hashes of the lists before it. A
+deletion has `records`."""
+COLUMNS = HEAD | columns(Row) | columns(JobEnd) | LISTED
+"""Names and DuckDB types of the columns of every file; a record's are null where it says nothing."""
+SAID_WHEN = ("record", "added", "added_by", "task", "filename")
+"""Columns that a record's hash leaves out: who says the same again, at another time, adds no record."""
 
 
 def row(result: bytes | str, document: Document | Excerpt, origin: Origin, *, now: datetime | None = None) -> Row:
@@ -202,6 +231,7 @@ def row(result: bytes | str, document: Document | Excerpt, origin: Origin, *, no
         passport=origin.passport,
         place=origin.place,
         extra=json.dumps(dict(origin.extra), ensure_ascii=False, sort_keys=True) if origin.extra else "",
+        note=origin.note,
         **_stated(origin.unit.filled(made_of.unit)),
         **_solved(document.answer() if isinstance(document, Excerpt) else document.answer),
     )
@@ -246,8 +276,14 @@ def _sources_of_excerpt(excerpt: Excerpt) -> _Sources:
 
 
 def _stated(unit: Unit) -> dict[str, Any]:
-    """The columns of the unit."""
-    return {name: getattr(unit, name) for name in _UNIT}
+    """The columns of the unit; one name has one spelling."""
+    values = {name: getattr(unit, name) for name in _UNIT}
+    return {name: one_spelling(value) if isinstance(value, str) else value for name, value in values.items()}
+
+
+def one_spelling(name: str) -> str:
+    """A name without blanks around it, in Unicode's composed form (NFC)."""
+    return unicodedata.normalize("NFC", name).strip()
 
 
 def _solved(answer: Answer | None) -> dict[str, Any]:
@@ -294,25 +330,30 @@ def utc(time: datetime) -> datetime:
     return time.replace(tzinfo=UTC) if time.tzinfo is None else time.astimezone(UTC)
 
 
-def checksum(row: Mapping[str, Any]) -> str:
-    """SHA-256 of a row's values by column, without `checksum`, empty values and the name of its file.
+def record_hash(record: Mapping[str, Any]) -> str:
+    """SHA-256 of what a record says: its values by column, without empty ones and SAID_WHEN.
 
-    A column that a later release adds is empty in older rows, so it leaves their checksums as they are.
+    A column that a later release adds is empty in older records, so it leaves their hashes as they are.
 
     Args:
-        row: values as the registry returns them: times with a zone, lists of numbers or of texts.
+        record: values as DuckDB returns them: times with a zone, lists of numbers or of texts.
     """
-    found = hashlib.sha256()
-    for name, value in sorted(row.items()):
-        if name in ("checksum", "filename") or value is None or value in ("", []):
+    digest = hashlib.sha256()
+    for name, value in sorted(record.items()):
+        if name in SAID_WHEN or is_empty(value):
             continue
-        numbers = value if isinstance(value, list) else [value]
-        if isinstance(numbers[0], float):
-            data = struct.pack(f"<{len(numbers)}d", *numbers)
+        values = value if isinstance(value, list) else [value]
+        if isinstance(values[0], float):
+            data = struct.pack(f"<{len(values)}d", *values)
         else:
-            data = json.dumps([v.isoformat() if isinstance(v, datetime) else v for v in numbers]).encode()
-        found.update(f"{name} {len(data)} ".encode() + data)
-    return found.hexdigest()
+            data = json.dumps([v.isoformat() if isinstance(v, datetime) else v for v in values]).encode()
+        digest.update(f"{name} {len(data)} ".encode() + data)
+    return digest.hexdigest()
+
+
+def is_empty(value: Any) -> bool:
+    """Whether a column says nothing: null, or a text or a list without content."""
+    return value is None or value in ("", [])
 
 
 def _sampled(curves: Curves | None, colour: str) -> Curve:
