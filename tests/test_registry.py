@@ -465,6 +465,27 @@ def test_two_writers_add_the_same_at_once(one: Registry, monkeypatch: pytest.Mon
 
 
 @pytest.mark.requirement("R-REGISTRY")
+def test_a_fact_that_is_said_of_a_result_that_is_being_deleted_is_named(
+    one: Registry, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one.add([made(1, serial="A"), made(2, serial="B")])
+    real = Registry._held
+
+    def late(self: Registry, keys: Any) -> Any:
+        held = real(self, keys)
+        monkeypatch.setattr(Registry, "_held", real)
+        Registry(one.folder).delete(Unit(serial="A"))
+        return held
+
+    monkeypatch.setattr(Registry, "_held", late)
+    one.add([made(1, serial="A", lens="50mm")])
+    assert len(keys(one)) == 1
+    assert verify(one).faults == (f"facts are said of the result {0:012x}, which is not there",)
+    one.add([made(1, serial="A", lens="50mm")])
+    assert (len(keys(one)), verify(one).faults) == (2, ())
+
+
+@pytest.mark.requirement("R-REGISTRY")
 def test_a_clock_that_is_set_back_moves_nothing(one: Registry) -> None:
     """What corrects counts, whatever the clock says."""
     one.add([made(1, serial="A", added=START + timedelta(days=900))])

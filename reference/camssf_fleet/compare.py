@@ -69,24 +69,24 @@ def units_of(rows: Sequence[Sequence[str]]) -> list[tuple[str, ...] | None]:
     An empty camera_id or lens is filled in from other rows with the same serial number. If these name several, the
     unit is unknown: None, as for a row without a serial number.
     """
-    found: list[list[str] | None] = [list(row) if row[SERIAL] else None for row in rows]
+    units: list[list[str] | None] = [list(row) if row[SERIAL] else None for row in rows]
     for place, same in ((CAMERA, (0, 1, SERIAL)), (LENS, (0, 1, SERIAL, CAMERA))):
-        given: dict[tuple[str, ...], set[str]] = {}
-        for each in filter(None, found):
-            given.setdefault(tuple(each[i] for i in same), set()).update(filter(None, [each[place]]))
-        for number, row in enumerate(found):
-            names = given[tuple(row[i] for i in same)] if row else set()
+        named: dict[tuple[str, ...], set[str]] = {}
+        for unit in filter(None, units):
+            named.setdefault(tuple(unit[i] for i in same), set()).update(filter(None, [unit[place]]))
+        for number, row in enumerate(units):
+            names = named[tuple(row[i] for i in same)] if row else set()
             if row and not row[place] and len(names) > 1:
-                found[number] = None
+                units[number] = None
             elif row and names:
                 row[place] = row[place] or next(iter(names))
-    return [None if row is None else tuple(row) for row in found]
+    return [None if row is None else tuple(row) for row in units]
 
 
-def by_unit(found: dict[str, Any], wanted: Unit) -> tuple[dict[tuple[str, ...], list[int]], int]:
+def by_unit(columns: dict[str, Any], wanted: Unit) -> tuple[dict[tuple[str, ...], list[int]], int]:
     """Row indices of each unit with the camera_id and lens, and the number of rows of unknown unit; "" is any."""
     places: dict[tuple[str, ...], list[int]] = {}
-    units = units_of(list(zip(*(found[name] for name in UNIT), strict=True)))
+    units = units_of(list(zip(*(columns[name] for name in UNIT), strict=True)))
     for i, unit in enumerate(units):
         if unit is not None and may_be((unit[CAMERA], unit[LENS]), (wanted.camera_id, wanted.lens)):
             places.setdefault(unit, []).append(i)
@@ -113,9 +113,9 @@ def spread(registry: Registry, units: Unit, *, statuses: Sequence[str] = ACCEPTE
         InvalidArgument: the registry has fewer than two units of the model.
     """
     model = units.model
-    found = read_curves(registry, Wanted(units, statuses=tuple(statuses)), UNIT)
-    places, unnamed = by_unit(found.columns, units)
-    curves = [found.curves[rows] for rows in places.values()]
+    accepted = read_curves(registry, Wanted(units, statuses=tuple(statuses)), UNIT)
+    places, unnamed = by_unit(accepted.columns, units)
+    curves = [accepted.curves[rows] for rows in places.values()]
     left_out = other_statuses(registry, Wanted(units), statuses)
     if len(curves) < 2:
         rest = f" Left out: {counts_in_words(left_out)}." if left_out else ""
@@ -169,12 +169,12 @@ def between_units(units: Sequence[Floats]) -> tuple[Floats, Floats | None, Float
 def other_statuses(registry: Registry, wanted: Wanted, statuses: Sequence[str]) -> dict[str, int]:
     """Numbers of results with other statuses than these, by status."""
     where, values = wanted.where()
-    found = registry.query(
+    counts = registry.query(
         f"SELECT status, count(*) AS n FROM rows WHERE {where} AND NOT list_contains(?, status) "
         "GROUP BY status ORDER BY status",
         [*values, list(statuses)],
     )
-    return dict(tuple(row.values()) for row in found)
+    return dict(tuple(row.values()) for row in counts)
 
 
 def counts_in_words(counts: dict[str, int]) -> str:
@@ -208,15 +208,15 @@ def read_curves(registry: Registry, wanted: Wanted, also: Sequence[str]) -> Many
     arrays = ", ".join(f"{colour}::FLOAT[{len(NM)}] AS {colour}" for colour in CHANNELS)
     sql = f"SELECT {', '.join(also)}, {arrays} FROM rows WHERE {where} AND len(red) > 0 ORDER BY key"
     try:
-        found = registry.arrays(sql, values)
+        columns = registry.arrays(sql, values)
     except duckdb.Error:
         _name_damaged_row(registry, where, values)
         raise
-    columns = [np.array(list(found.pop(colour)), dtype=float).reshape(-1, len(NM)) for colour in CHANNELS]
-    curves = np.stack(columns, axis=1)
+    channels = [np.array(list(columns.pop(colour)), dtype=float).reshape(-1, len(NM)) for colour in CHANNELS]
+    curves = np.stack(channels, axis=1)
     if not (np.abs(curves) <= LARGEST).all():
         _name_damaged_row(registry, where, values)
-    return ManyCurves(found, curves[..., COMPARED])
+    return ManyCurves(columns, curves[..., COMPARED])
 
 
 def curves_in(registry: Registry, row: dict[str, Any]) -> Floats:

@@ -149,7 +149,7 @@ class UnitDrift:
         """One of OUTCOMES: UNDECIDED if there is no alarm but the newest result was left out."""
         if self.alarms:
             return DRIFT
-        return UNDECIDED if any(each.newest for each in self.left_out) else NO_DRIFT
+        return UNDECIDED if any(result.newest for result in self.left_out) else NO_DRIFT
 
 
 def drift_of(registry: Registry, unit: Unit, *, statuses: Sequence[str] = ACCEPTED) -> UnitDrift:
@@ -169,15 +169,15 @@ def drift_of(registry: Registry, unit: Unit, *, statuses: Sequence[str] = ACCEPT
     results = [_dated(registry, row) for row in rows]
     counted = [result for result in results if result.status in statuses and result.values is not None]
     units = units_of([result.unit for result in counted])
-    own = {each for each in units if each and may_be((each[CAMERA], each[LENS]), (unit.camera_id, unit.lens))}
+    own = {name for name in units if name and may_be((name[CAMERA], name[LENS]), (unit.camera_id, unit.lens))}
     if len(own) > 1:
         raise _several(serial, sorted(own))
-    used = [result for result, each in zip(counted, units, strict=True) if each in own and result.captured]
+    used = [result for result, name in zip(counted, units, strict=True) if name in own and result.captured]
     keys, names = {result.key for result in used}, tuple(getattr(unit, name) for name in UNIT)
     rest = [
         result
         for result in results
-        if result.key not in keys and all(may_be(result.unit, each) for each in (names, *own))
+        if result.key not in keys and all(may_be(result.unit, name) for name in (names, *own))
     ]
     rest.sort(key=lambda result: (result.time, result.key))
     left_out = tuple(_left_out(result, used, statuses) for result in rest)
@@ -188,7 +188,7 @@ def drift_of(registry: Registry, unit: Unit, *, statuses: Sequence[str] = ACCEPT
             "See `camssf registry list` for those that it has.",
         )
     if len(used) < FEWEST:
-        more = f" Left out: {counts_in_words(Counter(each.why for each in left_out))}." if left_out else ""
+        more = f" Left out: {counts_in_words(Counter(result.why for result in left_out))}." if left_out else ""
         count = f"{len(used)} {' or '.join(statuses)} result{' has' if len(used) == 1 else 's have'} a time"
         raise InvalidArgument(
             f"A drift is not testable yet: of the unit {serial} {count}, and it needs {FEWEST}.{more}",
@@ -214,7 +214,7 @@ def _values(results: Sequence[_Dated]) -> Floats:
 def _several(serial: str, units: Sequence[tuple[str, ...]]) -> InvalidArgument:
     named = {name: sorted({unit[i] for unit in units}) for i, name in enumerate(UNIT)}
     differ = {name: words for name, words in named.items() if len(words) > 1}
-    words = "; ".join(f"{name} {', '.join(map(repr, each))}" for name, each in differ.items())
+    words = "; ".join(f"{name} {', '.join(map(repr, values))}" for name, values in differ.items())
     options = " or ".join(f"--{name.replace('_', '-')}" for name in differ)
     return InvalidArgument(f"Several units have the serial number {serial}: {words}.", f"Name one by {options}.")
 
@@ -225,7 +225,7 @@ def _left_out(result: _Dated, used: Sequence[_Dated], statuses: Sequence[str]) -
     why = NO_TIME if result.captured is None else NO_UNIT
     if values is None or result.status not in statuses:
         why = NO_CURVES if values is None else DOUBTFUL
-    repeated = bool(result.inputs) and result.inputs in [each.inputs for each in used]
+    repeated = bool(result.inputs) and result.inputs in [other.inputs for other in used]
     if used and values is not None:
         steps = dict(zip(FEATURES, (values - _values(used).mean(axis=0)).tolist(), strict=True))
     return LeftOut(
@@ -264,7 +264,7 @@ def drifts(days: Floats, values: Floats) -> tuple[Drift, ...]:
     """
     n, (first, last) = len(days), (days[0], days[-1])
     level = FALSE_ALARMS / (2 * len(FEATURES))
-    found = []
+    tests = []
     for name, y in zip(FEATURES, values.T, strict=True):
         x = days - days.mean()
         slope, error, p_trend = 0.0, None, 1.0
@@ -280,7 +280,7 @@ def drifts(days: Floats, values: Floats) -> tuple[Drift, ...]:
         trend = p_trend < level and abs(change) >= SMALLEST_DRIFT
         jump = p_step < level and abs(step) >= SMALLEST_DRIFT
         alarm = "trend" if trend and (not jump or p_trend <= p_step) else "step" if jump else ""
-        found.append(
+        tests.append(
             Drift(
                 name,
                 n,
@@ -294,7 +294,7 @@ def drifts(days: Floats, values: Floats) -> tuple[Drift, ...]:
                 alarm,
             )
         )
-    return tuple(found)
+    return tuple(tests)
 
 
 @dataclass(frozen=True)

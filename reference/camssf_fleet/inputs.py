@@ -77,11 +77,11 @@ def layout_in(role: str, specification: str | None, home: Path = Path()) -> Path
 
 def file_hash(path: Place) -> str:
     """SHA-256 of a file."""
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     with path.open("rb") as file:
         while piece := file.read(PIECE):
-            found.update(piece)
-    return found.hexdigest()
+            digest.update(piece)
+    return digest.hexdigest()
 
 
 def stamps(path: Place) -> list[Stamp | None]:
@@ -101,10 +101,10 @@ def stamp(path: Place) -> Stamp | None:
             tag = next((info[name] for name in ("ETag", "etag", "LastModified", "created") if name in info), "")
             return int(info["size"]), int(hashlib.sha256(str(tag).encode()).hexdigest()[:15], 16)
     try:
-        found = path.stat()
+        status = path.stat()
     except (OSError, ValueError):
         return None
-    return found.st_size, found.st_mtime_ns
+    return status.st_size, status.st_mtime_ns
 
 
 def basis_path(spec: str) -> Path | None:
@@ -129,8 +129,8 @@ def basis_hash(spec: str) -> str | None:
     path = basis_path(spec)
     if path is None:
         return None
-    found = file_hash(path)
-    if _basis_hashes.setdefault(spec, found) != found:
+    digest = file_hash(path)
+    if _basis_hashes.setdefault(spec, digest) != digest:
         read_basis.cache_clear()
-        _basis_hashes[spec] = found
-    return found
+        _basis_hashes[spec] = digest
+    return digest

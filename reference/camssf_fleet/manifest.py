@@ -114,9 +114,9 @@ class Manifest:
     def absolute(self) -> Manifest:
         """The same manifest, whose jobs have absolute paths, for processes with another working folder."""
         options = self._options | ({} if self.basis_file is None else {"basis": str(self.basis_file.absolute())})
-        found = Manifest(self.path, **options)
-        found.home = absolute(self.home)
-        return found
+        manifest = Manifest(self.path, **options)
+        manifest.home = absolute(self.home)
+        return manifest
 
     def __iter__(self) -> Iterator[Job]:
         """The jobs as they are read: of any number, with any further columns; the rows of a name stand together."""
@@ -220,10 +220,10 @@ def _parquet(path: Path, further: bool) -> Iterator[tuple[float, dict[str, str]]
     with _readable(path), connection() as con:
         try:
             (total,) = con.execute("SELECT count(*) FROM read_parquet(?)", [str(path)]).fetchone()
-            found = con.execute("SELECT COLUMNS(*)::VARCHAR FROM read_parquet(?)", [str(path)])
-            fields = _columns(path, [str(each[0]) for each in found.description], further)
+            answer = con.execute("SELECT COLUMNS(*)::VARCHAR FROM read_parquet(?)", [str(path)])
+            fields = _columns(path, [str(column[0]) for column in answer.description], further)
             fetched = 0
-            while rows := found.fetchmany(FETCHED_ROWS):
+            while rows := answer.fetchmany(FETCHED_ROWS):
                 fetched += len(rows)
                 for values in rows:
                     texts = ("" if value is None else str(value).strip() for value in values)

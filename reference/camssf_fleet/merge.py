@@ -122,7 +122,7 @@ def merge(old: Mapping[str, Any] | None, row: Mapping[str, Any], correct: bool) 
             changed[name] = value
             if name == "note":
                 changes.append(f"note changed to {value}")
-    before, said = (json.loads(each.get("extra") or "{}") for each in (old, values))
+    before, said = (json.loads(row.get("extra") or "{}") for row in (old, values))
     changes += [f"{name} set to {value}" for name, value in said.items() if value and not before.get(name)]
     against += [(name, before[name], v) for name, v in said.items() if v and before.get(name, "") not in ("", v)]
     merged = before | {name: value for name, value in said.items() if value or name not in before}

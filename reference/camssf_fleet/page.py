@@ -128,9 +128,9 @@ def fleet_html(
         false_alarms: probability of an alarm for a unit that does not drift.
     """
     every = [(model, unit) for model in models for unit in model.units]
-    every.sort(key=lambda each: (not each[1].warns, _due(each[1], days) or datetime.min.replace(tzinfo=UTC)))
+    every.sort(key=lambda pair: (not pair[1].warns, _due(pair[1], days) or datetime.min.replace(tzinfo=UTC)))
     due = sum((_due(unit, days) or now) <= now for _, unit in every)
-    drifting = [[*_unit_cells(*each), *_drift_cells(alarm)] for each in every for alarm in each[1].alarms]
+    drifting = [[*_unit_cells(model, unit), *_drift_cells(alarm)] for model, unit in every for alarm in unit.alarms]
     tested = sum(unit.change is not None for _, unit in every)
     spread = [model for model in models if model.spread is not None]
     total = sum((model.statuses for model in models), Counter[str]())
@@ -149,7 +149,7 @@ def fleet_html(
         ],
         "at": f"{now:%Y-%m-%d %H:%M} UTC",
         "days": f"{days:g}",
-        "units": [[*_unit_cells(*each), *_state_cells(each[1], days, now)] for each in every[:MOST_ROWS]],
+        "units": [[*_unit_cells(model, unit), *_state_cells(unit, days, now)] for model, unit in every[:MOST_ROWS]],
         "more_units": max(0, len(every) - MOST_ROWS),
         "models": [
             [model.name, len(model.units), *(model.statuses[status] for status in STATUSES)] for model in models

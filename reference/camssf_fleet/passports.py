@@ -65,11 +65,11 @@ def issue_passports(
         f"SELECT {', '.join(columns(Row))} FROM rows WHERE status = 'accepted' AND serial <> '' "
         f"QUALIFY row_number() OVER ({PER_UNIT}) = 1 ORDER BY key"
     )
-    due = [each for each in rows if (each["passport_ends"] or now) <= now + timedelta(days=renew)]
+    due = [row for row in rows if (row["passport_ends"] or now) <= now + timedelta(days=renew)]
     issued, left_out, noted = [], [], list[Row]()
-    for number, each in enumerate(due):
+    for number, newest in enumerate(due):
         tell("signing", number / len(due))
-        fields: dict[str, Any] = {name: tuple(v) if isinstance(v, list) else v for name, v in each.items()}
+        fields: dict[str, Any] = {name: tuple(v) if isinstance(v, list) else v for name, v in newest.items()}
         row = Row(**fields)
         unit = Unit(
             camera_id=row.camera_id,

@@ -17,7 +17,7 @@ from camssf_fleet.compare import many
 from camssf_fleet.inputs import file_hash
 from camssf_fleet.merge import FACTS, Sayings, in_words
 from camssf_fleet.record_queries import all_records
-from camssf_fleet.records import DELETION, JOB, LIST, record_hash
+from camssf_fleet.records import DELETION, FACT, JOB, LIST, record_hash
 from camssf_fleet.registry import Registry, heads
 
 RESTORE = (
@@ -26,6 +26,7 @@ RESTORE = (
 )
 UNFINISHED = "The next `camssf registry add` or `camssf batch` lists what a stopped writer left."
 FORGOTTEN = "Run `camssf registry compact` to take deleted records out of the files."
+ALONE = "Add the result again; it may have been deleted while something was said of it."
 CORRECT = "Add the result again with what is right, and --correct."
 
 
@@ -61,6 +62,7 @@ class _Contents:
         lists: the lists before each list.
         deleted: hash of each deleted record, with the key of its result.
         made_from: of each result, by key.
+        facts: keys of the results of which facts are said.
         sayings: what the records of results say of FACTS.
         documents, documents_missing: as in Verification.
         archives: of each archive, by its place, the results' folders that records name.
@@ -72,6 +74,7 @@ class _Contents:
     lists: dict[str, list[str]] = field(default_factory=dict)
     deleted: dict[str, str] = field(default_factory=dict)
     made_from: dict[str, str] = field(default_factory=dict)
+    facts: set[str] = field(default_factory=set)
     sayings: Sayings = field(default_factory=Sayings)
     documents: int = 0
     documents_missing: int = 0
@@ -145,6 +148,8 @@ def _read(con: Any, registry: Registry, contents: _Contents) -> None:
         if kind in (JOB, DELETION) or not new:
             continue
         contents.sayings.add(record)
+        if kind == FACT:
+            contents.facts.add(key)
         if record["status"]:
             contents.made_from[key] = record["made_from"] or contents.made_from.get(key, "")
             if record["place"]:
@@ -155,9 +160,13 @@ def _read(con: Any, registry: Registry, contents: _Contents) -> None:
 def _compare_lists(contents: _Contents, heads_given: Sequence[str]) -> None:
     """Note what the lists name and the files lack, and the other way round."""
     there, faults = contents.records, contents.faults
-    for record in sorted(contents.listed.keys() - there.keys() - contents.deleted.keys()):
-        key = contents.listed[record]
+    lost = {
+        record: contents.listed[record] for record in contents.listed.keys() - there.keys() - contents.deleted.keys()
+    }
+    for record, key in sorted(lost.items()):
         faults[f"the record {record[:12]}{f' of the result {key[:12]}' if key else ''} is missing"] = RESTORE
+    for key in sorted(contents.facts - contents.made_from.keys() - set(lost.values())):
+        faults[f"facts are said of the result {key[:12]}, which is not there"] = ALONE
     if unlisted := there.keys() - contents.listed.keys() - contents.deleted.keys():
         names = ", ".join(sorted(record[:12] for record in unlisted)[:5])
         words = "in no list: their writer was stopped or still writes, or the list is lost"

@@ -237,10 +237,10 @@ def _say_drift(drift: UnitDrift) -> None:
     first = drift.features[0]
     doubtful = f", {drift.doubtful} of them doubtful," if drift.doubtful else ""
     counted = f"{first.results} results{doubtful} over {first.days:.0f} days"
-    for each in drift.alarms:
-        moved, words = (each.change, "trend from the first to the last") if each.alarm == "trend" else (
-            each.step, "the last against the mean of those before")  # fmt: skip
-        say("[bold red]drift[/]: ", f"{each.feature} {moved:+.2f} nm ({words})")
+    for test in drift.alarms:
+        moved, words = (test.change, "trend from the first to the last") if test.alarm == "trend" else (
+            test.step, "the last against the mean of those before")  # fmt: skip
+        say("[bold red]drift[/]: ", f"{test.feature} {moved:+.2f} nm ({words})")
     for result in drift.left_out:
         words = f"{result.captured or 'no time'}, {result.status}"
         if result.code:
@@ -248,7 +248,7 @@ def _say_drift(drift: UnitDrift) -> None:
         if result.why == NO_UNIT:
             words += f", {result.why}"
         if result.steps is not None:
-            feature, step = max(result.steps.items(), key=lambda each: abs(each[1]))
+            feature, step = max(result.steps.items(), key=lambda item: abs(item[1]))
             words += f"; {feature} {step:+.2f} nm from the mean of the others"
         say("[yellow]left out[/]: ", f"{words}; result {result.key[:12]}")
     if drift.alarms:
@@ -257,8 +257,8 @@ def _say_drift(drift: UnitDrift) -> None:
         say("", f"no drift in {counted}")
     else:
         say("[bold yellow]undecided[/]: ", f"no drift in {counted}, but the newest result was left out.")
-        why = {each.why for each in drift.left_out if each.newest}
-        say("", f"  {' '.join(ADVICE[each] for each in sorted(why))}")
+        why = {result.why for result in drift.left_out if result.newest}
+        say("", f"  {' '.join(ADVICE[word] for word in sorted(why))}")
 
 
 @registry.command(epilog="Example: camssf registry export phones/ -o phones.parquet")
