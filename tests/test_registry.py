@@ -445,6 +445,21 @@ def test_writers_that_contradict_each_other_at_once(one: Registry, monkeypatch: 
     assert verify(one).faults == ()
 
 
+def test_two_writers_that_begin_a_registry_together(one: Registry, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The other one writes its first file between this one's two looks into the folder."""
+    real = RecordFiles.sizes
+
+    def late(self: RecordFiles) -> Any:
+        sizes = real(self)
+        monkeypatch.setattr(RecordFiles, "sizes", real)
+        Registry(one.folder, new=True).add([made(1)])
+        return sizes
+
+    monkeypatch.setattr(RecordFiles, "sizes", late)
+    Registry(one.folder, new=True).add([made(2)])
+    assert len(keys(one)) == 2
+
+
 @pytest.mark.requirement("R-REGISTRY")
 def test_two_writers_add_the_same_at_once(one: Registry, monkeypatch: pytest.MonkeyPatch) -> None:
     real = Registry._held

@@ -63,7 +63,8 @@ from camssf.spectra import Lamp, Unnamed, read_chart, read_lamp
 from camssf.spectra.layouts import LAYOUTS
 from camssf.verdict.reasons import Reason, Verdict
 from camssf_colour.colour_error import expected_error, true_error
-from camssf_fleet.page import FleetDrift, FleetModel, FleetUnit, fleet_html
+from camssf_fleet.drift import LastChange
+from camssf_fleet.page import FleetDrift, FleetModel, FleetUnit, NotAccepted, fleet_html
 from camssf_fleet.passport.document import check_belongs
 
 STORED = Path(__file__).with_name("pages")
@@ -1141,12 +1142,21 @@ def fleet() -> str:
     """The page of a fleet that has all of its tables."""
     at, names = datetime(2026, 11, 1, tzinfo=UTC), ("Google Pixel 9 Pro", "NIKON D850", "Apple iPhone 17")
     drift = FleetDrift("green centre", -4.2, "trend", 12, 700.0)
-    units = tuple(FleetUnit(f"SERIAL{i} 2", at - timedelta(days=200 * i), 4, (drift,) * (i == 1)) for i in range(4))
+    change = LastChange("green centre", -4.2, 1.4, warns=True)
+    units = (
+        *(
+            FleetUnit(f"S{i} 2", at - timedelta(days=200 * i), at, "accepted", 0, 4, (drift,) * (i == 1))
+            for i in range(3)
+        ),
+        FleetUnit("SERIAL3 2", None, at, "refused"),
+        FleetUnit("SERIAL4", at, at, "accepted", timed=2, change=change),
+    )
     spread = np.array([[0.012, 0.02, 0.011], [0.008, 0.015, 0.0], [0.03, 0.04, 0.05]])
     statuses = Counter(accepted=120, doubtful=7, refused=12)
     models = [FleetModel(name, statuses, units, spread) for name in names]
     reasons = [("chart_not_found", 0, 12), ("of_a_later_release", 7, 0)]
-    return fleet_html(models, reasons, days=365.0, now=at, fewest=4, false_alarms=0.01)
+    captures = [NotAccepted("Google Pixel 9 Pro SERIAL3 2", "a.dng, b.dng", "refused", "blurred", "It is blurred.")]
+    return fleet_html(models, reasons, (captures, 3), days=365.0, now=at, false_alarms=0.01)
 
 
 MEASURE = """

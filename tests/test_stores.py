@@ -190,9 +190,9 @@ def test_from_parquet_and_from_here_to_there(bucket: str, stubbed: Stub, tmp_pat
 
 
 def test_faults_lose_nothing(bucket: str, server: tuple[str, Faulty], stubbed: Stub) -> None:
-    """One answer in twenty is throttled, an error or cut; then the same command is given until it ends."""
+    """One answer in ten is throttled, an error or cut; then the same command is given until it ends."""
     manifest_of(bucket)
-    server[1].rate, before = 0.05, server[1].faults
+    server[1].rate, before = 0.1, server[1].faults
     for _ in range(20):
         try:
             found = ran(bucket, stubbed)

@@ -149,7 +149,9 @@ def fleet_html(
         ],
         "at": f"{now:%Y-%m-%d %H:%M} UTC",
         "days": f"{days:g}",
-        "units": [[*_unit_cells(model, unit), *_state_cells(unit, days, now)] for model, unit in every[:MOST_ROWS]],
+        "units": [
+            [", ".join(_unit_cells(model, unit)), *_state_cells(unit, days, now)] for model, unit in every[:MOST_ROWS]
+        ],
         "more_units": max(0, len(every) - MOST_ROWS),
         "models": [
             [model.name, len(model.units), *(model.statuses[status] for status in STATUSES)] for model in models
@@ -173,11 +175,11 @@ def _due(unit: FleetUnit, days: float) -> datetime | None:
 
 
 def _state_cells(unit: FleetUnit, days: float, now: datetime) -> tuple[str, ...]:
-    """Last result, its verdict, days since, drift, next calibration."""
-    due, since = _due(unit, days), f"{max(0, (now - unit.last).days):,}"
+    """Last result with its verdict, the days since and the next calibration; drift."""
+    due, since = _due(unit, days), many(max(0, (now - unit.last).days), "day")
     following = "now" if due is None or due <= now else f"{due:%Y-%m-%d}"
     following = "unknown" if due is None and unit.untimed else following
-    return f"{unit.last:%Y-%m-%d}", unit.status, since, _drift_words(unit), following
+    return f"{unit.status}, {unit.last:%Y-%m-%d}, {since} ago; next {following}", _drift_words(unit)
 
 
 def _drift_words(unit: FleetUnit) -> str:

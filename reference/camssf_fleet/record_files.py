@@ -229,7 +229,7 @@ class RecordFiles:
         with self.failures():
             for attempt in range(ATTEMPTS):
                 sizes = self.sizes()
-                sizes = sizes if files is None else {path: sizes[path] for path in files}
+                sizes = sizes if files is None else {path: sizes[path] for path in files if path in sizes}
                 try:
                     with connection(self.folder, sizes) as con:
                         create_views(con, list(sizes), rows)

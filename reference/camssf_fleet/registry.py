@@ -136,7 +136,8 @@ class Registry:
             raise InvalidArgument("A registry cannot be in memory://.", "Name a folder, or a bucket of a store.")
         self.files = RecordFiles(self.folder)
         with self.files.failures():
-            if not self.files.sizes() and not (new and _is_empty(self.folder)):
+            # Another writer may begin the registry between two looks: the last one is for its files.
+            if not self.files.sizes() and not (new and (_is_empty(self.folder) or self.files.sizes())):
                 raise _no_registry(self.folder, new)
 
     # Writing

@@ -100,6 +100,7 @@ def read_private(path: Path | str, passphrase: bytes | None = None) -> Any:
         raise InvalidArgument(f"{path} is a public key.", "Give the private key that was made with it.")
     if b"PRIVATE KEY" not in data:
         raise InvalidArgument(f"{path} is not a private key.", _MAKE)
+    _check_size(data, path)
     if os.name == "posix" and mode & 0o077:
         raise InvalidArgument(
             f"Other users may read or change the private key {path} (mode {mode:03o}).",
@@ -132,8 +133,10 @@ def read_public(paths: Iterable[Path | str]) -> dict[str, Any]:
 
     keys = {}
     for path in paths:
+        data, _ = _read(path)
+        _check_size(data, path)
         try:
-            key = load_pem_public_key(_read(path)[0])
+            key = load_pem_public_key(data)
         except (ValueError, UnsupportedAlgorithm):
             raise InvalidArgument(
                 f"{path} is not a public key in PEM.", "Give the signer's public key, not the private one."
@@ -159,12 +162,15 @@ def _check_curve(key: Any, path: Path | str) -> None:
 
 
 def _read(path: Path | str) -> tuple[bytes, int]:
-    """The bytes of a key's file and the file's mode."""
+    """The bytes of a key's file, at most one more than LARGEST_KEY, and the file's mode."""
     try:
         with open(local(path), "rb") as stream:
             data, mode = stream.read(LARGEST_KEY + 1), stat.S_IMODE(os.fstat(stream.fileno()).st_mode)
     except (OSError, ValueError) as error:
         raise InvalidArgument(f"{path} cannot be read ({error_in_words(error)}).", read_advice(error)) from error
+    return data, mode
+
+
+def _check_size(data: bytes, path: Path | str) -> None:
     if len(data) > LARGEST_KEY:
         raise InvalidArgument(f"{path} is larger than {LARGEST_KEY} bytes.", "Check the path.")
-    return data, mode
