@@ -188,18 +188,19 @@ class RecordFiles:
             path: of the file.
             sizes: of all files.
         """
+        import duckdb
+
         try:
             if f"{file_hash(self.folder / _name(path))}.parquet" != _name(path):
                 return "differs from its name: it was changed or cut"
-        except FileNotFoundError:
-            return None
-        except OSError as error:
-            return f"cannot be read ({error.strerror or error})"
-        if (unreadable := self.unreadable(path, sizes)) is not None:
-            return f"cannot be read ({unreadable})"
-        with connection(self.folder, sizes) as con:
-            described = con.execute(f"DESCRIBE SELECT * FROM read_parquet({quoted(path)}, hive_partitioning = false)")
-            kinds = {name: kind.replace(" WITH TIME ZONE", "TZ") for name, kind, *_ in described.fetchall()}
+            with connection(self.folder, sizes) as con:
+                create_views(con, [path])
+                con.execute("SELECT bit_xor(hash(stored)) FROM stored").fetchone()
+                described = con.execute(f"DESCRIBE FROM read_parquet({quoted(path)}, hive_partitioning = false)")
+                kinds = {name: kind.replace(" WITH TIME ZONE", "TZ") for name, kind, *_ in described.fetchall()}
+        except (duckdb.Error, OSError) as error:
+            words = getattr(error, "strerror", None) or str(error).partition("\n")[0]
+            return f"cannot be read ({words})" if path in self.sizes() else None
         wrong = [name for name in HEAD if name not in kinds]
         wrong += [name for name, kind in COLUMNS.items() if kinds.get(name, kind) != kind]
         return f"is no file of a registry (its columns {', '.join(wrong)})" if wrong else None
