@@ -1,6 +1,6 @@
 """Merges what is said of one result at different times: empty fields are filled in, and none is emptied.
 
-Values are as the registry returns them (`record_files.dicts`).
+Values are as the registry returns them (`record_queries.dicts`).
 """
 
 from __future__ import annotations

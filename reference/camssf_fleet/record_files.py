@@ -193,17 +193,24 @@ class RecordFiles:
         try:
             if f"{file_hash(self.folder / _name(path))}.parquet" != _name(path):
                 return "differs from its name: it was changed or cut"
-            with connection(self.folder, sizes) as con:
-                create_views(con, [path])
-                con.execute("SELECT bit_xor(hash(stored)) FROM stored").fetchone()
-                described = con.execute(f"DESCRIBE FROM read_parquet({quoted(path)}, hive_partitioning = false)")
-                kinds = {name: kind.replace(" WITH TIME ZONE", "TZ") for name, kind, *_ in described.fetchall()}
+            kinds = self._kinds(path, sizes)
         except (duckdb.Error, OSError) as error:
-            words = getattr(error, "strerror", None) or str(error).partition("\n")[0]
-            return f"cannot be read ({words})" if path in self.sizes() else None
+            return f"cannot be read ({_in_words(error)})" if path in self.sizes() else None
         wrong = [name for name in HEAD if name not in kinds]
         wrong += [name for name, kind in COLUMNS.items() if kinds.get(name, kind) != kind]
         return f"is no file of a registry (its columns {', '.join(wrong)})" if wrong else None
+
+    def _kinds(self, path: str, sizes: Mapping[str, int]) -> dict[str, str]:
+        """The columns of a file and their DuckDB types; reads the whole file.
+
+        Raises:
+            duckdb.Error, OSError: it cannot be read.
+        """
+        with connection(self.folder, sizes) as con:
+            create_views(con, [path])
+            con.execute("SELECT bit_xor(hash(stored)) FROM stored").fetchone()
+            described = con.execute(f"DESCRIBE FROM read_parquet({quoted(path)}, hive_partitioning = false)")
+            return {name: kind.replace(" WITH TIME ZONE", "TZ") for name, kind, *_ in described.fetchall()}
 
     def _remove(self, path: str) -> None:
         file = self.folder / _name(path)
@@ -243,22 +250,14 @@ class RecordFiles:
 
     def _name_damaged(self, sizes: Mapping[str, int], error: Exception) -> None:
         """Raise InvalidArgument for the first file that cannot be read by itself; return if all can."""
-        for path in sizes:
-            if (fault := self.unreadable(path, sizes)) is not None:
-                what = "damaged, missing or out of reach" if is_remote(self.folder) else "damaged or missing"
-                raise InvalidArgument(f"{path} is {what} ({fault}).", DAMAGED) from error
-
-    def unreadable(self, path: str, sizes: Mapping[str, int]) -> str | None:
-        """Why a file cannot be read, in words; None if it can."""
         import duckdb
 
-        try:
-            with connection(self.folder, sizes) as con:
-                create_views(con, [path])
-                con.execute("SELECT bit_xor(hash(stored)) FROM stored").fetchone()
-        except (duckdb.Error, OSError) as error:
-            return str(error).partition("\n")[0]
-        return None
+        for path in sizes:
+            try:
+                self._kinds(path, sizes)
+            except (duckdb.Error, OSError) as fault:
+                what = "damaged, missing or out of reach" if is_remote(self.folder) else "damaged or missing"
+                raise InvalidArgument(f"{path} is {what} ({_in_words(fault)}).", DAMAGED) from error
 
     @contextmanager
     def failures(self) -> Iterator[None]:
@@ -276,6 +275,11 @@ class RecordFiles:
             words = getattr(error, "strerror", None) or without_secrets(error)
             advice = "Check the address, the credentials and the network." if remote else "Check the folder."
             raise InvalidArgument(f"{self.folder}: the registry cannot be used ({words}).", advice) from error
+
+
+def _in_words(error: Exception) -> str:
+    """What a library or the system says of a file."""
+    return getattr(error, "strerror", None) or str(error).partition("\n")[0]
 
 
 def _name(path: str) -> str:

@@ -1,6 +1,6 @@
 """A registry: what was said of many results, in records that never change.
 
-A row shows what all records of a result say together (`record_files.rows_of`). A later record adds or corrects, and
+A row shows what all records of a result say together (`record_queries.rows_of`). A later record adds or corrects, and
 empties nothing. Each record is known by the hash of what it says, so that saying it again adds nothing.
 
 After records are written, a list is, with the hashes of all records that no list has, and of the lists before it; so

@@ -56,7 +56,7 @@ class _Contents:
     """What the files hold.
 
     Attributes:
-        faults: by the advice that helps.
+        faults: each in words, with the advice that helps.
         records: hash of each record, with the key of its result; without lists.
         listed: the same of what the lists say.
         lists: the lists before each list.
