@@ -13,6 +13,7 @@ from camssf.grid import Floats
 from camssf.recovery import covariance
 from camssf.recovery.arrays import cond, eye, inverse, loop, loop_while, namespace, whiten, whiten_and_solve
 from camssf.recovery.basis import fold, interpolate, read_basis
+from camssf.recovery.drift import UnitShots, drift_evidences
 from camssf.recovery.inputs import basis_arrays, hypotheses_of, observation_arrays, with_hypothesis
 from camssf.recovery.misfit import JudgedSignals, misfit
 from camssf.recovery.model import learned_model, paper_model
@@ -283,22 +284,47 @@ def test_every_library_gives_the_same_misfit(library: str, seed: int) -> None:
     assert max(apart(found, known).values()) < 1e-10
 
 
-@pytest.fixture(scope="module")
-def misfit_session() -> Any:
-    pytest.importorskip("onnx", reason="onnx is not installed (extra: export)")
-    from camssf_onnx.models import build_misfit
+def unit_arrays(arrays: Mapping[str, Floats], seed: int) -> dict[str, Floats]:
+    """`UnitShots` of that capture, of which the first shot is new."""
+    basis = basis_arrays(read_basis(BASES[seed % 3]), 24)
+    new = np.arange(len(arrays["lamp"])) < 1
+    return {"new": new.astype(float), "first_lamp": arrays["lamp"][0], **{name: x[0] for name, x in basis.items()}}
 
-    return open_model(build_misfit().SerializeToString())
+
+@pytest.mark.parametrize("library", ["array_api_strict", "torch"])
+@pytest.mark.parametrize("seed", [0, 1, 2, 4])
+def test_every_library_gives_the_same_drift(library: str, seed: int) -> None:
+    xp = pytest.importorskip(library, reason=f"{library} is not installed")
+    arrays = judged_arrays(seed)
+    unit = unit_arrays(arrays, seed)
+    known = drift_evidences(JudgedSignals(**arrays), UnitShots(**unit))
+    arrays, unit = (
+        {name: xp.asarray(np.array(x), dtype=xp.float64) for name, x in own.items()} for own in (arrays, unit)
+    )
+    other = drift_evidences(JudgedSignals(**arrays), UnitShots(**unit))
+    np.testing.assert_allclose(np.asarray(other), known, rtol=1e-9, atol=1e-9)
+
+
+@pytest.fixture(scope="module")
+def verdict_session() -> Any:
+    pytest.importorskip("onnx", reason="onnx is not installed (extra: export)")
+    from camssf_onnx.models import build_verdict
+
+    return open_model(build_verdict().SerializeToString())
 
 
 @pytest.mark.parametrize("seed", seeds(9))
-def test_the_misfit_as_a_model(misfit_session: Any, seed: int) -> None:
+def test_the_verdict_as_a_model(verdict_session: Any, seed: int) -> None:
     arrays = judged_arrays(seed)
+    unit = unit_arrays(arrays, seed)
     for explain in (1.0, 0.0):
         known = vars(misfit(JudgedSignals(**arrays), np.array(explain)))
-        found = misfit_session.run(list(known), arrays | {"explain": np.array(explain)})
-        for name, value in zip(known, found, strict=True):
+        known["drift"] = drift_evidences(JudgedSignals(**arrays), UnitShots(**unit))
+        outputs = verdict_session.run(list(known), arrays | unit | {"explain": np.array(explain)})
+        for name, value in zip(known, outputs, strict=True):
             np.testing.assert_allclose(value, known[name], rtol=1e-9, atol=1e-12, err_msg=name)
+    (drift,) = verdict_session.run(["drift"], arrays | unit | {"explain": np.array(0.0), "new": 0.0 * unit["new"]})
+    assert np.isnan(drift).all()
 
 
 def surface_arrays(seed: int) -> dict[str, Floats]:

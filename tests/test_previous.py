@@ -25,12 +25,12 @@ from camssf.photo.patches import FrameMeans, PatchMeans
 from camssf.photo.read.unit import Unit
 from camssf.photo.shot import Shot
 from camssf.photo.signals import normalise
+from camssf.recovery.drift import STEPS, moves
 from camssf.report.build import report
 from camssf.result import Result
 from camssf.rules import rules
 from camssf.spectra import Unnamed, read_chart, read_lamp
 from camssf.spectra.lamps import read_light, with_tolerance
-from camssf.verdict.unit_drift import STEPS, moves
 from golden.forms import resolve
 from golden.scenes import PHONE
 from tests import captures

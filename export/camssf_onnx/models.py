@@ -11,7 +11,9 @@ import onnx
 from onnx import helper
 
 from camssf import __version__
+from camssf.recovery.arrays import cond
 from camssf.recovery.basis import LEARNED, NODES, Basis, read_basis
+from camssf.recovery.drift import DRIFTS, UnitShots, drift_evidences
 from camssf.recovery.inputs import basis_arrays
 from camssf.recovery.layers import DEPTH
 from camssf.recovery.misfit import JudgedSignals, misfit
@@ -53,7 +55,7 @@ ATOMS = 24
 OF_BASIS: dict[str, list[str | int]] = {"mean": ["b", 3, NODES.size], "dictionary": ["b", 3, NODES.size, ATOMS]}
 """Shapes of the further inputs of the learned bases' model."""
 
-OF_MISFIT: dict[str, list[str | int]] = {
+OF_VERDICT: dict[str, list[str | int]] = {
     "signals": ["k", "n", 3],
     "standard_error": ["k", "n", 3],
     "predicted": ["k", "n", 3],
@@ -71,8 +73,13 @@ OF_MISFIT: dict[str, list[str | int]] = {
     "white_tolerance": [],
     "gain_modes": ["k", "g", "n"],
     "gain_own": [],
+    "explain": [],
+    "new": ["k"],
+    "first_lamp": [M],
+    "mean": [3, NODES.size],
+    "dictionary": [3, NODES.size, ATOMS],
 }
-"""Shapes of `JudgedSignals`."""
+"""Shapes of `JudgedSignals`, `explain` and `UnitShots`."""
 
 
 def traced(
@@ -104,7 +111,7 @@ def build_learned() -> onnx.ModelProto:
     model = traced("camssf-learned", INPUTS | OF_BASIS, learned_model)
     hashes = {f"basis_sha256 {name}": read_basis(name).sha256() for name in LEARNED}
     of_bases = {"bases": " ".join(LEARNED), "bases_sha256": sha256(bases()).hexdigest(), "atoms": str(ATOMS)}
-    return _described(model, hashes | of_bases | {"finish": str(finish_steps(3 * ATOMS))})
+    return _described(model, SOLVES, hashes | of_bases | _of_solver(3 * ATOMS))
 
 
 def build_paper(basis: Basis) -> onnx.ModelProto:
@@ -115,17 +122,24 @@ def build_paper(basis: Basis) -> onnx.ModelProto:
 
     atoms = basis.dictionary.shape[2]
     hashes = {f"basis_sha256 {basis.name}": basis.sha256()}
-    return _described(traced(f"camssf-{basis.name}", INPUTS, function), hashes | {"finish": str(finish_steps(atoms))})
+    return _described(traced(f"camssf-{basis.name}", INPUTS, function), SOLVES, hashes | _of_solver(atoms))
 
 
-def build_misfit() -> onnx.ModelProto:
-    """The model of `misfit`, with its input `explain`. It is not shipped before a host runs it."""
+def build_verdict() -> onnx.ModelProto:
+    """The model of what the verdict computes: `misfit`, and `drift_evidences` if a shot is new, else NaN."""
 
     def function(inputs: dict[str, Array]) -> dict[str, Array]:
-        explain = inputs.pop("explain")
-        return vars(misfit(JudgedSignals(**inputs), explain))
+        explain, xp = inputs.pop("explain"), inputs["signals"].xp
+        unit = UnitShots(**{name: inputs.pop(name) for name in ("new", "first_lamp", "mean", "dictionary")})
+        judged = JudgedSignals(**inputs)
+        (drift,) = cond(
+            xp.max(unit.new) > 0.5,
+            lambda: [drift_evidences(judged, unit)],
+            lambda: [xp.full((DRIFTS,), np.nan, dtype=xp.float64)],
+        )
+        return vars(misfit(judged, explain)) | {"drift": drift}
 
-    return traced("camssf-misfit", OF_MISFIT | {"explain": []}, function)
+    return _described(traced("camssf-verdict", OF_VERDICT, function), "χ² of an answer, and what explains it.", {})
 
 
 OF_SURFACES: dict[str, list[str | int]] = {
@@ -164,15 +178,18 @@ def build_surfaces() -> onnx.ModelProto:
     return traced("camssf-surfaces", OF_SURFACES | moves, function)
 
 
-def _described(model: onnx.ModelProto, metadata: dict[str, str]) -> onnx.ModelProto:
+SOLVES = "RAW patch statistics of a ColorChecker in, camera spectral sensitivities and proof out."
+
+
+def _of_solver(size: int) -> dict[str, str]:
+    """What the metadata says of the solver of a problem of this size."""
+    return {"iteration": "splitting", "depth": str(DEPTH), "finish": str(finish_steps(size))}
+
+
+def _described(model: onnx.ModelProto, text: str, metadata: dict[str, str]) -> onnx.ModelProto:
     """The checked model with what it is in words."""
-    model.graph.doc_string = "RAW patch statistics of a ColorChecker in, camera spectral sensitivities and proof out."
-    metadata |= {
-        "iteration": "splitting",
-        "depth": str(DEPTH),
-        "grid": "380 to 720 nm every 0.5 nm",
-        "vocabulary": VOCABULARY,
-    }
+    model.graph.doc_string = text
+    metadata |= {"grid": "380 to 720 nm every 0.5 nm", "vocabulary": VOCABULARY}
     helper.set_model_props(model, metadata)
     onnx.checker.check_model(model, full_check=True)
     return model
@@ -186,6 +203,10 @@ def bases() -> bytes:
 
 def files() -> dict[str, bytes]:
     """Content of each shipped file by name; the same sources give the same bytes."""
-    models = {"learned": build_learned(), "gaussian": build_paper(read_basis("gaussian"))}
+    models = {
+        "learned": build_learned(),
+        "gaussian": build_paper(read_basis("gaussian")),
+        "verdict": build_verdict(),
+    }
     contents = {f"camssf-{name}.onnx": model.SerializeToString(deterministic=True) for name, model in models.items()}
     return contents | {"bases.f64": bases()}

@@ -1,19 +1,17 @@
 """Covariance of the errors of the signals, by source: noise, chart, white reference and lamp.
 
 The linear model (at the mean camera), the verdict (at the solution), the budget and the predictions all use it.
-Kotlin's `Covariance` uses the same names.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
 from camssf.grid import Floats
 from camssf.recovery.arrays import Array, constant, eye, namespace
-from camssf.recovery.basis import NODES, steady_exp
+from camssf.recovery.basis import NODES
 from camssf.rules import rules
 
 CHART_CORRELATION = rules().number("covariance.chart_correlation")
@@ -130,24 +128,15 @@ class Covariance:
         return self.chart_term + self.noise_term + self.common @ self.common.mT
 
 
-def smooth_errors(length: float, at: Floats = NODES) -> Floats:
+def smooth_errors(length: float, at: Array = NODES) -> Array:
     """Factor Φ, (len(at), p), of a smooth random error at the wavelengths `at`: ε = Φ u with u ~ N(0, I).
 
     White noise on points ℓ/2 apart, smoothed so that Φ Φᵀ = exp(-½ (Δλ / ℓ)²), to 1e-3 at the ends of the grid.
     """
-    return _smooth_errors(length, at.tobytes())
-
-
-@lru_cache(maxsize=16)
-def _smooth_errors(length: float, wavelengths: bytes) -> Floats:
-    """`smooth_errors` with hashable arguments, cached: the verdict repeats the same few calls."""
-    at = np.frombuffer(wavelengths)
-    step = length / 2.0
-    points = np.arange(380.0 - 2.0 * length, 720.0 + 2.0 * length + step, step)
-    weight = np.sqrt(step / (length * np.sqrt(np.pi / 2.0)))
-    modes = np.asarray(weight * steady_exp(-(((at[:, None] - points) / length) ** 2)))
-    modes.setflags(write=False)
-    return modes
+    xp, step = namespace(at), length / 2.0
+    points = constant(xp, np.arange(380.0 - 2.0 * length, 720.0 + 2.0 * length + step, step))
+    weight = float(np.sqrt(step / (length * np.sqrt(np.pi / 2.0))))
+    return weight * xp.exp(-(((at[:, None] - points) / length) ** 2))
 
 
 def covariance(signals_at: LinearisedSignals, tolerances: Tolerances, at: Floats = NODES) -> Covariance:
@@ -165,9 +154,9 @@ def covariance(signals_at: LinearisedSignals, tolerances: Tolerances, at: Floats
     could explain the signals. The independent part of a row's standard error is at least FLOOR.
     """
     xp, (h, _, k, n) = namespace(signals_at.signal), signals_at.signal.shape
-    N, predicted = n * 3 * k, signals_at.predicted[..., None]
+    N, predicted, wavelengths = n * 3 * k, signals_at.predicted[..., None], constant(xp, at)
     over_chart, over_lamp, over_table = (
-        signals_at.curve * constant(xp, smooth_errors(length, at))
+        signals_at.curve * smooth_errors(length, wavelengths)
         for length in (CHART_CORRELATION, LAMP_CORRELATION, TABLE_CORRELATION)
     )
     edges = EDGE * (signals_at.edges @ over_table)

@@ -78,13 +78,9 @@ class Misfit:
     patch_gain: Array
 
 
-def covariance_at_answer(judged: JudgedSignals) -> Array:
-    """Covariance Σ (N, N) of the errors of the signals at the answer; rows that do not count are of the identity.
-
-    It includes lamp and gain modes by their prior size, so that what they can model is weighted by it.
-    """
-    xp, (k, n, _), q = namespace(judged.signals), judged.signals.shape, judged.lamp_modes.shape[1]
-    g, N = judged.gain_modes.shape[1], n * 3 * k
+def signals_at_answer(judged: JudgedSignals) -> LinearisedSignals:
+    """The signals and their derivatives at the answer, of one hypothesis; those that do not count are 1."""
+    xp = namespace(judged.signals)
     curve, light = judged.curves.mT[None, :, None, :, None], judged.lamp * STEP  # s, and L dλ (k, m)
     response = (light * judged.white_reflectance) @ judged.curves  # W (k, 3)
     per_white = (light / response.mT[..., None])[None, :, :, None, :]  # (1, 3, k, 1, m) L dλ / W
@@ -92,10 +88,20 @@ def covariance_at_answer(judged: JudgedSignals) -> Array:
         xp.permute_dims(xp.where(judged.used[..., None] > 0.5, x, 1.0), (2, 0, 1))[None, ...]  # (1, 3, k, n)
         for x in (judged.signals, judged.predicted, judged.standard_error)
     )
-    signals_at = LinearisedSignals(
+    return LinearisedSignals(
         y, predicted, error, curve, judged.reflectance * per_white, slope(judged.reflectance) * per_white, per_white,
         judged.white_reflectance * per_white,
     )  # fmt: skip
+
+
+def covariance_at_answer(judged: JudgedSignals, signals_at: LinearisedSignals) -> Array:
+    """Covariance Σ (N, N) of the errors of the signals at the answer; rows that do not count are of the identity.
+
+    It includes lamp and gain modes by their prior size, so that what they can model is weighted by it.
+    """
+    xp, (k, n, _), q = namespace(judged.signals), judged.signals.shape, judged.lamp_modes.shape[1]
+    g, N = judged.gain_modes.shape[1], n * 3 * k
+    y, curve = signals_at.signal, signals_at.curve
     tolerances = Tolerances(judged.chart_tolerance, judged.white_tolerance, judged.lamp_tolerance[None, :])
     sigma = covariance(signals_at, tolerances, WAVELENGTHS).dense[0, ...]
     by_lamp = (signals_at.against_white * curve[..., 0][..., None, :]) @ judged.lamp_modes.mT[None, None, ...]
@@ -123,7 +129,8 @@ def misfit(judged: JudgedSignals, explain: Array) -> Misfit:
     xp, (k, n, _) = namespace(judged.signals), judged.signals.shape
     N, f, y = n * 3 * k, judged.fields.shape[0], judged.signals
     used = judged.used[..., None] * xp.ones((3,), dtype=xp.float64)
-    sigma, difference = covariance_at_answer(judged), by_row(used * (y - judged.predicted))
+    sigma = covariance_at_answer(judged, signals_at_answer(judged))
+    difference = by_row(used * (y - judged.predicted))
 
     def explained() -> list[Array]:
         directions = [

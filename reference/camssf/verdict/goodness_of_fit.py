@@ -13,7 +13,7 @@ from camssf.grid import Floats
 from camssf.photo.find.pose import Pose
 from camssf.photo.patches import PatchMeans
 from camssf.photo.signals import Signals
-from camssf.recovery.misfit import KINDS, JudgedSignals, Misfit, covariance_at_answer, misfit
+from camssf.recovery.misfit import KINDS, JudgedSignals, Misfit, covariance_at_answer, misfit, signals_at_answer
 from camssf.recovery.sensitivity import Ssf
 from camssf.rules import rules
 from camssf.spectra import ChartTable, Lamp
@@ -111,7 +111,7 @@ class VerdictInputs:
 
 def _goodness_of_fit(inputs: VerdictInputs, ssf: Ssf, *, explain: bool) -> GoodnessOfFit:
     """Rules 1 to 3; explanations are computed for inputs of one shot only."""
-    judged = _judged(inputs, ssf)
+    judged = judged_signals(inputs, ssf)
     if explain:
         judged = replace(judged, level=_level(inputs), fields=_fields(inputs))
     parts = misfit(judged, np.array(float(explain)))
@@ -136,7 +136,7 @@ def _explanations(inputs: VerdictInputs, parts: Misfit) -> tuple[Explanation, ..
     return (*by_kind, *(Explanation("patch", int(i), float(parts.patch_gain[i]), 0.0) for i in np.flatnonzero(used)))
 
 
-def _judged(inputs: VerdictInputs, ssf: Ssf) -> JudgedSignals:
+def judged_signals(inputs: VerdictInputs, ssf: Ssf) -> JudgedSignals:
     """The arrays of `misfit`, without explanations: level 1 and no fields."""
     signals, table, lamps = inputs.signals, inputs.table, inputs.lamps
     k, n, _ = signals.values.shape
@@ -167,8 +167,8 @@ def signal_covariance(inputs: VerdictInputs, ssf: Ssf) -> Floats:
     used, k = inputs.signals.used, len(inputs.lamps)
     shot, patch = np.nonzero(used)
     channel, shot, patch = np.repeat(np.arange(3), len(shot)), np.tile(shot, 3), np.tile(patch, 3)
-    order = (patch * 3 + channel) * k + shot  # of the rows of `misfit`
-    return np.asarray(covariance_at_answer(_judged(inputs, ssf))[np.ix_(order, order)])
+    order, judged = (patch * 3 + channel) * k + shot, judged_signals(inputs, ssf)  # of the rows of `misfit`
+    return np.asarray(covariance_at_answer(judged, signals_at_answer(judged))[np.ix_(order, order)])
 
 
 def _level(inputs: VerdictInputs) -> Floats:

@@ -1,0 +1,83 @@
+"""Whether a unit's blue curve has moved between its shots (docs/verdict.md, rule 10).
+
+k shots, n patches, m = 681 wavelengths, v = 69 nodes, r atoms a channel; rows as in `camssf.recovery.misfit`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from camssf.grid import STEP, WAVELENGTHS
+from camssf.recovery.arrays import Array, constant, eye, namespace, whiten
+from camssf.recovery.basis import fold
+from camssf.recovery.covariance import patchwise
+from camssf.recovery.misfit import JudgedSignals, by_row, covariance_at_answer, signals_at_answer
+from camssf.recovery.rows import anchored
+from camssf.rules import rules
+
+STEPS = round(rules().number("verdict.unit_drift_size") / STEP)
+"""One standard deviation of a drift, in steps of the grid."""
+BLUE = 2
+DRIFTS = 3
+"""Number of drifts that are compared: of the whole curve, of its long-wave flank, of its short-wave flank."""
+
+
+@dataclass(frozen=True)
+class UnitShots:
+    """What a drift is compared with.
+
+    Attributes:
+        new: (k,) 1 for each shot after the drift, else 0.
+        first_lamp: (m,) of the first shot, as given.
+        mean, dictionary: (3, v) μ and (3, v, r) Ψ at the nodes, of the prior's width.
+    """
+
+    new: Array
+    first_lamp: Array
+    mean: Array
+    dictionary: Array
+
+
+def drift_evidences(judged: JudgedSignals, unit: UnitShots) -> Array:
+    """ln of the Bayes factor of each of DRIFTS before the new shots, (3,).
+
+    A drift v ~ N(0, 1) moves the blue curve, or one of its flanks, by v · STEPS in these shots. With Σ of rule 1 and
+    r = y - ŷ at the answer, and d and A the derivatives of ŷ by the drift and by the code:
+
+        g = dᵀ (Σ + A Aᵀ)⁻¹ r,   G = dᵀ (Σ + A Aᵀ)⁻¹ d,   ln of the Bayes factor = ½ g² / (1 + G) - ½ ln(1 + G)
+    """
+    xp, (k, n, _), r = namespace(judged.signals), judged.signals.shape, unit.dictionary.shape[-1]
+    N, signals_at = n * 3 * k, signals_at_answer(judged)
+    used = judged.used[..., None] * xp.ones((3,), dtype=xp.float64)
+    counts = by_row(used)
+    by_curve = signals_at.against_white[0, ...]  # (3, k, n, m)
+    # The answer's curves are the basis's over their white signal under the first lamp, which no atom changes.
+    white = fold((judged.white_reflectance * STEP * unit.first_lamp)[None, :])[:, None, :]  # (1, 1, v)
+    atoms = anchored(unit.mean, unit.dictionary, white) / (white @ unit.mean[..., None])  # (3, v, r)
+    by_code = patchwise((fold(by_curve) @ atoms[:, None, ...])[None, ...])[0, ...]  # (n, 3, k, r)
+    by_code = by_code[:, :, :, None, :] * constant(xp, np.eye(3))[:, None, :, None]
+    A = counts * xp.reshape(by_code, (N, 3 * r))
+    moved = unit.new[:, None, None] * (by_curve[BLUE, ...] @ moves(judged.curves[:, BLUE]).mT)  # (k, n, 3)
+    moved = moved[None, ...] * constant(xp, np.eye(3)[BLUE])[:, None, None, None]  # (3, k, n, 3)
+    d = counts * xp.reshape(patchwise(moved[None, ...]), (N, DRIFTS))
+    off = by_row(used * (judged.signals - judged.predicted))
+    columns, _ = whiten(covariance_at_answer(judged, signals_at), xp.concat([A, d, off], axis=-1))
+    A, d, off = columns[:, : 3 * r], columns[:, 3 * r : 3 * r + DRIFTS], columns[:, 3 * r + DRIFTS :]
+    # Woodbury: what another code would explain.
+    free, _ = whiten(A.mT @ A + eye(xp, 3 * r), A.mT @ xp.concat([d, off], axis=-1))
+    of_drift, of_rest = free[:, :DRIFTS], free[:, DRIFTS:]
+    g = (d.mT @ off - of_drift.mT @ of_rest)[:, 0]
+    G = xp.sum(d * d, axis=0) - xp.sum(of_drift * of_drift, axis=0)
+    return 0.5 * g**2 / (1.0 + G) - 0.5 * xp.log(1.0 + G)
+
+
+def moves(curve: Array) -> Array:
+    """(3, m) changes of a curve (m,) whose whole, long-wave flank or short-wave flank moves STEPS to the red."""
+    xp, at = namespace(curve), constant(namespace(curve), np.arange(WAVELENGTHS.size, dtype=float))
+    peak = xp.astype(xp.argmax(curve, axis=0), xp.float64)
+    whole = xp.concat([curve[:1] * xp.ones((STEPS,), dtype=xp.float64), curve[:-STEPS]], axis=0)
+    long = xp.where(at > peak, xp.where(at > peak + STEPS, whole, xp.max(curve)), curve)
+    short = xp.where(at < peak, whole, curve)
+    return xp.stack([whole - curve, long - curve, short - curve], axis=0)
