@@ -15,6 +15,7 @@ import org.camssf.recovery.LampGuess
 import org.camssf.recovery.Observation
 import org.camssf.recovery.OnnxEngine
 import org.camssf.recovery.Penalties
+import org.camssf.recovery.Problem
 import org.camssf.recovery.RawWhite
 import org.camssf.recovery.Recover
 import org.camssf.recovery.Ssf
@@ -161,23 +162,21 @@ internal class CaptureFit(
      * @throws NotConverged the duality gap is too large.
      */
     fun curves(used: PatchMask, gamma: DoubleArray?, onRun: () -> Unit = {}): Ssf {
-        val selected = used.selected
-        val (chart, white, dark) = listOf(signals.sharedChart, signals.sharedWhite, signals.sharedDark)
-            .map { rows(PatchTable(k, n, it), selected) }
-        val shown = Frames(chart, white, dark)
+        val shown = frames(used.selected)
         val penalties = Penalties(settings.l2, gamma, settings.nonnegative)
         if (lamps.any { it.unnamed }) {
             return AnyLight(families(), shown, penalties, onRun)
                 .recover(guesses(used, onRun), table.sharedValues)
         }
-        val given = observation(used, lamps)
-        val found = engines.singleOrNull()?.let { Recover.recover(it, given, shown, penalties, priorScale) }
-            ?: Choice.recover(engines, given, shown, penalties, priorOdds)
-        val fit = withChartOf(found)
-        val predicted =
-            predictSignals(found.sharedValues, fit.table.sharedValues, found.sharedLamp, fit.white)
-        return found.predicting(predicted)
+        val observation = observations(used, listOf(lamps))[0]
+        val answer = engines.singleOrNull()?.let { Recover.recover(it, observation, shown, penalties, priorScale) }
+            ?: Choice.recover(engines, observation, shown, penalties, priorOdds)
+        return predicting(answer, withChartOf(answer).table)
     }
+
+    /** The answer with its predictions of all patches of a chart. */
+    private fun predicting(answer: Ssf, table: ChartTable): Ssf =
+        answer.predicting(predictSignals(answer.sharedValues, table.sharedValues, answer.sharedLamp, white))
 
     private fun families(): List<Choice.Family> =
         engines.singleOrNull()?.let { listOf(Choice.Family(it, priorScale, 0.0)) }
@@ -236,27 +235,40 @@ internal class CaptureFit(
     }
 
     /**
-     * Uncertainty budget of an answer to the `used` patches: each source's share (3) of the variance; null
-     * without a prior.
+     * The model's bands of the signals, and its uncertainty budget, of answers to these patches; null without a prior.
+     *
+     * @param masks for each answer the patches that it came from.
      */
-    fun budget(used: PatchMask, ssf: Ssf): Map<String, DoubleArray>? =
-        ssf.sharedStd?.let { Recover.budget(engines.single(), observation(used, lamps), ssf.priorScale) }
+    fun explain(masks: List<PatchMask>, answers: List<Ssf>): List<Recover.Explained>? {
+        if (answers[0].sharedStd == null) return null
+        val known = known(IntArray(n) { it }, lamps)
+        val problems = masks.zip(answers) { used, ssf ->
+            val level = level(ssf)
+            val predicted = PatchTable(k, n, ssf.sharedPredicted)
+            // A masked signal is replaced by its prediction, in the uneven light of its shot.
+            val shown = PatchTable(k, n) { j, i, c ->
+                if (used[j, i]) values[j, i, c] else predicted[j, i, c] / level[j * n + i]
+            }
+            val observation = Observation(Tensor(shown.values, k, n, 3), Tensor(hiding(used).values, k, n, 3), known)
+            Problem(engines.single(), observation, ssf.priorScale)
+        }
+        return Recover.explain(problems, answers)
+    }
 
     /**
-     * One standard deviation of each true signal minus its prediction by a fit to the `used` patches; null without a
-     * prior.
+     * [curves] from each of several masks of one capture. On a basis with a prior under named lamps all are solved
+     * together: what a mask leaves out is masked.
      */
-    fun bands(used: PatchMask, ssf: Ssf): PatchTable? {
-        if (ssf.sharedStd == null) return null
-        val level = level(ssf)
-        val predicted = PatchTable(k, n, ssf.sharedPredicted)
-        // A masked signal is replaced by its prediction, in the uneven light of its shot.
-        val shown = PatchTable(k, n) { j, i, c ->
-            if (used[j, i]) values[j, i, c] else predicted[j, i, c] / level[j * n + i]
+    fun folds(masks: List<PatchMask>, gamma: DoubleArray): List<Ssf> {
+        if (paper || lamps.any { it.unnamed }) return masks.map { curves(it, gamma) }
+        val selected = PatchMask(k, n) { j, i -> masks.any { it[j, i] } }.selected
+        val known = known(selected, lamps)
+        val signals = rows(values, selected)
+        val problems = masks.map { used ->
+            Problem(engines.single(), Observation(signals, rows(hiding(used), selected), known), priorScale)
         }
-        val known = observation(PatchMask(k, n) { _, _ -> true }, lamps).known
-        val all = Observation(Tensor(shown.values, k, n, 3), Tensor(hiding(used).values, k, n, 3), known)
-        return PatchTable(k, n, Recover.predictedStd(engines.single(), all, ssf))
+        return Recover.recover(problems, frames(selected), Penalties(settings.l2, gamma, settings.nonnegative))
+            .map { predicting(it, table) }
     }
 
     /** The standard errors, of a masked signal [HIDDEN]. */
@@ -268,25 +280,40 @@ internal class CaptureFit(
 
     private fun rows(of: PatchTable, selected: IntArray) = Tensor(of.rows(selected), k, selected.size, 3)
 
-    private fun observation(used: PatchMask, lamps: List<Lamp>): Observation = observations(used, listOf(lamps))[0]
+    private fun frames(selected: IntArray): Frames {
+        val (chart, white, dark) = listOf(signals.sharedChart, signals.sharedWhite, signals.sharedDark)
+            .map { rows(PatchTable(k, n, it), selected) }
+        return Frames(chart, white, dark)
+    }
 
     /** Observations of the same signals and the same chart under several sets of lamps. */
     private fun observations(used: PatchMask, lamps: List<List<Lamp>>): List<Observation> {
         val selected = used.selected
-        val t = selected.size
         val signals = rows(values, selected)
         val errors = rows(hiding(used), selected)
-        val reflectance = Tensor(selected.map { table.reflectance(it) }.flatten(), t, Grid.SIZE)
-        val tolerance = Tensor(DoubleArray(t) { if (paper) 0.0 else table.sharedTolerance[selected[it]] }, t)
-        val rho = Tensor(white, Grid.SIZE)
-        val uneven = gains.takeUnless { it.modes.values.isEmpty() }?.of(selected)
-        return lamps.map { own ->
-            val power = Tensor(own.map { it.sharedValues }.flatten(), k, Grid.SIZE)
-            val ofLamp = Tensor(DoubleArray(k) { own[it].tolerance }, k)
-            val known = Known(reflectance, tolerance, rho, whiteTolerance, power, ofLamp, modes(own), uneven)
-            Observation(signals, errors, known)
-        }
+        val first = known(selected, lamps[0])
+        return lamps.map { Observation(signals, errors, first.under(it)) }
     }
+
+    /** What is known of some patches under these lamps. */
+    private fun known(selected: IntArray, lamps: List<Lamp>): Known {
+        val t = selected.size
+        return Known(
+            Tensor(selected.map { table.reflectance(it) }.flatten(), t, Grid.SIZE),
+            Tensor(DoubleArray(t) { if (paper) 0.0 else table.sharedTolerance[selected[it]] }, t),
+            Tensor(white, Grid.SIZE), whiteTolerance, power(lamps), tolerance(lamps), modes(lamps),
+            gains.takeUnless { it.modes.values.isEmpty() }?.of(selected),
+        )
+    }
+
+    private fun Known.under(lamps: List<Lamp>) = Known(
+        reflectance, chartTolerance, whiteReflectance, whiteTolerance, power(lamps), tolerance(lamps), modes(lamps),
+        gains,
+    )
+
+    private fun power(lamps: List<Lamp>) = Tensor(lamps.map { it.sharedValues }.flatten(), k, Grid.SIZE)
+
+    private fun tolerance(lamps: List<Lamp>) = Tensor(DoubleArray(k) { lamps[it].tolerance }, k)
 
     /** (k, q, 681) lamp modes, padded with zeros to the largest number of modes. */
     private fun modes(lamps: List<Lamp>): Tensor {

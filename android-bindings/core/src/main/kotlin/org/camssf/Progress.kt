@@ -134,15 +134,16 @@ internal class ProgressPlan private constructor(private val steps: List<Step>) {
             val kinds = lamps.filter { it.unnamed }.take(AnyLight.MOST).fold(1) { all, lamp -> all * lamp.kinds.size }
             val runs = if (unnamed == 0) 1 else families + LIGHTS
             val size = 1 + PER_SHOT * (k - 1)
-            val folds = if (settings.fit == null) Solve.FOLDS else 0
+            // All folds are solved in one call, and their bands in another.
+            val folds = if (settings.fit == null) 2 else 0
             val alone = if (k > 1 && prior) k else 0
             val named = k - unnamed
             val comparing = prior && named > 0 && k <= Light.MOST_SHOTS_COMPARED
             val compared = if (comparing) 1 + named * Light.RIVALS.size else 0
-            val stacks = List(compared) { it }.chunked(Recover.STACK)
+            val stacks = List(compared) { it }.chunked(Recover.stackOf(k))
             // The parts of the capture are solved with the basis and the kinds of light that the whole has found.
             return listOf(Step(Stage.SOLVING, null, SOLVE * families * kinds * size, runs)) +
-                List(folds) { Step(Stage.VALIDATING, null, SOLVE * size) } +
+                List(folds) { Step(Stage.VALIDATING, null, SOLVE * size * Solve.FOLDS / folds) } +
                 List(alone) { Step(Stage.VALIDATING, null, SOLVE) } +
                 stacks.map { Step(Stage.JUDGING, null, JUDGE * families * size * it.size) }
         }

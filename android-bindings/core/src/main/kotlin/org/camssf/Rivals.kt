@@ -37,7 +37,7 @@ internal object Rivals {
         val lamps = if (fit.lamps.any { it.unnamed }) fit.under(ssf.kinds).lamps else fit.lamps
         val rivals = named.flatMap { j -> Light.RIVALS.map { j to it } }
         val others = rivals.map { (j, name) -> lamps.toMutableList().also { it[j] = lamp(name) } }
-        val nats = (listOf(lamps) + others).chunked(Recover.STACK).flatMap { some ->
+        val nats = (listOf(lamps) + others).chunked(Recover.stackOf(lamps.size)).flatMap { some ->
             onRun()
             fit.logEvidences(used, some, bases, scale).toList()
         }

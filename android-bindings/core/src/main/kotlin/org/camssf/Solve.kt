@@ -11,7 +11,6 @@ import org.camssf.photo.PatchMask
 import org.camssf.photo.PatchTable
 import org.camssf.photo.Signals
 import org.camssf.recovery.Engine
-import org.camssf.recovery.LearnedBasis
 import org.camssf.recovery.Ssf
 import org.camssf.verdict.CameraWhite
 import org.camssf.verdict.Case
@@ -61,15 +60,17 @@ internal class Solve(
             return Solve(engines, other, settings, reporter, new).run()
         }
         val fit = freeFit.conditionedOn(ssf)
-        val predictedStd = fit.bands(used, ssf)
+        val explained = fit.explain(listOf(used), listOf(ssf))?.single()
+        val predictedStd = explained?.let { PatchTable(k, n, it.predictedStd) }
         val unseen = crossValidate(fit, used, allowed, ssf, predictedStd)
         val scores = scores(fit, signals, ssf, unseen)
         val alone = capture.shots.indices.filter { k > 1 && ssf.sharedStd != null }
             .map { curves(fit, Stage.VALIDATING, used.ofShot(it), gamma) }
-        val inputs = VerdictInputs(signals, fit.table, fit.lamps, ssf, fit.white, fit.whiteTolerance, fit.gains)
+        val inputs = 
+            VerdictInputs(engines[0], signals, fit.table, fit.lamps, ssf, fit.white, fit.whiteTolerance, fit.gains)
         val family = freeFit.priorOdds.keys.firstOrNull().takeIf { engines.size > 1 }
         val unnamed = freeFit.lamps.map { it.unnamed }
-        val drift = new?.let { UnitDrift.probability(inputs, LearnedBasis.of(ssf.basis)!!, it) }
+        val drift = new?.let { UnitDrift.probability(inputs, ssf.basis, it) }
         val verdict = Judge.judge(
             Case(inputs, capture.shots, alone, neutrals(), family, unnamed, drift) {
                 Rivals.of(freeFit.withChartOf(ssf), ssf, used, new ?: k) { reporter.begin(Stage.JUDGING) }
@@ -78,7 +79,7 @@ internal class Solve(
         val level = fit.level(ssf)
         val assumptions = signals.assumptions + Assumptions.of(capture, ssf, level)
         val predictions = Predictions(level, predictedStd?.values, unseen.values.values, unseen.std?.values)
-        val widths = uncertainty(fit, signals, used, ssf, alone)
+        val widths = uncertainty(fit, signals, explained?.budget, ssf, alone)
         return Solution(capture, signals, ssf, predictions, scores, verdict, assumptions, widths)
     }
 
@@ -89,11 +90,11 @@ internal class Solve(
     private fun uncertainty(
         fit: CaptureFit,
         signals: Signals,
-        used: PatchMask,
+        shares: Map<String, DoubleArray>?,
         ssf: Ssf,
         alone: List<Ssf>,
     ): Uncertainty? {
-        val shares = fit.budget(used, ssf) ?: return null
+        if (shares == null) return null
         // Shares inside the most probable hypothesis, and the share of the variance that is between the hypotheses.
         val between = ssf.between
         val inside = DoubleArray(3) { 1.0 - (between?.get(it) ?: 0.0) }
@@ -172,12 +173,16 @@ internal class Solve(
         }
         val selected = used.selected
         val level = fit.level(ssf)
-        for (fold in 0 until FOLDS) {
-            val out = selected.filterIndexed { at, _ -> at % FOLDS == fold }
-            val others = used.without(out)
-            val without = curves(fit, Stage.VALIDATING, others, ssf.sharedGamma)
+        val folds = List(FOLDS) { fold -> selected.filterIndexed { at, _ -> at % FOLDS == fold } }
+        val masks = folds.map { used.without(it) }
+        reporter.begin(Stage.VALIDATING)
+        val answers = fit.folds(masks, ssf.sharedGamma)
+        reporter.begin(Stage.VALIDATING)
+        val explained = fit.explain(masks, answers)
+        for ((fold, out) in folds.withIndex()) {
+            val without = answers[fold]
             val own = fit.level(without)
-            val band = fit.bands(others, without)
+            val band = explained?.let { PatchTable(k, n, it[fold].predictedStd) }
             for (j in 0 until k) {
                 for (i in out.filter { used[j, it] }) {
                     // Each fold estimates its own illumination. Its predictions are rescaled to the full fit's.

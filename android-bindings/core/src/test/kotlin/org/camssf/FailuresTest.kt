@@ -202,8 +202,8 @@ class FailuresTest {
         OnnxEngine.load("cameras").use { engine ->
             val one = Tensor.scalar(1.0)
             val known = Known(one, one, one, 1.0, one, one, Tensor.full(0.0, 1, 1, 681))
-            val inputs = ModelInputs(Frames(one, one, one), one, listOf(known), 1.0, 1.0, true)
-            val error = assertThrows(InvalidArgument::class.java) { engine.run(inputs) }
+            val inputs = ModelInputs("cameras", Frames(one, one, one), one, known, 1.0, 1.0, true)
+            val error = assertThrows(InvalidArgument::class.java) { engine.run(listOf(inputs)) }
             assertTrue(error.cause is ai.onnxruntime.OrtException, error.toString())
         }
     }

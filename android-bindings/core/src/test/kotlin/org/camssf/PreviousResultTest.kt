@@ -134,16 +134,6 @@ class PreviousResultTest {
     }
 
     @Test
-    fun `moves by hand`() {
-        val curve = DoubleArray(Grid.SIZE) { if (it <= 300) it / 300.0 else (680 - it) / 380.0 }
-        val (whole, long, short) = UnitDrift.moves(curve)
-        assertEquals(-10 / 300.0, whole[250], 1e-12)
-        assertEquals(10 / 380.0, long[400], 1e-12)
-        assertEquals(whole[250], short[250])
-        assertTrue((0..300).all { long[it] == 0.0 } && (300..680).all { short[it] == 0.0 })
-    }
-
-    @Test
     fun `what contradicts a previous result`() {
         fun check(name: String, value: Double) = Check(name, null, value, 1.0, null, "above")
         fun found(drift: Double?, fit: Double?, over: Double?, own: Double?) = UnitDrift.contradiction(

@@ -142,7 +142,7 @@ class SsfCalibratorTest {
             }
             val (sound, asked) = steps(shot())
             calibrated(sound)
-            assertEquals((1 + Light.RIVALS.size + Recover.STACK - 1) / Recover.STACK, asked)
+            assertEquals((1 + Light.RIVALS.size + Recover.stackOf(1) - 1) / Recover.stackOf(1), asked)
             val (wrong, none) = steps(shaded)
             assertEquals(Status.REFUSED, wrong.verdict.outcome, wrong.verdict.reasons.joinToString { it.message })
             assertEquals(0, none)

@@ -97,9 +97,9 @@ internal class AnyLight(
         val weights = Choice.posteriorWeights(compared)
         val least = min(SOLVED, weights.max())
         val kept = weights.indices.filter { weights[it] >= least }
-        val answers = kept.map { answer(hypotheses[it]) }
+        val answers = answers(kept.map { hypotheses[it] })
         val mixture = Mixture(answers, kept.map { weights[it] })
-        val seen = kept.map { light(hypotheses[it]) }
+        val seen = posteriors(kept.map { hypotheses[it] })
         val lights = guesses[0].kinds.indices.map { j ->
             if (guesses[0].kinds[j].isEmpty()) null else found(seen.map { it[j] }, mixture.shares, compared, j)
         }
@@ -116,26 +116,36 @@ internal class AnyLight(
     }
 
     /**
-     * The answer of a hypothesis; one of a narrowed prior has the bands of the learned one.
+     * The answers of hypotheses; one of a narrowed prior has the bands of the learned one.
      *
      * Under an unnamed light a wide prior draws the curves off the family's mean, since the signals determine only the
      * product of light and curve; but a camera may be as far from that mean as the learned width says. The code is given
      * in units of the learned width: s = μ + w Ψ x = μ + Ψ (w x).
      */
-    private fun answer(hypothesis: LampHypothesis): Ssf {
-        val scale = hypothesis.family.scale
-        fun at(width: Double): Ssf {
+    private fun answers(hypotheses: List<LampHypothesis>): List<Ssf> {
+        fun solved(some: List<LampHypothesis>, width: (LampHypothesis) -> Double): List<Ssf> {
             onRun()
-            return Recover.recover(hypothesis.family.engine, hypothesis.guess.observation, frames, penalties, width)
+            val problems = some.map { Problem(it.family.engine, it.guess.observation, width(it)) }
+            return Recover.recover(problems, frames, penalties)
         }
-        return if (scale >= 1.0) at(scale) else at(scale).withBandsOf(at(1.0), scale)
+        val own = solved(hypotheses) { it.family.scale }
+        val narrow = hypotheses.indices.filter { hypotheses[it].family.scale < 1.0 }
+        if (narrow.isEmpty()) return own
+        val wide = narrow.zip(solved(narrow.map { hypotheses[it] }) { 1.0 }).toMap()
+        return own.mapIndexed { i, answer ->
+            wide[i]?.let { answer.withBandsOf(it, hypotheses[i].family.scale) } ?: answer
+        }
     }
 
-    /** Posterior of each shot's lamp under a hypothesis; its smooth error is expressed as modes too. */
-    private fun light(of: LampHypothesis): List<LampPosterior> {
+    /** Posterior of each shot's lamp under each hypothesis; its smooth error is expressed as modes too. */
+    private fun posteriors(hypotheses: List<LampHypothesis>): List<List<LampPosterior>> {
         onRun()
-        val byModes = LampPosterior.byModes(of.guess.observation)
-        return LampPosterior.of(byModes.known, Recover.modes(of.family.engine, byModes, of.family.scale))
+        val problems = hypotheses.map {
+            Problem(it.family.engine, LampPosterior.byModes(it.guess.observation), it.family.scale)
+        }
+        return problems.zip(Recover.modes(problems)).map { (problem, modes) ->
+            LampPosterior.of(problem.observation.known, modes)
+        }
     }
 
     /** Shot j's light: the mixture of the solved hypotheses' posteriors; `kinds` sums over all hypotheses. */
@@ -204,7 +214,7 @@ internal class AnyLight(
         private fun evidences(hypotheses: List<LampHypothesis>, onRun: () -> Unit): DoubleArray {
             val found = DoubleArray(hypotheses.size)
             for ((family, own) in hypotheses.indices.groupBy { hypotheses[it].family }) {
-                for (some in own.chunked(Recover.STACK)) {
+                for (some in own.chunked(Recover.stackOf(hypotheses[0].guess.kinds.size))) {
                     onRun()
                     val observations = some.map { hypotheses[it].guess.observation }
                     val nats = Recover.logEvidences(family.engine, observations, family.scale)

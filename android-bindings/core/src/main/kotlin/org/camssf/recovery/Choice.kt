@@ -72,7 +72,8 @@ internal object Choice {
         val named = List(observation.signals.shape[0]) { true }
         fun engine(found: Ssf) = engines.first { it.basis == found.basis }
         fun chosen(given: Observation): Pair<Ssf, FamilyTest> {
-            val answers = families.map { Recover.recover(it.engine, given, frames, penalties, it.scale) }
+            val problems = families.map { Problem(it.engine, given, it.scale) }
+            val answers = Recover.recover(problems, frames, penalties)
             val found = choose(given.known, answers, families.map { it.belief })
             return found to UnfamiliarCamera.test(engine(found), given, found, named)
         }

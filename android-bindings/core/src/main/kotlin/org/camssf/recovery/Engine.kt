@@ -3,11 +3,12 @@ package org.camssf.recovery
 import java.io.Closeable
 
 /**
- * The inputs of a model.
+ * The inputs of a model for one hypothesis. The hypotheses of a stack differ in basis, chart frame, standard error,
+ * reflectances, lamps and lamp modes alone, and either all or none have modes.
  *
+ * @property basis name of the basis.
  * @property standardError (k, n, 3) of the signals.
- * @property hypotheses what is known of chart, white and lamps, once for each hypothesis; they differ in reflectances,
- *   lamps and lamp modes alone, and either all or none have modes.
+ * @property known what is known of chart, white and lamps.
  * @property l2 λ₂.
  * @property gamma γ, one number.
  * @property nonnegative whether x ≥ 0 is required.
@@ -15,9 +16,10 @@ import java.io.Closeable
  * @property explain whether `budget` and `predicted_std` are computed, which takes a quarter of the time more.
  */
 internal class ModelInputs(
+    val basis: String,
     val frames: Frames,
     val standardError: Tensor,
-    val hypotheses: List<Known>,
+    val known: Known,
     val l2: Double,
     val gamma: Double,
     val nonnegative: Boolean,
@@ -44,9 +46,12 @@ internal class ModelOutputs private constructor(private val found: Map<String, D
 
     companion object {
         const val EVIDENCE = "evidence"
+
+        /** The only output that a stack has in common. */
+        const val CHANNEL_GAIN = "channel_gain"
         val NAMES = listOf(
             "ssf", "ssf_std", "code", "code_covariance", "signals", "predicted", "gap", "layers_gap", "finish_steps",
-            EVIDENCE, "channel_gain", "lamp_estimate", "mode_estimate", "mode_covariance", "gain_code",
+            EVIDENCE, CHANNEL_GAIN, "lamp_estimate", "mode_estimate", "mode_covariance", "gain_code",
             "predicted_std", "budget",
         )
 
@@ -67,7 +72,7 @@ internal class ModelOutputs private constructor(private val found: Map<String, D
 /** Names of the bases whose model is shipped. */
 internal val SHIPPED_BASES = listOf("phones", "cameras", "ryyb", "gaussian")
 
-/** Runs a shipped model: one thread, sequentially, on the CPU. Must be closed after use. */
+/** Runs the shipped models: one thread, sequentially, on the CPU. Must be closed after use. */
 internal interface Engine : Closeable {
     /** The basis of its curves: "phones", "cameras", "ryyb" or "gaussian". */
     val basis: String
@@ -78,9 +83,12 @@ internal interface Engine : Closeable {
     /** The metadata of the model file. */
     val metadata: Map<String, String>
 
-    /** Solves the one hypothesis of the inputs. Calls from several threads wait for each other. */
-    fun run(inputs: ModelInputs): ModelOutputs
+    /** Solves the hypotheses of a stack in one call. Calls from several threads wait for each other. */
+    fun run(stack: List<ModelInputs>): List<ModelOutputs>
 
     /** ln of the marginal likelihood of the signals under each hypothesis, but for a constant; solves nothing. */
-    fun logEvidences(inputs: ModelInputs): DoubleArray
+    fun logEvidences(stack: List<ModelInputs>): DoubleArray
+
+    /** Outputs of the verdict's model, by its own names. */
+    fun judge(inputs: Map<String, Tensor>, outputs: List<String>): Map<String, DoubleArray>
 }

@@ -1,109 +1,81 @@
 package org.camssf.recovery
 
-import ai.onnxruntime.OnnxTensor
-import ai.onnxruntime.OrtException
-import ai.onnxruntime.OrtLoggingLevel
-import ai.onnxruntime.OrtSession
 import org.camssf.Grid
 import org.camssf.InvalidArgument
 import org.camssf.Nodes
-import org.camssf.model.Models
-import java.nio.ByteBuffer
-import java.nio.ByteOrder
-import java.nio.DoubleBuffer
 import kotlin.math.max
 
-/** Runs a model with ONNX Runtime, with the options of the Python package, so that the numbers are the same. */
-internal class OnnxEngine private constructor(override val basis: String, private val model: LoadedModel) : Engine {
+/** Runs the models of a basis and of the verdict with ONNX Runtime. */
+internal class OnnxEngine private constructor(
+    override val basis: String,
+    private val model: OnnxSession,
+    private val verdict: OnnxSession,
+) : Engine {
     private var open = true
 
     override val sha256: String get() = model.sha256
     override val metadata: Map<String, String> =
         model.metadata + mapOf("basis" to basis, HASH to model.metadata["$HASH $basis"].orEmpty())
 
-    override fun run(inputs: ModelInputs): ModelOutputs = answer(inputs, true) { ModelOutputs(it) }
+    override fun run(stack: List<ModelInputs>): List<ModelOutputs> {
+        val outputs = answer(stack, true, ModelOutputs.NAMES)
+        return stack.indices.map { i ->
+            ModelOutputs { name ->
+                val all = outputs.getValue(name)
+                val size = all.size / if (name == ModelOutputs.CHANNEL_GAIN) 1 else stack.size
+                val start = if (name == ModelOutputs.CHANNEL_GAIN) 0 else i * size
+                if (size == all.size) all else all.copyOfRange(start, start + size)
+            }
+        }
+    }
 
-    override fun logEvidences(inputs: ModelInputs): DoubleArray =
-        answer(inputs, false) { it(ModelOutputs.EVIDENCE) }
+    override fun logEvidences(stack: List<ModelInputs>): DoubleArray =
+        answer(stack, false, listOf(ModelOutputs.EVIDENCE)).getValue(ModelOutputs.EVIDENCE)
+
+    override fun judge(inputs: Map<String, Tensor>, outputs: List<String>): Map<String, DoubleArray> {
+        checkOpen()
+        return verdict.run(inputs, outputs)
+    }
+
+    private fun checkOpen() = check(open) { "This SsfCalibrator was closed. Open another." }
 
     @Synchronized
-    private fun <T> answer(inputs: ModelInputs, solve: Boolean, read: ((String) -> DoubleArray) -> T): T {
-        check(open) { "This SsfCalibrator was closed. Open another." }
-        val hypotheses = inputs.hypotheses
-        val known = hypotheses[0]
-        // One chart serves all hypotheses if they have the same one.
-        val charts = if (hypotheses.all { it.reflectance === known.reflectance }) listOf(known) else hypotheses
-        val given = linkedMapOf(
-            "chart" to Tensor.stack(listOf(inputs.frames.chart)),
-            "white" to inputs.frames.white,
-            "dark" to inputs.frames.dark,
-            "standard_error" to Tensor.stack(listOf(inputs.standardError)),
-            "reflectance" to Tensor.stack(charts.map { it.reflectance }),
+    private fun answer(stack: List<ModelInputs>, solve: Boolean, outputs: List<String>): Map<String, DoubleArray> {
+        checkOpen()
+        val first = stack[0]
+        val known = first.known
+        /** Those of all hypotheses, or the first one's if they have all this in common. */
+        fun differing(vararg values: (ModelInputs) -> Any) =
+            if (stack.all { other -> values.all { it(other) === it(first) } }) listOf(first) else stack
+        val signals = differing({ it.frames.chart }, { it.standardError })
+        val charts = differing({ it.known.reflectance })
+        val bases = differing({ it.basis }).mapNotNull { BasisConstants.of(it.basis) }
+        val inputs = linkedMapOf(
+            "chart" to Tensor.stack(signals.map { it.frames.chart }),
+            "white" to first.frames.white,
+            "dark" to first.frames.dark,
+            "standard_error" to Tensor.stack(signals.map { it.standardError }),
+            "reflectance" to Tensor.stack(charts.map { it.known.reflectance }),
             "chart_tolerance" to known.chartTolerance,
-            "white_reflectance" to Tensor.stack(charts.map { it.whiteReflectance }),
+            "white_reflectance" to Tensor.stack(charts.map { it.known.whiteReflectance }),
             "white_tolerance" to Tensor.scalar(known.whiteTolerance),
-            "lamp" to Tensor.stack(hypotheses.map { it.lamp }),
-            "lamp_tolerance" to Tensor.stack(hypotheses.map { it.lampTolerance }),
-            "lamp_modes" to lampModes(hypotheses),
-            "gain_modes" to gainModes(inputs),
+            "lamp" to Tensor.stack(stack.map { it.known.lamp }),
+            "lamp_tolerance" to Tensor.stack(stack.map { it.known.lampTolerance }),
+            "lamp_modes" to lampModes(stack.map { it.known.lampModes }),
+            "gain_modes" to gainModes(known.gains, first.frames.chart.shape),
             "gain_own" to Tensor.scalar(known.gains?.own ?: 0.0),
-            "l2" to Tensor.scalar(inputs.l2),
-            "gamma" to Tensor.scalar(inputs.gamma),
-            "nonnegative" to Tensor.scalar(if (inputs.nonnegative) 1.0 else 0.0),
-            "prior_scale" to Tensor.scalar(inputs.priorScale),
-            "explain" to Tensor.scalar(if (inputs.explain) 1.0 else 0.0),
+            "l2" to Tensor.scalar(first.l2),
+            "gamma" to Tensor.scalar(first.gamma),
+            "nonnegative" to Tensor.scalar(if (first.nonnegative) 1.0 else 0.0),
+            "prior_scale" to Tensor.scalar(first.priorScale),
+            "explain" to Tensor.scalar(if (first.explain) 1.0 else 0.0),
             "solve" to Tensor.scalar(if (solve) 1.0 else 0.0),
         )
-        BasisConstants.of(basis)?.let {
-            given["mean"] = Tensor(it.mean, 1, 3, Nodes.SIZE)
-            given["dictionary"] = Tensor(it.dictionary, 1, 3, Nodes.SIZE, it.atoms)
+        if (bases.isNotEmpty()) {
+            inputs["mean"] = Tensor.stack(bases.map { Tensor(it.mean, 3, Nodes.SIZE) })
+            inputs["dictionary"] = Tensor.stack(bases.map { Tensor(it.dictionary, 3, Nodes.SIZE, it.atoms) })
         }
-        val tensors = LinkedHashMap<String, OnnxTensor>()
-        try {
-            given.mapValuesTo(tensors) { tensor(it.value) }
-            val wanted = if (solve) ModelOutputs.NAMES else listOf(ModelOutputs.EVIDENCE)
-            model.session.run(tensors, wanted.toSet()).use { result ->
-                return read { name ->
-                    val buffer = (result.get(name).get() as OnnxTensor).doubleBuffer
-                    DoubleArray(buffer.remaining()).also { buffer.get(it) }
-                }
-            }
-        } catch (error: OrtException) {
-            throw InvalidArgument("The model of '$basis' does not run: ${error.message}.", ADVICE, cause = error)
-        } finally {
-            tensors.values.forEach { it.close() }
-        }
-    }
-
-    /** (h, k, q, 681), padded with modes of zeros, which have no effect, to the largest number of modes, at least one. */
-    private fun lampModes(hypotheses: List<Known>): Tensor {
-        val q = max(1, hypotheses.maxOf { it.lampModes.shape[1] })
-        return Tensor.stack(
-            hypotheses.map { known ->
-                val modes = known.lampModes
-                val (k, own) = modes.shape
-                if (own == q) return@map modes
-                val padded = Tensor.full(0.0, k, q, Grid.SIZE)
-                val size = own * Grid.SIZE
-                for (j in 0 until k) modes.values.copyInto(padded.values, j * q * Grid.SIZE, j * size, (j + 1) * size)
-                padded
-            },
-        )
-    }
-
-    private fun gainModes(inputs: ModelInputs): Tensor {
-        val modes = inputs.hypotheses[0].gains?.modes
-        if (modes != null && modes.values.isNotEmpty()) return modes
-        val shape = inputs.frames.chart.shape
-        return Tensor.full(0.0, shape.getOrElse(0) { 1 }, 1, shape.getOrElse(1) { 1 })
-    }
-
-    private fun tensor(value: Tensor): OnnxTensor {
-        val bytes = ByteBuffer.allocateDirect(8 * value.values.size).order(ByteOrder.nativeOrder())
-        val buffer: DoubleBuffer = bytes.asDoubleBuffer()
-        buffer.put(value.values)
-        buffer.rewind()
-        return OnnxTensor.createTensor(model.environment, buffer, LongArray(value.rank) { value.shape[it].toLong() })
+        return model.run(inputs, outputs)
     }
 
     /** A second call does nothing. */
@@ -112,67 +84,16 @@ internal class OnnxEngine private constructor(override val basis: String, privat
         if (!open) return
         open = false
         model.release()
-    }
-
-    /** A model's session, which the engines of the learned bases share: the last one that closes closes it. */
-    private class LoadedModel(content: ByteArray) {
-        val environment = OnnxLibrary.environment()
-        private val options = OrtSession.SessionOptions()
-        val session: OrtSession
-        val sha256: String = Models.sha256(content)
-        val metadata: Map<String, String>
-        var users = 0
-
-        init {
-            try {
-                options.setIntraOpNumThreads(1)
-                options.setInterOpNumThreads(1)
-                options.setExecutionMode(OrtSession.SessionOptions.ExecutionMode.SEQUENTIAL)
-                // No optimisation: the graph that runs is the one that was checked, and it loads faster.
-                options.setOptimizationLevel(OrtSession.SessionOptions.OptLevel.NO_OPT)
-                options.setSessionLogLevel(OrtLoggingLevel.ORT_LOGGING_LEVEL_ERROR)
-                options.addConfigEntry("session.intra_op.allow_spinning", "0")
-                options.addConfigEntry("mlas.disable_kleidiai", "1")
-                session = environment.createSession(content, options)
-            } catch (error: Throwable) {
-                options.close()
-                throw error
-            }
-            metadata = try {
-                session.metadata.customMetadata
-            } catch (error: Throwable) {
-                close()
-                throw error
-            }
-        }
-
-        fun release(): Unit = synchronized(shared) {
-            users -= 1
-            if (users == 0) {
-                shared.values.remove(this)
-                close()
-            }
-        }
-
-        /** ONNX Runtime's environment stays open. The options must be closed after their session. */
-        private fun close() {
-            session.close()
-            options.close()
-        }
+        verdict.release()
     }
 
     companion object {
         const val PAPER = "gaussian"
         private const val HASH = "basis_sha256"
-        private const val VOCABULARY = "1"
-        private const val GRID = "380 to 720 nm every 0.5 nm"
-        private const val ADVICE = "Add the artefacts camssf-core and camssf-model of one version, unchanged."
-
-        /** Open models by the names of their files. */
-        private val shared = HashMap<String, LoadedModel>()
+        private const val VERDICT = "camssf-verdict.onnx"
 
         /**
-         * The engine of a basis; its model is loaded unless another engine holds it. Checks the hashes of model and
+         * The engine of a basis; its models are loaded unless another engine holds them. Checks the hashes of models and
          * bases, grid and vocabulary.
          *
          * @throws InvalidArgument there is no such model, or it does not belong to this version.
@@ -183,51 +104,52 @@ internal class OnnxEngine private constructor(override val basis: String, privat
                 throw InvalidArgument("There is no basis '$basis'.", "Take one of ${known.joinToString()}.")
             }
             val name = if (basis == PAPER) "camssf-$PAPER.onnx" else "camssf-learned.onnx"
-            return synchronized(shared) {
-                val model = shared[name] ?: loaded(name, shipped { Models.read(name) }).also { shared[name] = it }
-                engine(basis, name, model)
-            }
-        }
-
-        /** Reads from the shipped files; one that is missing or changed is [InvalidArgument]. */
-        private fun <T> shipped(read: () -> T): T = try {
-            read()
-        } catch (error: IllegalStateException) {
-            throw InvalidArgument(error.message.orEmpty(), ADVICE, cause = error)
+            return engine(basis) { OnnxSession.open(name, it, ModelOutputs.NAMES) }
         }
 
         /** The engine of a basis from the content of its model's file. */
         internal fun open(basis: String, name: String, content: ByteArray): OnnxEngine =
-            engine(basis, name, loaded(name, content))
+            engine(basis) { OnnxSession.open(name, content, it, ModelOutputs.NAMES) }
 
-        private fun loaded(name: String, content: ByteArray): LoadedModel = try {
-            LoadedModel(content)
-        } catch (error: OrtException) {
-            throw InvalidArgument("The model $name cannot be loaded: ${error.message}.", ADVICE, cause = error)
+        private fun engine(basis: String, open: (Map<String, String?>) -> OnnxSession): OnnxEngine {
+            val model = open(
+                buildMap {
+                    put("$HASH $basis", null)
+                    if (basis != PAPER) {
+                        put("bases", BasisConstants.NAMES.joinToString(" "))
+                        put("bases_sha256", OnnxSession.shipped { BasisConstants.sha256 })
+                    }
+                },
+            )
+            val verdict = try {
+                OnnxSession.open(VERDICT, emptyMap(), emptyList())
+            } catch (error: Throwable) {
+                model.release()
+                throw error
+            }
+            return OnnxEngine(basis, model, verdict)
         }
 
-        private fun engine(basis: String, name: String, model: LoadedModel): OnnxEngine {
-            val bases = if (basis == PAPER) null else shipped { BasisConstants.sha256 }
-            model.users += 1
-            val wanted = buildMap {
-                put("vocabulary", VOCABULARY)
-                put("grid", GRID)
-                if (bases != null) {
-                    put("bases", BasisConstants.NAMES.joinToString(" "))
-                    put("bases_sha256", bases)
-                }
-            }
-            val differs = wanted.filter { (key, value) -> model.metadata[key] != value }.keys +
-                listOf("$HASH $basis").filter { it !in model.metadata } +
-                ModelOutputs.NAMES.filter { it !in model.session.outputNames }
-            if (differs.isNotEmpty()) {
-                model.release()
-                throw InvalidArgument(
-                    "The model $name differs from this version in ${differs.joinToString()}.",
-                    ADVICE,
-                )
-            }
-            return OnnxEngine(basis, model)
+        /** (h, k, q, 681), padded with modes of zeros, which have no effect, to the largest number of modes, at least one. */
+        private fun lampModes(modes: List<Tensor>): Tensor {
+            val q = max(1, modes.maxOf { it.shape[1] })
+            return Tensor.stack(
+                modes.map { own ->
+                    val (k, size) = own.shape
+                    if (size == q) return@map own
+                    val padded = Tensor.full(0.0, k, q, Grid.SIZE)
+                    val row = size * Grid.SIZE
+                    for (j in 0 until k) own.values.copyInto(padded.values, j * q * Grid.SIZE, j * row, (j + 1) * row)
+                    padded
+                },
+            )
+        }
+
+        /** (k, g, n), one mode of zeros where there is none, for frames (k, n, 3). */
+        fun gainModes(gains: Gains?, shape: IntArray): Tensor {
+            val modes = gains?.modes
+            if (modes != null && modes.values.isNotEmpty()) return modes
+            return Tensor.full(0.0, shape.getOrElse(0) { 1 }, 1, shape.getOrElse(1) { 1 })
         }
     }
 }

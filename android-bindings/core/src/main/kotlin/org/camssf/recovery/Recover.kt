@@ -77,6 +77,9 @@ internal class Observation(val signals: Tensor, val standardError: Tensor, val k
         if (amount == 0.0) this else Observation(signals, standardError, known.faded(amount))
 }
 
+/** What is solved: an observation on the basis of an engine, with the width of the prior relative to the learned one. */
+internal class Problem(val engine: Engine, val observation: Observation, val priorScale: Double = 1.0)
+
 /** Recovers curves from signals with the model, with the checks of the Python reference before and after it. */
 internal object Recover {
     /**
@@ -88,54 +91,93 @@ internal object Recover {
     /** Sources of the uncertainty budget, in the order of the model and of the result document. */
     val SOURCES = listOf("noise", "chart", "white", "lamp", "lamp modes", "uneven light", "unseen")
 
-    /** Largest number of hypotheses in one call: more take no less time each, and more memory. */
-    const val STACK = 7
+    private val STACKS = listOf(24, 12)
+    private const val STACK = 7
+
+    /** Largest number of hypotheses of k shots in one call: more would not fit into the cache. */
+    fun stackOf(k: Int): Int = STACKS.getOrElse(k - 1) { STACK }
 
     /** Relative duality gap above which [NotConverged] is thrown. */
     const val LARGEST_GAP = 1e-9
 
-    /**
-     * The curves that explain the signals.
-     *
-     * If no γ is given on the paper's basis, it is chosen by the discrepancy principle ([Discrepancy]).
-     *
-     * @param frames behind the signals, for the ratio between the channels; null: the ratios are ones.
-     * @param priorScale width of the prior relative to the learned one; 1 on the paper's basis.
-     * @throws InvalidArgument invalid shapes or values; γ that differ by channel on a basis with a prior.
-     * @throws LampUnfit a lamp with negative power, or none, on the grid.
-     * @throws NotConverged a relative duality gap above 1e-9, or curves without a response to white.
-     */
+    /** The curves that explain the signals: [recover] of one problem. */
     fun recover(
         engine: Engine,
         observation: Observation,
         frames: Frames?,
         penalties: Penalties,
         priorScale: Double = 1.0,
-    ): Ssf {
-        check(observation, engine.basis)
-        checkScale(priorScale, engine.basis)
-        val paper = engine.basis == OnnxEngine.PAPER
-        val y = observation.signals
-        if (frames != null) {
-            for (frame in listOf(frames.chart, frames.white, frames.dark)) fits("frames", frame, *y.shape)
+    ): Ssf = recover(listOf(Problem(engine, observation, priorScale)), frames, penalties)[0]
+
+    /**
+     * The curves that explain the signals of each of several problems on one capture. Those of learned bases that have
+     * the width of the prior and the shape of the modes in common are solved in one call.
+     *
+     * If no γ is given on the paper's basis, it is chosen by the discrepancy principle ([Discrepancy]).
+     *
+     * @param frames behind the signals, for the ratio between the channels; null: the ratios are ones.
+     * @throws InvalidArgument invalid shapes or values; γ that differ by channel on a basis with a prior; a width other
+     *   than 1 on the paper's basis.
+     * @throws LampUnfit a lamp with negative power, or none, on the grid.
+     * @throws NotConverged a relative duality gap above 1e-9, or curves without a response to white.
+     */
+    fun recover(problems: List<Problem>, frames: Frames?, penalties: Penalties): List<Ssf> {
+        val shown = frames ?: bare(problems[0].observation.signals)
+        for (problem in problems) {
+            val y = problem.observation.signals
+            check(problem)
+            for (frame in listOf(shown.chart, shown.white, shown.dark)) fits("frames", frame, *y.shape)
+            checkPenalties(weight(penalties, problem.engine.basis), penalties.gamma, problem.engine.basis)
         }
-        val positive = penalties.nonnegative ?: paper
-        val weight = penalties.l2 ?: if (paper) 0.0 else L2
-        val shown = frames ?: bare(y)
-        val known = listOf(observation.known)
+        val answers = HashMap<Problem, Ssf>()
+        for (stack in problems.groupBy { it.stack() }.values) {
+            if (stack[0].engine.basis == OnnxEngine.PAPER) {
+                stack.associateWithTo(answers) { onPaper(it, shown, penalties) }
+                continue
+            }
+            val l2 = weight(penalties, stack[0].engine.basis)
+            val gamma = penalties.gamma?.let { own -> DoubleArray(3) { own[it % own.size] } } ?: DoubleArray(3) { GAMMA }
+            val positive = penalties.nonnegative ?: false
+            val outputs = stack[0].engine.run(stack.map { it.inputs(shown, l2, gamma[0], positive) })
+            stack.zip(outputs).forEach { (problem, output) ->
+                answers[problem] = answer(problem, output, Penalties(l2, gamma, positive))
+            }
+        }
+        return problems.map { answers.getValue(it) }
+    }
+
+    private fun weight(penalties: Penalties, basis: String) =
+        penalties.l2 ?: if (basis == OnnxEngine.PAPER) 0.0 else L2
+
+    /** What the problems of one call have in common besides the capture. */
+    private fun Problem.stack(): List<Any> {
+        val known = observation.known
+        return listOf(engine.basis == OnnxEngine.PAPER, priorScale, known.hasModes, known.lampModes.shape[1])
+    }
+
+    private fun Problem.inputs(frames: Frames, l2: Double, gamma: Double, nonnegative: Boolean) = ModelInputs(
+        engine.basis, frames, observation.standardError, observation.known, l2, gamma, nonnegative, priorScale,
+    )
+
+    /** The answer on the paper's basis: the model takes one γ a call, so each different γ is a call of its own. */
+    private fun onPaper(problem: Problem, frames: Frames, penalties: Penalties): Ssf {
+        val positive = penalties.nonnegative ?: true
+        val l2 = weight(penalties, problem.engine.basis)
         fun run(gamma: Double): ModelOutputs =
-            engine.run(ModelInputs(shown, observation.standardError, known, weight, gamma, positive, priorScale))
-        checkPenalties(weight, penalties.gamma, engine.basis)
-        val gamma = penalties.gamma?.let { given -> DoubleArray(3) { given[it % given.size] } }
-            ?: if (paper) Discrepancy(observation, positive, ::run).gammas() else DoubleArray(3) { GAMMA }
-        checkPenalties(weight, gamma, engine.basis)
-        // The model takes one γ a call, so each different γ of the paper's channels is a call of its own.
-        val answers = gamma.distinct().associateWith { run(it) }
-        val found = ModelOutputs.byChannel(gamma.map { answers.getValue(it) })
-        believe(found["gap"])
-        checkRespondsToWhite(found["ssf"])
-        val answer = curves(found, Penalties(weight, gamma, positive), engine.basis, priorScale)
-        return if (observation.known.gains == null) answer.gaining(DoubleArray(0)) else answer
+            problem.engine.run(listOf(problem.inputs(frames, l2, gamma, positive)))[0]
+        val gamma = penalties.gamma?.let { own -> DoubleArray(3) { own[it % own.size] } }
+            ?: Discrepancy(problem.observation, positive, ::run).gammas()
+        checkPenalties(l2, gamma, problem.engine.basis)
+        val outputs = gamma.distinct().associateWith { run(it) }
+        val byChannel = ModelOutputs.byChannel(gamma.map { outputs.getValue(it) })
+        return answer(problem, byChannel, Penalties(l2, gamma, positive))
+    }
+
+    private fun answer(problem: Problem, outputs: ModelOutputs, penalties: Penalties): Ssf {
+        checkConverged(outputs["gap"])
+        checkRespondsToWhite(outputs["ssf"])
+        val answer = curves(outputs, penalties, problem.engine.basis, problem.priorScale)
+        return if (problem.observation.known.gains == null) answer.gaining(DoubleArray(0)) else answer
     }
 
     /**
@@ -147,17 +189,16 @@ internal object Recover {
      * @throws LampUnfit a lamp with negative power, or none, on the grid.
      */
     fun logEvidences(engine: Engine, observations: List<Observation>, priorScale: Double): DoubleArray {
-        checkScale(priorScale, engine.basis)
-        for (each in observations) check(each, engine.basis)
-        val found = DoubleArray(observations.size)
+        val problems = observations.map { Problem(engine, it, priorScale).also(::check) }
+        val evidences = DoubleArray(problems.size)
         // The model expands all or none of its hypotheses about their modes.
-        for (alike in observations.indices.groupBy { observations[it].known.hasModes }.values) {
-            for (some in alike.chunked(STACK)) {
-                val nats = engine.logEvidences(plain(some.map { observations[it] }, priorScale, false))
-                some.forEachIndexed { i, at -> found[at] = nats[i] }
+        for (alike in problems.indices.groupBy { observations[it].known.hasModes }.values) {
+            for (some in alike.chunked(stackOf(observations[0].signals.shape[0]))) {
+                val nats = engine.logEvidences(some.map { plain(problems[it], false) })
+                some.forEachIndexed { i, at -> evidences[at] = nats[i] }
             }
         }
-        return found
+        return evidences
     }
 
     /** [logEvidences] of one observation. */
@@ -165,69 +206,72 @@ internal object Recover {
         logEvidences(engine, listOf(observation), priorScale)[0]
 
     /**
-     * Posterior mean (k q) and covariance (k q, k q) of the lamp modes.
+     * Posterior mean (k q) and covariance (k q, k q) of the lamp modes of each problem.
      *
      * @throws InvalidArgument invalid shapes or values.
      * @throws LampUnfit a lamp with negative power, or none, on the grid.
      */
-    fun modes(engine: Engine, observation: Observation, priorScale: Double): Pair<DoubleArray, DoubleArray> {
-        val found = plain(engine, observation, priorScale)
-        return found["mode_estimate"] to found["mode_covariance"]
-    }
+    fun modes(problems: List<Problem>): List<Pair<DoubleArray, DoubleArray>> =
+        plain(problems, explain = false).map { it["mode_estimate"] to it["mode_covariance"] }
 
     /**
-     * Uncertainty budget, on a basis with a prior: for each source the share (3) in the variance of each channel's
-     * curve of peak 1; the shares add up to 1.
+     * What the model says besides the curves, on a basis with a prior.
      *
-     * @throws InvalidArgument invalid shapes or values.
-     * @throws LampUnfit a lamp with negative power, or none, on the grid.
+     * @property predictedStd (k, n, 3) one standard deviation of each true signal minus its prediction by the answer.
+     * @property budget for each source the share (3) in the variance of each channel's curve of peak 1; the shares add
+     *   up to 1.
      */
-    fun budget(engine: Engine, observation: Observation, priorScale: Double): Map<String, DoubleArray> {
-        val shares = plain(engine, observation, priorScale, explain = true)["budget"]
-        return SOURCES.withIndex().associate { (at, source) -> source to shares.copyOfRange(3 * at, 3 * at + 3) }
-    }
+    class Explained(val predictedStd: DoubleArray, val budget: Map<String, DoubleArray>)
 
     /**
-     * (k, n, 3) one standard deviation of each true signal minus its prediction by `ssf`, on a basis with a prior.
+     * [Explained] of answers to observations of one capture.
      *
-     * @param observation that the answer came from, with all n patches; a masked signal has its predicted value and a
-     *   standard error too large to matter.
+     * @param problems of the answers, with all n patches; a masked signal has its predicted value and a standard error
+     *   too large to matter.
      * @throws InvalidArgument invalid shapes or values.
      * @throws LampUnfit a lamp with negative power, or none, on the grid.
      */
-    fun predictedStd(engine: Engine, observation: Observation, ssf: Ssf): DoubleArray {
-        val found = plain(engine, observation, ssf.priorScale, explain = true)
-        // The model divides by the white signal of its own curves; `ssf` may be a mixture, or have other penalties.
-        val white = observation.known.whiteReflectance.values
-        val model = whiteSignals(found["ssf"], found["lamp_estimate"], white)
-        val answer = whiteSignals(ssf.sharedValues, ssf.sharedLamp, white)
-        val n = observation.signals.shape[1]
-        return DoubleArray(found["predicted_std"].size) {
-            val at = it / (3 * n) * 3 + it % 3
-            found["predicted_std"][it] * model[at] / answer[at]
+    fun explain(problems: List<Problem>, answers: List<Ssf>): List<Explained> =
+        plain(problems, explain = true).mapIndexed { i, outputs ->
+            val observation = problems[i].observation
+            // The model divides by the white signal of its own curves; the answer may be a mixture, or have other penalties.
+            val white = observation.known.whiteReflectance.values
+            val model = whiteSignals(outputs["ssf"], outputs["lamp_estimate"], white)
+            val answer = whiteSignals(answers[i].sharedValues, answers[i].sharedLamp, white)
+            val n = observation.signals.shape[1]
+            val std = outputs["predicted_std"]
+            val shares = outputs["budget"]
+            Explained(
+                DoubleArray(std.size) {
+                    val at = it / (3 * n) * 3 + it % 3
+                    std[it] * model[at] / answer[at]
+                },
+                SOURCES.withIndex().associate { (at, source) -> source to shares.copyOfRange(3 * at, 3 * at + 3) },
+            )
         }
+
+    /** Outputs for the default penalties. */
+    private fun plain(problems: List<Problem>, explain: Boolean): List<ModelOutputs> {
+        problems.forEach(::check)
+        val outputs = HashMap<Problem, ModelOutputs>()
+        for (stack in problems.groupBy { it.stack() }.values) {
+            outputs += stack.zip(stack[0].engine.run(stack.map { plain(it, explain) }))
+        }
+        return problems.map { outputs.getValue(it) }
     }
 
-    private fun plain(
-        engine: Engine,
-        observation: Observation,
-        priorScale: Double,
-        explain: Boolean = false,
-    ): ModelOutputs {
-        check(observation, engine.basis)
-        checkScale(priorScale, engine.basis)
-        return engine.run(plain(listOf(observation), priorScale, explain))
-    }
-
-    /** Inputs for the default penalties. */
-    private fun plain(observations: List<Observation>, priorScale: Double, explain: Boolean): ModelInputs {
-        val (signals, standardError) = observations[0].let { it.signals to it.standardError }
-        val hypotheses = observations.map { it.known }
-        return ModelInputs(bare(signals), standardError, hypotheses, L2, GAMMA, false, priorScale, explain)
-    }
+    private fun plain(problem: Problem, explain: Boolean): ModelInputs = ModelInputs(
+        problem.engine.basis, bare(problem.observation.signals), problem.observation.standardError,
+        problem.observation.known, L2, GAMMA, false, problem.priorScale, explain,
+    )
 
     /** Frames with black level 0 and white 1. */
     private fun bare(y: Tensor) = Frames(y, Tensor.full(1.0, *y.shape), Tensor.full(0.0, *y.shape))
+
+    private fun check(problem: Problem) {
+        check(problem.observation, problem.engine.basis)
+        checkScale(problem.priorScale, problem.engine.basis)
+    }
 
     private fun checkScale(scale: Double, basis: String) {
         if (scale == 1.0 || (scale > 0 && scale.isFinite() && basis != OnnxEngine.PAPER)) return
@@ -284,7 +328,7 @@ internal object Recover {
     }
 
     /** Throws unless every gap is a number of at most [LARGEST_GAP]. */
-    private fun believe(gap: DoubleArray) {
+    private fun checkConverged(gap: DoubleArray) {
         if (gap.all { it <= LARGEST_GAP }) return
         val worst = gap.max()
         throw NotConverged(

@@ -4,7 +4,6 @@ import org.camssf.Grid
 import org.camssf.Rules
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
-import org.camssf.verdict.dot
 import org.junit.jupiter.api.Assertions.assertArrayEquals
 import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertSame

@@ -5,7 +5,6 @@ import org.camssf.InvalidArgument
 import org.camssf.model.Models
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
-import org.camssf.verdict.dot
 import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertNotEquals
 import org.junit.jupiter.api.Assertions.assertThrows

@@ -1,7 +1,6 @@
 package org.camssf.verdict
 
 import org.camssf.Grid
-import org.camssf.Rules
 import org.camssf.photo.ChartPose
 import org.camssf.photo.FrameMeans
 import org.camssf.photo.LensShading
@@ -9,22 +8,21 @@ import org.camssf.photo.MeasuredShot
 import org.camssf.photo.PatchMeans
 import org.camssf.photo.Photo
 import org.camssf.photo.Signals
+import org.camssf.recovery.OnnxEngine
 import org.camssf.recovery.Ssf
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
+import org.junit.jupiter.api.AfterEach
 import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertNull
 import org.junit.jupiter.api.Assertions.assertTrue
 import org.junit.jupiter.api.Test
-import kotlin.math.abs
-import kotlin.math.ceil
 import kotlin.math.exp
-import kotlin.math.max
-import kotlin.math.sqrt
 import kotlin.random.Random
 
 /** Rules 1 to 3 on a camera of three bells. */
 class GoodnessOfFitTest {
+    private val engine = OnnxEngine.load("cameras")
     private val table = ChartTable.read("classic24")
     private val grid = Grid.copyWavelengths()
     private val n = 24
@@ -64,107 +62,13 @@ class GoodnessOfFitTest {
             "cameras",
         )
         val all = Signals(k, n, signals, error, flat, flat, DoubleArray(flat.size), used, emptyList())
-        return VerdictInputs(all, table, lamps, ssf, white, 0.01)
+        return VerdictInputs(engine, all, table, lamps, ssf, white, 0.01)
     }
 
     private val lamps = listOf(Lamp.read("daylight").withTolerance("2%"), Lamp.read("A").withTolerance("3%"))
 
     /** All but a few; patch 5 in no shot. */
     private val used = BooleanArray(48) { it % 24 != 5 && it != 3 && it != 24 + 11 }
-
-    /** Rule 1 as docs/verdict.md has it, entry by entry. */
-    private inner class Definition(private val inputs: VerdictInputs) {
-        private fun number(word: String) = Rules.shipped.number("covariance.$word")
-
-        private fun directions(length: Double): List<DoubleArray> {
-            val h = length / 2
-            return List(ceil((340 + 4 * length) / h).toInt() + 1) { q ->
-                DoubleArray(Grid.SIZE) {
-                    val u = (grid[it] - 380 + 2 * length - q * h) / length
-                    sqrt(h / (length * sqrt(Math.PI / 2))) * exp(-u * u)
-                }
-            }
-        }
-
-        private val long = directions(number("chart_correlation"))
-        private val short = directions(number("table_correlation"))
-        private val smooth = directions(number("lamp_correlation"))
-
-        /** Σ f φ L s dλ / W of a row, along each direction φ. */
-        private fun along(directions: List<DoubleArray>, row: Int, f: (Int) -> Double): DoubleArray {
-            val (c, lamp) = row % 3 to inputs.lamps[row / (3 * n)]
-            val whole = integral(c, lamp) { white[it] }
-            return DoubleArray(directions.size) { q -> integral(c, lamp) { f(it) * directions[q][it] } / whole }
-        }
-
-        private fun reflectance(row: Int, m: Int) = table.sharedValues[row / 3 % n * Grid.SIZE + m]
-
-        private fun slope(row: Int, m: Int): Double {
-            val (from, to) = max(m - 1, 0) to minOf(m + 1, Grid.SIZE - 1)
-            return (reflectance(row, to) - reflectance(row, from)) / (grid[to] - grid[from])
-        }
-
-        private fun answer(row: Int, m: Int) = reflectance(row, m) - inputs.ssf.sharedPredicted[row] * white[m]
-
-        private val chart = HashMap<Int, DoubleArray>()
-        private val whites = HashMap<Int, DoubleArray>()
-        private val bends = HashMap<Int, DoubleArray>()
-
-        private fun chart(row: Int) = chart.getOrPut(row) {
-            val relative = along(long, row) { number("relative") * reflectance(row, it) }
-            val absolute = along(short, row) { number("absolute") }
-            val edge = along(short, row) { number("edge") * slope(row, it) }
-            val tolerance = table.sharedTolerance[row / 3 % n]
-            (relative + absolute + edge).let { all -> DoubleArray(all.size) { tolerance * all[it] } }
-        }
-
-        private fun white(row: Int) = whites.getOrPut(row) {
-            along(long, row) { inputs.whiteTolerance * inputs.ssf.sharedPredicted[row] * white[it] }
-        }
-
-        private fun lamp(row: Int) = bends.getOrPut(row) {
-            val lamp = inputs.lamps[row / (3 * n)]
-            along(smooth, row) { lamp.tolerance * answer(row, it) } +
-                along(lamp.sharedModes, row) { answer(row, it) } + number("drift") * inputs.ssf.sharedPredicted[row]
-        }
-
-        fun entry(a: Int, b: Int): Double {
-            val (channels, shots) = (a % 3 == b % 3) to (a / (3 * n) == b / (3 * n))
-            var value = dot(white(a), white(b))
-            if (a / 3 % n == b / 3 % n) {
-                value += (if (channels) 1.0 else number("channel_share")) * dot(chart(a), chart(b))
-            }
-            if (shots) value += dot(lamp(a), lamp(b))
-            if (a == b) {
-                val own =
-                    number("independent_share") * table.sharedTolerance[a / 3 % n] * inputs.signals.sharedValues[a]
-                val noise = inputs.signals.sharedError[a]
-                value += max(noise * noise + own * own, number("floor") * number("floor"))
-            }
-            return value
-        }
-    }
-
-    @Test
-    fun `the covariance is rule 1's, over channels and shots`() {
-        val inputs = inputs(lamps, used)
-        val rows = Rows(inputs.signals)
-        assertEquals(3 * used.count { it }, rows.size)
-        val found = Covariance(inputs, rows)
-        val wanted = Definition(inputs)
-        val block = IntArray(rows.size) { row -> rows.starts.indexOfLast { it <= row } }
-        for (a in 0 until rows.size step 5) {
-            for (b in 0..a) {
-                val own = if (block[a] == block[b]) {
-                    found.blocks[block[a]][a - rows.starts[block[a]]][b - rows.starts[block[a]]]
-                } else {
-                    0.0
-                }
-                val value = wanted.entry(rows.at[a], rows.at[b])
-                assertEquals(value, own + dot(found.shared[a], found.shared[b]), 1e-12 * max(1e-4, abs(value)))
-            }
-        }
-    }
 
     private val pose: ChartPose
         get() {
@@ -183,6 +87,9 @@ class GoodnessOfFitTest {
         val means = PatchMeans(frame, frame, frame.takeIf { dark }, DoubleArray(3), 4000.0)
         return MeasuredShot(lamps[0], photo, photo, photo.takeIf { dark }, pose, means, LensShading.AS_STORED)
     }
+
+    @AfterEach
+    fun close() = engine.close()
 
     /** A patch's suspicion is what χ² loses when its three signals are left out. */
     @Test
@@ -209,7 +116,7 @@ class GoodnessOfFitTest {
                 1, n, y, old.sharedError, old.sharedChart, old.sharedWhite, old.sharedDark, old.sharedUsed,
                 emptyList(),
             )
-            return VerdictInputs(signals, table, clean.lamps, clean.ssf, white, 0.01).goodnessOfFit(shot(dark))
+            return VerdictInputs(engine, signals, table, clean.lamps, clean.ssf, white, 0.01).goodnessOfFit(shot(dark))
         }
         val veiled = spoiled { _, y -> y + 0.05 * (1 - y) }.bestExplanation()!!
         assertEquals(Cause.VEIL, veiled.cause)

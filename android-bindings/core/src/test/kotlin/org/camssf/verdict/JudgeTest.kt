@@ -11,10 +11,12 @@ import org.camssf.photo.Photo
 import org.camssf.photo.Signals
 import org.camssf.recovery.FamilyTest
 import org.camssf.recovery.Hypothesis
+import org.camssf.recovery.OnnxEngine
 import org.camssf.recovery.Ssf
 import org.camssf.recovery.UnfamiliarCamera
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
+import org.junit.jupiter.api.AfterEach
 import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertNull
 import org.junit.jupiter.api.Assertions.assertTrue
@@ -24,6 +26,11 @@ import kotlin.math.sqrt
 
 /** A sound capture of a camera of three bells, and what makes it doubtful. */
 class JudgeTest {
+    private val engine = OnnxEngine.load("phones")
+
+    @AfterEach
+    fun close() = engine.close()
+
     private val table = ChartTable.read("classic24")
     private val lamp = Lamp.read("D55")
     private val n = 24
@@ -54,7 +61,8 @@ class JudgeTest {
     ): Verdict {
         val predicted = DoubleArray(3 * n) { at ->
             val seen = DoubleArray(Grid.SIZE) { lamp.sharedValues[it] * curves[3 * it + at % 3] }
-            dot(table.reflectance(at / 3), seen) / seen.sum()
+            val reflectance = table.reflectance(at / 3)
+            seen.indices.sumOf { reflectance[it] * seen[it] } / seen.sum()
         }
         val y = DoubleArray(3 * n) { predicted[it] * if (it / 3 % 2 == 0) off else 1.0 }
         val (chart, flat, dark) = listOf(y, DoubleArray(3 * n) { 1.0 }, DoubleArray(3 * n)).map { frame(it) }
@@ -76,7 +84,7 @@ class JudgeTest {
         val photo = Photo("a", 60, 40, 1, null, null, false, "a", "b", "")
         val means = PatchMeans(chart, flat, dark, DoubleArray(3) { 500.0 }, 16000.0)
         val shot = MeasuredShot(lamp, photo, photo, photo, pose, means, LensShading.AS_STORED)
-        val inputs = VerdictInputs(signals, table, listOf(lamp), ssf, white, 0.01)
+        val inputs = VerdictInputs(engine, signals, table, listOf(lamp), ssf, white, 0.01)
         val case = Case(inputs, listOf(shot), emptyList(), listOf(emptyList()), family) {
             asked++
             rivals.toList()

@@ -168,7 +168,7 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         "calibrate" -> captures.calibrate(case, engines(case))
         "light" -> captures.light(case, engines(case))
         "rivals" -> captures.rivals(case, engines(case))
-        "verdict" -> VerdictStage(forms, frames).verdict(case)
+        "verdict" -> VerdictStage(engine("phones"), forms, frames).verdict(case)
         "colour" -> colours.colour(case)
         "spectrum" -> colours.spectrum(case)
         "regions" -> colours.regions(case)
@@ -193,18 +193,19 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
     private fun model(case: GoldenCase): Map<String, Any?> {
         fun given(name: String) = forms.resolve(case.inputs.getValue(name))
         val frames = Frames(given("chart"), given("white"), given("dark"))
-        val found = engine(case).run(
-            ModelInputs(
-                frames,
-                given("standard_error"),
-                listOf(known(case)),
-                given("l2").values[0],
-                given("gamma").values[0],
-                case.inputs.getValue("nonnegative").jsonPrimitive.boolean,
-                priorScale(case),
-                explain = true,
-            ),
+        val engine = engine(case)
+        val inputs = ModelInputs(
+            engine.basis,
+            frames,
+            given("standard_error"),
+            known(case),
+            given("l2").values[0],
+            given("gamma").values[0],
+            case.inputs.getValue("nonnegative").jsonPrimitive.boolean,
+            priorScale(case),
+            explain = true,
         )
+        val found = engine.run(listOf(inputs))[0]
         val r = found["code"].size / 3
         val shapes = mapOf(
             "ssf" to intArrayOf(Grid.SIZE, 3),

@@ -19,10 +19,10 @@ import org.camssf.photo.LensShading
 import org.camssf.photo.MeasuredShot
 import org.camssf.photo.Photo
 import org.camssf.photo.Signals
+import org.camssf.recovery.Engine
 import org.camssf.recovery.FamilyTest
 import org.camssf.recovery.Gains
 import org.camssf.recovery.Hypothesis
-import org.camssf.recovery.LearnedBasis
 import org.camssf.recovery.Ssf
 import org.camssf.recovery.Tensor
 import org.camssf.spectra.ChartTable
@@ -41,7 +41,11 @@ internal fun gains(inputs: JsonObject, forms: Forms): Gains? {
 }
 
 /** The stage verdict: the judge, and the numbers of its rules 1 to 3. */
-internal class VerdictStage(private val forms: Forms, private val frames: Statistics) {
+internal class VerdictStage(
+    private val engine: Engine,
+    private val forms: Forms,
+    private val frames: Statistics,
+) {
     fun verdict(case: GoldenCase): Map<String, Any?> {
         val inputs = case.inputs
         fun given(name: String) = forms.resolve(inputs.getValue(name))
@@ -92,6 +96,7 @@ internal class VerdictStage(private val forms: Forms, private val frames: Statis
             return test?.let { ssf.withFamilyTest(it, fading) } ?: ssf
         }
         val verdictInputs = VerdictInputs(
+            engine,
             signals,
             table,
             lamps,
@@ -107,9 +112,7 @@ internal class VerdictStage(private val forms: Forms, private val frames: Statis
             inputs.getValue("neutrals").jsonArray.map { shot -> shot.jsonArray.map { neutral(it) } },
             inputs["family"]?.jsonPrimitive?.contentOrNull,
             List(k) { inputs["unnamed"]?.jsonPrimitive?.boolean ?: false },
-            inputs["new"]?.let {
-                UnitDrift.probability(verdictInputs, LearnedBasis.of(basis)!!, it.jsonPrimitive.int)
-            },
+            inputs["new"]?.let { UnitDrift.probability(verdictInputs, basis, it.jsonPrimitive.int) },
         ) {
             inputs.getValue("rivals").jsonArray.map { entry ->
                 val (shot, name, gain) = entry.jsonArray.map { it.jsonPrimitive }

@@ -9,7 +9,7 @@ public object Models {
     /** Names of the files. */
     @JvmField
     public val NAMES: List<String> = listOf(
-        "camssf-learned.onnx", "camssf-gaussian.onnx", "bases.f64",
+        "camssf-learned.onnx", "camssf-gaussian.onnx", "camssf-verdict.onnx", "bases.f64",
         "spectra.json", "rules.json", "finder.json",
     )
 
