@@ -66,7 +66,7 @@ internal class Solve(
         val scores = scores(fit, signals, ssf, unseen)
         val alone = capture.shots.indices.filter { k > 1 && ssf.sharedStd != null }
             .map { curves(fit, Stage.VALIDATING, used.ofShot(it), gamma) }
-        val inputs = 
+        val inputs =
             VerdictInputs(engines[0], signals, fit.table, fit.lamps, ssf, fit.white, fit.whiteTolerance, fit.gains)
         val family = freeFit.priorOdds.keys.firstOrNull().takeIf { engines.size > 1 }
         val unnamed = freeFit.lamps.map { it.unnamed }

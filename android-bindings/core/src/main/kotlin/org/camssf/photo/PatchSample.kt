@@ -114,30 +114,44 @@ internal class PatchSample(
             var total = 0L
             for (value in v) total += value
             val level = total / n
-            val sums = Array(4) { LongArray(4) } // products of 1, X, Y, e: whole numbers, so exact in any order
+            // Sums of products of X, Y and e: whole numbers, so exact in any order.
+            var sx = 0L
+            var sy = 0L
+            var se = 0L
+            var xx = 0L
+            var xy = 0L
+            var xe = 0L
+            var yy = 0L
+            var ye = 0L
+            var ee = 0L
             for (i in 0 until n) {
                 val e = v[i] - level
                 val right = x[i].toLong()
                 val down = y[i].toLong()
-                sums[0][1] += right
-                sums[0][2] += down
-                sums[0][3] += e
-                sums[1][1] += right * right
-                sums[1][2] += right * down
-                sums[1][3] += right * e
-                sums[2][2] += down * down
-                sums[2][3] += down * e
-                sums[3][3] += e * e
+                sx += right
+                sy += down
+                se += e
+                xx += right * right
+                xy += right * down
+                xe += right * e
+                yy += down * down
+                ye += down * e
+                ee += e * e
             }
-            fun c(a: Int, b: Int): Double = sums[a][b] - sums[0][a].toDouble() * sums[0][b] / n
-            val determinant = c(1, 1) * c(2, 2) - c(1, 2) * c(1, 2)
+            fun about(product: Long, a: Long, b: Long): Double = product - a.toDouble() * b / n
+            val cxx = about(xx, sx, sx)
+            val cxy = about(xy, sx, sy)
+            val cxe = about(xe, sx, se)
+            val cyy = about(yy, sy, sy)
+            val cye = about(ye, sy, se)
+            val determinant = cxx * cyy - cxy * cxy
             var a = 0.0
             var b = 0.0
             if (determinant > 0) {
-                a = (c(2, 2) * c(1, 3) - c(1, 2) * c(2, 3)) / determinant
-                b = (c(1, 1) * c(2, 3) - c(1, 2) * c(1, 3)) / determinant
+                a = (cyy * cxe - cxy * cye) / determinant
+                b = (cxx * cye - cxy * cxe) / determinant
             }
-            val variance = max(0.0, c(3, 3) - a * c(1, 3) - b * c(2, 3)) / (n - 3) + 1.0 / 12
+            val variance = max(0.0, about(ee, se, se) - a * cxe - b * cye) / (n - 3) + 1.0 / 12
             return PatchSample(
                 total.toDouble() / n,
                 sqrt(variance / n),

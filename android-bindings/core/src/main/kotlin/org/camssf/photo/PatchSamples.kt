@@ -93,22 +93,34 @@ internal object PatchSamples {
         val first = IntArray(rows)
         val count = IntArray(rows)
         for (row in 0 until rows) {
-            // The intersection of four half-planes is convex, so the samples of a row are contiguous.
-            var column = left
-            while (column <= high[0] && !inside(corners, column, top + 2 * row)) column += 2
-            first[row] = column.toInt()
-            while (column <= high[0] && inside(corners, column, top + 2 * row)) {
-                count[row]++
-                column += 2
-            }
+            val (begin, end) = columns(corners, top + 2 * row, low[0], high[0])
+            val start = begin + (begin - left).mod(2L)
+            first[row] = start.toInt()
+            count[row] = if (start > end) 0 else ((end - start) / 2 + 1).toInt()
         }
         return Places(top.toInt(), first, count)
     }
 
-    private fun inside(corners: LongArray, column: Long, row: Long): Boolean = (0..3).all { a ->
-        val b = (a + 1) % 4
-        (corners[2 * b] - corners[2 * a]) * (16 * row - corners[2 * a + 1]) >=
-            (corners[2 * b + 1] - corners[2 * a + 1]) * (16 * column - corners[2 * a])
+    /**
+     * First and last column of a row inside the quad, between `low` and `high`; the last lies before the first if there
+     * are none. The intersection of four half-planes is convex, so the columns are contiguous; `corners` and the
+     * half-planes are in sixteenths of a pixel, whole numbers.
+     */
+    private fun columns(corners: LongArray, row: Long, low: Long, high: Long): Pair<Long, Long> {
+        var begin = low
+        var end = high
+        for (a in 0..3) {
+            val b = (a + 1) % 4
+            val across = corners[2 * b] - corners[2 * a]
+            val down = corners[2 * b + 1] - corners[2 * a + 1]
+            val reach = across * (16 * row - corners[2 * a + 1]) // inside: reach ≥ down (16 column - x)
+            when {
+                down > 0 -> end = minOf(end, (reach.floorDiv(down) + corners[2 * a]).floorDiv(16L))
+                down < 0 -> begin = maxOf(begin, -(-(-(-reach).floorDiv(down) + corners[2 * a])).floorDiv(16L))
+                reach < 0 -> return high + 1 to high
+            }
+        }
+        return begin to end
     }
 
     fun tooSmall(frame: String, patch: Int, count: Int) = ChartNotFound(

@@ -44,6 +44,7 @@ internal class OnnxEngine private constructor(
         checkOpen()
         val first = stack[0]
         val known = first.known
+
         /** Those of all hypotheses, or the first one's if they have all this in common. */
         fun differing(vararg values: (ModelInputs) -> Any) =
             if (stack.all { other -> values.all { it(other) === it(first) } }) listOf(first) else stack

@@ -138,8 +138,9 @@ internal class OnnxSession private constructor(val name: String, content: ByteAr
         private fun OnnxSession.used(wanted: Map<String, String?>, outputs: List<String>): OnnxSession {
             users += 1
             val every = mapOf("vocabulary" to VOCABULARY, "grid" to GRID) + wanted
-            val differs = every.filter { (key, value) -> metadata[key].let { it == null || (value ?: it) != it } }.keys +
-                outputs.filter { it !in this.outputs }
+            val differs =
+                every.filter { (key, value) -> metadata[key].let { it == null || (value ?: it) != it } }.keys +
+                    outputs.filter { it !in this.outputs }
             if (differs.isEmpty()) return this
             release()
             throw InvalidArgument("The model $name differs from this version in ${differs.joinToString()}.", ADVICE)

@@ -111,7 +111,7 @@ internal object Recover {
 
     /**
      * The curves that explain the signals of each of several problems on one capture. Those of learned bases that have
-     * the width of the prior and the shape of the modes in common are solved in one call.
+     * the width of the prior in common, and have modes or have not, are solved in one call.
      *
      * If no γ is given on the paper's basis, it is chosen by the discrepancy principle ([Discrepancy]).
      *
@@ -136,7 +136,8 @@ internal object Recover {
                 continue
             }
             val l2 = weight(penalties, stack[0].engine.basis)
-            val gamma = penalties.gamma?.let { own -> DoubleArray(3) { own[it % own.size] } } ?: DoubleArray(3) { GAMMA }
+            val gamma =
+                penalties.gamma?.let { own -> DoubleArray(3) { own[it % own.size] } } ?: DoubleArray(3) { GAMMA }
             val positive = penalties.nonnegative ?: false
             val outputs = stack[0].engine.run(stack.map { it.inputs(shown, l2, gamma[0], positive) })
             stack.zip(outputs).forEach { (problem, output) ->
@@ -150,10 +151,8 @@ internal object Recover {
         penalties.l2 ?: if (basis == OnnxEngine.PAPER) 0.0 else L2
 
     /** What the problems of one call have in common besides the capture. */
-    private fun Problem.stack(): List<Any> {
-        val known = observation.known
-        return listOf(engine.basis == OnnxEngine.PAPER, priorScale, known.hasModes, known.lampModes.shape[1])
-    }
+    private fun Problem.stack(): List<Any> =
+        listOf(engine.basis == OnnxEngine.PAPER, priorScale, observation.known.hasModes)
 
     private fun Problem.inputs(frames: Frames, l2: Double, gamma: Double, nonnegative: Boolean) = ModelInputs(
         engine.basis, frames, observation.standardError, observation.known, l2, gamma, nonnegative, priorScale,
@@ -254,7 +253,7 @@ internal object Recover {
     private fun plain(problems: List<Problem>, explain: Boolean): List<ModelOutputs> {
         problems.forEach(::check)
         val outputs = HashMap<Problem, ModelOutputs>()
-        for (stack in problems.groupBy { it.stack() }.values) {
+        for (stack in problems.groupBy { it.stack() + it.observation.known.lampModes.shape[1] }.values) {
             outputs += stack.zip(stack[0].engine.run(stack.map { plain(it, explain) }))
         }
         return problems.map { outputs.getValue(it) }

@@ -49,11 +49,21 @@ internal class VerdictInputs(
 
     /** Rules 1 and 2; with `shot`, for inputs of this shot only, also the explanations of rule 3. */
     fun goodnessOfFit(shot: MeasuredShot? = null): GoodnessOfFit {
-        val directions = shot?.let { mapOf("explain" to Tensor.scalar(1.0), "level" to level(it), "fields" to fields(it)) }
+        val directions = shot?.let {
+            mapOf(
+                "explain" to Tensor.scalar(1.0), "level" to level(it),
+                "fields" to fields(it),
+            )
+        }
         val parts = engine.judge(arrays() + directions.orEmpty(), MISFIT)
         val prior = if (ssf.sharedStd != null) parts.getValue("prior")[0] else 0.0
         val count = parts.getValue("count")[0].roundToInt()
-        return GoodnessOfFit(parts.getValue("residual")[0], prior, count, shot?.let { explanations(it, parts) }.orEmpty())
+        return GoodnessOfFit(
+            parts.getValue("residual")[0], prior, count,
+            shot?.let {
+                explanations(it, parts)
+            }.orEmpty(),
+        )
     }
 
     /**
@@ -139,7 +149,13 @@ internal class VerdictInputs(
         } else {
             listOf({ u, _ -> u }, { _, v -> v }, { u, v -> u * u + v * v })
         }
-        val level: List<(Double, Double) -> Double> = if (shot.means.white == null) listOf({ _, _ -> 1.0 }) else emptyList()
+        val level: List<(Double, Double) -> Double> = if (shot.means.white ==
+            null
+        ) {
+            listOf({ _, _ -> 1.0 })
+        } else {
+            emptyList()
+        }
         val every = falls + level
         return Tensor(DoubleArray(every.size * n) { every[it / n](x[it % n], y[it % n]) }, every.size, 1, n)
     }
