@@ -210,7 +210,7 @@ class Screen(private val contentResolver: ContentResolver, private val filesDir:
     }}
 
     fun coloured(
-        calibrated: Calibrated, frame: RawFrame, nextFrame: RawFrame,
+        calibrated: Recovered, frame: RawFrame, nextFrame: RawFrame,
         whiteArea: Region, stripArea: Region, previewArea: Region,
     ) {{
 {colours}

@@ -41,15 +41,15 @@ public fun interface ProgressListener {
 }
 
 /** What [SsfCalibrator.calibrationFlow] emits. */
-public sealed class CalibrationState {
+public sealed class RunState {
     /** The calibration runs. */
-    public class Running internal constructor(public val progress: Progress) : CalibrationState() {
+    public class Running internal constructor(public val progress: Progress) : RunState() {
         override fun toString(): String = "$progress"
     }
 
     /** The calibration has ended; the last state of a flow. */
-    public class Finished internal constructor(public val calibration: Calibration) : CalibrationState() {
-        override fun toString(): String = "$calibration"
+    public class Finished internal constructor(public val result: CalibrationResult) : RunState() {
+        override fun toString(): String = "$result"
     }
 }
 
@@ -111,7 +111,7 @@ internal class ProgressPlan private constructor(private val steps: List<Step>) {
          *
          * @param families number of bases that the signals choose from.
          */
-        fun of(capture: Capture, settings: Settings, families: Int, prior: Boolean): ProgressPlan {
+        fun of(capture: Capture, settings: CalibrationOptions, families: Int, prior: Boolean): ProgressPlan {
             val measuring = capture.shots.flatMapIndexed { j, shot ->
                 val frames = 1 + listOfNotNull(shot.white, shot.dark).size
                 listOf(
@@ -124,10 +124,10 @@ internal class ProgressPlan private constructor(private val steps: List<Step>) {
         }
 
         /** The steps of solving measured shots. */
-        fun of(lamps: List<Lamp>, settings: Settings, families: Int, prior: Boolean): ProgressPlan =
+        fun of(lamps: List<Lamp>, settings: CalibrationOptions, families: Int, prior: Boolean): ProgressPlan =
             ProgressPlan(solving(lamps, settings, families, prior))
 
-        private fun solving(lamps: List<Lamp>, settings: Settings, families: Int, prior: Boolean): List<Step> {
+        private fun solving(lamps: List<Lamp>, settings: CalibrationOptions, families: Int, prior: Boolean): List<Step> {
             val k = lamps.size
             val unnamed = lamps.count { it.unnamed }
             // Every kind of every unnamed light with every family, the family's test, and the lights' posteriors.

@@ -35,7 +35,7 @@ class ClosingTest {
             go.await()
             PhotoSource.of(photo).read(region)
         }
-        val calibrator = SsfCalibrator.open("phones")
+        val calibrator = SsfCalibrator.Builder().basis("phones").openBlocking()
         val ended = AtomicReference<Throwable>()
         val run = thread {
             ended.set(runCatching { calibrator.calibrateBlocking(capture(source)) }.exceptionOrNull())
@@ -54,21 +54,20 @@ class ClosingTest {
 
     @Test
     fun `a listener may close, and its run ends`() {
-        val calibrator = SsfCalibrator.open("phones")
+        val calibrator = SsfCalibrator.Builder().basis("phones").openBlocking()
         val stages = ArrayList<Stage>()
-        assertThrows(CalibratorClosed::class.java) {
-            calibrator.calibrateBlocking(capture()) { progress ->
-                stages += progress.stage
-                if (progress.stage == Stage.SOLVING) calibrator.close()
-            }
+        val closing = CalibrationOptions.Builder().progress { progress ->
+            stages += progress.stage
+            if (progress.stage == Stage.SOLVING) calibrator.close()
         }
+        assertThrows(CalibratorClosed::class.java) { calibrator.calibrateBlocking(capture(), closing.build()) }
         assertEquals(Stage.SOLVING, stages.last())
         calibrator.close()
     }
 
     @Test
     fun `one that waits behind another run is ended, too`() {
-        val calibrator = SsfCalibrator.open("phones")
+        val calibrator = SsfCalibrator.Builder().basis("phones").openBlocking()
         val started = CountDownLatch(3)
         val errors = List(3) { AtomicReference<Throwable>() }
         val runs = errors.map { error ->
@@ -89,7 +88,7 @@ class ClosingTest {
     @Test
     fun `a logger hears each stage and what came of it`() {
         val lines = ArrayList<String>()
-        SsfCalibrator.open("phones") { lines += it }.use { calibrator ->
+        SsfCalibrator.Builder().basis("phones").logger { lines += it }.openBlocking().use { calibrator ->
             calibrator.calibrateBlocking(capture())
             assertTrue(lines.any { Regex("reading the photo, shot 1: \\d+ ms").matches(it) }, lines.toString())
             assertTrue(lines.last().startsWith("accepted") || lines.last().startsWith("doubtful"), lines.last())
@@ -102,14 +101,14 @@ class ClosingTest {
 
     @Test
     fun `a heap that is too small is a refusal with advice`() {
-        SsfCalibrator.open("phones").use { calibrator ->
+        SsfCalibrator.Builder().basis("phones").openBlocking().use { calibrator ->
             val source = PhotoSource { throw OutOfMemoryError("Java heap space") }
             val found = calibrator.calibrateBlocking(capture(source)) as Refused
             assertEquals("out_of_memory", found.error.code)
             assertEquals(listOf("out_of_memory"), found.verdict.reasons.map { it.code })
             assertTrue("12 megapixels" in found.error.advice && "largeHeap" in found.error.advice)
-            assertThrows(OutOfMemory::class.java) { calibrator.measure(capture(source).shots[0], chart) }
-            assertTrue(calibrator.calibrateBlocking(capture()) is Calibrated) // and the next run stands
+            assertThrows(OutOfMemory::class.java) { calibrator.measureBlocking(capture(source).shots[0], chart) }
+            assertTrue(calibrator.calibrateBlocking(capture()) is Recovered) // and the next run stands
         }
     }
 }

@@ -70,7 +70,7 @@ public class ChartCamera @Throws(CameraAccessException::class) constructor(
     @Volatile
     private var result: TotalCaptureResult? = null
 
-    /** Settings of the latest photo that differ from the wanted ones; none of them is fatal. */
+    /** CalibrationOptions of the latest photo that differ from the wanted ones; none of them is fatal. */
     @Volatile
     public var shortfalls: List<Shortfall> = emptyList()
         private set

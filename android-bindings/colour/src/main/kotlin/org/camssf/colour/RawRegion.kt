@@ -4,6 +4,7 @@ import org.camssf.CalibrationException
 import org.camssf.ChartNotFound
 import org.camssf.InvalidArgument
 import org.camssf.Overexposed
+import org.camssf.Rows
 import org.camssf.Rules
 import org.camssf.percent
 import org.camssf.photo.ChartPose
@@ -25,11 +26,11 @@ public class RawRegion internal constructor(
     internal val sharedError: DoubleArray,
     internal val source: SignalSource,
 ) {
-    /** (3) R, G, B, DN above black or dark frame; a copy. */
-    public fun copyRaw(): DoubleArray = sharedRaw.copyOf()
+    /** (3) R, G, B, DN above black or dark frame. */
+    public val raw: Rows get() = Rows(sharedRaw, 3)
 
-    /** (3) standard error of [copyRaw], DN; a copy. */
-    public fun copyStandardError(): DoubleArray = sharedError.copyOf()
+    /** (3) standard error of [raw], DN. */
+    public val standardError: Rows get() = Rows(sharedError, 3)
 
     override fun toString(): String = "RawRegion($area, raw=${sharedRaw.joinToString { short(it) }})"
 

@@ -1,11 +1,12 @@
 package org.camssf.colour
 
-import org.camssf.Calibrated
-import org.camssf.Calibration
+import org.camssf.CalibrationResult
 import org.camssf.ColourOutOfReach
 import org.camssf.FramesDiffer
 import org.camssf.InvalidArgument
 import org.camssf.LampUnfit
+import org.camssf.Recovered
+import org.camssf.Rows
 import org.camssf.UnitDiffers
 import org.camssf.fixed
 import org.camssf.frozen
@@ -61,8 +62,8 @@ public class Standardiser private constructor(
      */
     public val chiSquared: Double? = contexts[weights.indices.maxByOrNull { weights[it] }!!].light.chiSquared
 
-    /** (3) XYZ of the white that Lab is relative to, and that XYZ is adapted to if the view asks for it; a copy. */
-    public fun copyWhite(): DoubleArray = mean(contexts.map { it.white }, weights)
+    /** (3) XYZ of the white that Lab is relative to, and that XYZ is adapted to if the view asks for it. */
+    public val white: Rows get() = Rows(mean(contexts.map { it.white }, weights), 3)
 
     /**
      * The colour of a region, measured in the photo of the reference or in another photo in the same light. Signals of
@@ -225,7 +226,7 @@ public class Standardiser private constructor(
 
     public companion object {
         /**
-         * Creates a standardiser for a camera that was calibrated on this device.
+         * Creates a standardiser for a camera, from a calibration or [org.camssf.SavedResult.read].
          *
          * @param lamp of the photo, by name, by kind or measured; null mixes the four kinds by their likelihood given
          *   the reference's raw ratios.
@@ -239,16 +240,16 @@ public class Standardiser private constructor(
         @JvmStatic
         @JvmOverloads
         public fun of(
-            calibrated: Calibrated,
+            result: Recovered,
             lamp: Lamp?,
             reference: Reference,
             view: View = View(),
-        ): Standardiser = of(colourCameraOf(calibrated), lamp, reference, view)
+        ): Standardiser = of(ColourCamera.of(result), lamp, reference, view)
 
         /**
-         * Creates a standardiser for a camera whose result was stored, on this device or on a desktop.
+         * Creates a standardiser for the camera of a passport, or of a result's text.
          *
-         * @param result the text of a result, from [Calibration.toJson].
+         * @param result the excerpt that a passport holds, or the text of a result, from [CalibrationResult.toJson].
          * @throws InvalidArgument a refused or invalid result; curves from which no colour can be computed, or no
          *   lamp if the result's own white is unknown.
          * @throws LampUnfit the reference's raw ratios contradict the lamp.
@@ -283,7 +284,3 @@ public class Standardiser private constructor(
         }
     }
 }
-
-/** The camera that was calibrated on this device. */
-internal fun colourCameraOf(calibrated: Calibrated): ColourCamera =
-    ColourCamera.parse(calibrated.toJson(), calibrated.capture.shots[0].photo.camera)

@@ -5,7 +5,7 @@ import org.camssf.Grid
 import org.camssf.flatten
 import org.camssf.forms.Fields
 import org.camssf.forms.Forms
-import org.camssf.forms.Numbers
+import org.camssf.Rows
 import org.camssf.spectra.ChartLayout
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
@@ -61,7 +61,7 @@ internal object CaptureForm {
             "name" to lamp.name,
             "values" to lamp.sharedValues,
             "tolerance" to lamp.tolerance,
-            "modes" to Numbers(lamp.sharedModes.flatten(), lamp.sharedModes.size, Grid.SIZE),
+            "modes" to Rows(lamp.sharedModes.flatten(), lamp.sharedModes.size, Grid.SIZE),
             "source" to lamp.source,
             "tolerance_kelvin" to lamp.toleranceKelvin,
         )
@@ -139,7 +139,7 @@ internal object CaptureForm {
         "layout" to chart.layout.plain(),
         "patches" to chart.patches,
         "wavelengths" to chart.wavelengths,
-        "reflectance" to Numbers(chart.reflectance, chart.patches.size, chart.wavelengths.size),
+        "reflectance" to Rows(chart.reflectance, chart.patches.size, chart.wavelengths.size),
         "tolerance" to chart.sharedTolerance,
         "white" to chart.white,
         "source" to chart.source,
@@ -148,14 +148,24 @@ internal object CaptureForm {
 
     // Reading
 
-    /** The capture of a document's part; without the shot at which measuring ended. */
-    fun capture(part: Fields): MeasuredCapture {
+    /** The capture of a document's part. */
+    fun capture(part: Fields): PartialCapture {
         val files = part.map<String>("files")
         val shots = part.list<Fields>("shots")
         val chart = chart(part.part("chart"), files)
         val measured = shots.mapIndexed { j, shot -> shot(shot, FileRoles.file(FileRoles.lamp(j), files)) }
-        val known = PartialCapture(chart, measured.map { it.lamp }, measured).files
-        return MeasuredCapture(measured, chart, part.maybeNumber("white_reflectance"), files - known.keys)
+        val last = part.maybe("unfinished")
+        val next = last?.let { lamp(it["lamp"], FileRoles.file(FileRoles.lamp(shots.size), files)) }
+        val lamps = measured.map { it.lamp } + listOfNotNull(next)
+        val known = PartialCapture(chart, lamps, measured).files
+        val unfinished = last?.let {
+            PartialShot(
+                it.maybe("photo")?.let { photo(it) }, (it["black"] as Rows?)?.values, it.number("saturation"),
+                it.maybe("pose")?.let { pose(it) },
+            )
+        }
+        val white = part.maybeNumber("white_reflectance")
+        return PartialCapture(chart, lamps, measured, unfinished, white, files - known.keys)
     }
 
     private fun shot(part: Fields, lampFile: SourceFile?): MeasuredShot = MeasuredShot(
@@ -171,7 +181,7 @@ internal object CaptureForm {
     /** A named lamp's part, or an unnamed light, which is read already. */
     private fun lamp(part: Any?, file: SourceFile?): Lamp {
         if (part !is Fields) return part as Lamp
-        val modes = part["modes"] as Numbers
+        val modes = part["modes"] as Rows
         val size = modes.sides[1]
         return Lamp(
             part.text("name"), part.array("values"), part.number("tolerance"),

@@ -255,7 +255,7 @@ internal object Recover {
             IntArray(steps.size) { steps[it].roundToInt() },
             found["evidence"][0].takeIf { prior },
         )
-        return Ssf(curves, proof, found["channel_gain"], penalties.gamma!!, penalties.l2!!, basis, priorScale)
+        return Ssf(curves, proof, found["channel_gain"], penalties.gamma!!, penalties.l2!!, basis, Ssf.Family(priorScale))
     }
 
     private fun checkPenalties(l2: Double, gamma: DoubleArray?, basis: String) {

@@ -1,9 +1,11 @@
 package org.camssf.spectra
 
+import org.camssf.Curve
 import org.camssf.Grid
 import org.camssf.InvalidArgument
 import org.camssf.LampUnfit
 import org.camssf.Rules
+import org.camssf.frozen
 import org.camssf.short
 import kotlin.math.hypot
 import kotlin.math.ln
@@ -17,7 +19,7 @@ import kotlin.math.ln
  * @property tolerance one standard deviation of its smooth relative error, 1 (0.02 = 2 %); NaN for an unnamed light.
  * @property source its table, formula or file, in words for the report.
  * @property file name and SHA-256 of its file, or null.
- * @property toleranceKelvin one standard deviation of its colour temperature, K, part of [copyModes]; null if not given.
+ * @property toleranceKelvin one standard deviation of its colour temperature, K, part of [modes]; null if not given.
  * @property kinds the possible kinds of an unnamed light, each a lamp known only by kind; empty for a named lamp.
  */
 public class Lamp internal constructor(
@@ -40,14 +42,14 @@ public class Lamp internal constructor(
     internal val sharedValues: DoubleArray get() = given ?: throw nameless()
 
     /**
-     * (681) relative power on [Grid], any scale, none negative; a copy (5 kB).
+     * Relative power, any scale, none negative.
      *
      * @throws InvalidArgument the light is unnamed.
      */
-    public fun copyValues(): DoubleArray = sharedValues.copyOf()
+    public val values: Curve get() = Curve(sharedValues)
 
-    /** Directions (681) of the relative error of L, each one standard deviation long; copies. */
-    public fun copyModes(): List<DoubleArray> = sharedModes.map { it.copyOf() }
+    /** Directions of the relative error of L, each one standard deviation long. */
+    public val modes: List<Curve> get() = sharedModes.map { Curve(it) }.frozen()
 
     /** The same lamp, whatever file it is from. */
     internal fun withoutFile(): Lamp =

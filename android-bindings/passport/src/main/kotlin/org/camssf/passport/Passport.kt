@@ -164,10 +164,10 @@ public class Passport internal constructor(
         /**
          * Creates an unsigned passport of a result.
          *
-         * @param result the bytes of the file that was written from `Calibrated.toJson`.
+         * @param result the bytes of the file that was written from `Recovered.toJson`.
          * @param said what the signer states in addition to the result; it must not contradict the photos.
          * @param now time of issue.
-         * @param photos photos that the result was made from, of `Calibrated.capture.shots` or from `Photo.read`;
+         * @param photos photos that the result was made from, of `Recovered.capture.shots` or from `Photo.read`;
          *   their metadata give the unit and the time.
          * @throws InvalidArgument the result is invalid or was refused, a statement is impossible, a photo does not
          *   belong to the result, or a photo is from another unit.
