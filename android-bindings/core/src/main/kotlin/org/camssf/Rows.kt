@@ -6,7 +6,7 @@ package org.camssf
 public class Rows internal constructor(internal val values: DoubleArray, internal vararg val sides: Int) :
     Iterable<Double> {
     /** Lengths of the axes. */
-    public val shape: List<Int> get() = sides.asList().frozen()
+    public val shape: List<Int> = sides.asList().frozen()
 
     /** How many numbers there are. */
     public val size: Int get() = values.size

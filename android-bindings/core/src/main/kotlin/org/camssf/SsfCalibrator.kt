@@ -43,7 +43,7 @@ public fun interface Logger {
 /**
  * Recovers a camera's spectral sensitivities from photos of a ColorChecker, on this device; no data leaves it.
  *
- * ```
+ * ```kotlin
  * suspend fun recover(photo: PhotoSource, corners: Corners) = SsfCalibrator.open().use { calibrator ->
  *     val shot = Shot(photo, Lamp.read("D55"), corners)
  *     when (val result = calibrator.calibrate(Capture(shot, ChartTable.read("classic24")))) {

@@ -12,9 +12,12 @@ import org.junit.jupiter.api.Assertions.assertThrows
 import org.junit.jupiter.api.Assertions.assertTrue
 import org.junit.jupiter.api.Test
 import java.io.File
+import java.util.Collections
 import java.util.concurrent.CountDownLatch
 import java.util.concurrent.TimeUnit
 import java.util.concurrent.atomic.AtomicReference
+import java.util.logging.Handler
+import java.util.logging.LogRecord
 import kotlin.concurrent.thread
 
 /** What `close` promises, what a logger hears, and what becomes of a heap that is too small. */
@@ -97,6 +100,36 @@ class ClosingTest {
             assertEquals("refused, unreadable_raw", lines.last())
             assertTrue(lines.none { File.separator + "golden" in it })
         }
+    }
+
+    @Test
+    fun `one that nobody closed is released, and the log says so`() {
+        val (own, common) = List(2) { Collections.synchronizedList(ArrayList<String>()) }
+        val handler = object : Handler() {
+            override fun publish(record: LogRecord) {
+                common += record.message
+            }
+
+            override fun flush() = Unit
+
+            override fun close() = Unit
+        }
+        val log = java.util.logging.Logger.getLogger("org.camssf").apply { addHandler(handler) }
+        fun leave(logger: Logger?) {
+            val calibrator = SsfCalibrator.Builder().basis("phones").logger(logger).openBlocking()
+            assertTrue(calibrator.calibrateBlocking(capture()) is Recovered)
+        }
+        SsfCalibrator.Builder().basis("phones").logger { own += it }.openBlocking().close() // says nothing
+        leave { own += it }
+        leave(null)
+        val until = System.nanoTime() + 60_000_000_000
+        fun said(lines: List<String>) = lines.toList().count { "was not closed" in it }
+        while (said(own) + said(common) < 2 && System.nanoTime() < until) {
+            System.gc()
+            Thread.sleep(50)
+        }
+        log.removeHandler(handler)
+        assertEquals(1 to 1, said(own) to said(common))
     }
 
     @Test

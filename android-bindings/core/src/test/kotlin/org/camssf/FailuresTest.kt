@@ -226,9 +226,8 @@ class FailuresTest {
             assertEquals(listOf("auto", "phones", "cameras", "ryyb", "gaussian"), type.getField("BASES").get(null))
             val companion = type.getField("Companion").get(null)
             repeat(2) {
-                val open = companion.javaClass.getMethod("open", String::class.java)
-                val thrown =
-                    assertThrows(InvocationTargetException::class.java) { open.invoke(companion, "auto") }
+                val open = companion.javaClass.getMethod("openBlocking")
+                val thrown = assertThrows(InvocationTargetException::class.java) { open.invoke(companion) }
                 val error = thrown.targetException
                 assertEquals("org.camssf.RuntimeUnfit", error.javaClass.name, error.toString())
                 assertTrue("onnxruntime-android of version 1.28.0" in error.toString(), error.toString())

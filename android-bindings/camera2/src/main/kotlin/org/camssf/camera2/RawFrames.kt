@@ -68,7 +68,16 @@ public class OpenRawFrame internal constructor(
     override fun toString(): String = "OpenRawFrame($shortfalls)"
 }
 
-/** Converts Camera2's RAW_SENSOR frames to mosaics. */
+/**
+ * Converts Camera2's RAW_SENSOR frames to mosaics. Threads: any but the main one.
+ *
+ * ```kotlin
+ * fun shot(image: Image, camera: CameraCharacteristics, result: TotalCaptureResult, corners: Corners): Shot {
+ *     val frame = image.use { RawFrames.read(it, camera, result, "chart", ChartPose.region(corners)) }
+ *     return Shot(PhotoSource.of(frame.mosaic), Lamp.read("D55"), corners)
+ * }
+ * ```
+ */
 public object RawFrames {
     /**
      * Copies a frame out of its image.

@@ -40,6 +40,8 @@ public class RawRegion internal constructor(
          * are left out, and the noise is estimated from the samples. The mosaic comes from a DNG or a Camera2 frame;
          * it must contain the areas.
          *
+         * Threads: any but the main one.
+         *
          * @param areas rectangles of at least 12 × 12 pixels.
          * @param dark a dark frame with the same settings; its signal is subtracted instead of the black level.
          * @throws InvalidArgument an area that extends beyond the photo or holds too few samples; `lensShading` is

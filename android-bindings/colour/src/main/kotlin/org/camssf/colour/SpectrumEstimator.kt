@@ -14,14 +14,17 @@ import org.camssf.frozen
  * Reflectances of surfaces from their raw signals in one photo, or in two under different lights, by this camera; the
  * numbers equal those of Python's `camssf_colour.spectrum`, and docs/spectrum.md says what they are worth.
  *
- * ```
- * val (white, cheek) = RawRegion.measure(frame.mosaic, listOf(whiteArea, cheekArea))
- * val light = PhotoLight(Lamp.read("D55"), Reference(white, reflectance = 0.9))
- * val estimator = SpectrumEstimator.of(calibrated, listOf(light), SurfacePrior.read("skin"))
- * val skin = estimator.spectrumOf(cheek)                // skin.reflectance, skin.index(SkinIndex.ERYTHEMA)
+ * ```kotlin
+ * fun erythema(result: Recovered, photo: Mosaic, whiteArea: Region, cheekArea: Region): Double {
+ *     val (white, cheek) = RawRegion.measure(photo, listOf(whiteArea, cheekArea))
+ *     val light = PhotoLight(Lamp.read("D55"), Reference(white, reflectance = 0.9))
+ *     val estimator = SpectrumEstimator.of(result, listOf(light), SurfacePrior.read("skin"))
+ *     return estimator.spectrumOf(cheek).index(SkinIndex.ERYTHEMA).value
+ * }
  * ```
  *
- * It holds no native memory and no files and is immutable; safe to share between threads.
+ * It holds no native memory and no files and is immutable; safe to share between threads. Its functions take some ten
+ * milliseconds: any thread but the main one.
  */
 public class SpectrumEstimator private constructor(
     private val photos: List<PhotoLight>,

@@ -30,16 +30,17 @@ public enum class Space {
  * A colour is the posterior of XYZ given the signals, with measured surfaces as the prior of reflectance
  * (docs/spectrum.md). The raw ratios of the reference constrain the lamp.
  *
- * ```
- * val (white, strip) = RawRegion.measure(frame.mosaic, listOf(whiteArea, stripArea))
- * val standardiser = Standardiser.of(calibrated, Lamp.read("daylight"), Reference(white, reflectance = 0.9))
- * val colour = standardiser.colourOf(strip)              // colour.lab, colour.labCovariance
- * standardiser.standardise(preview, pixels, into)        // a mosaic's RawPixels, no allocation for each
+ * ```kotlin
+ * fun lab(result: Recovered, photo: Mosaic, whiteArea: Region, stripArea: Region): Rows {
+ *     val (white, strip) = RawRegion.measure(photo, listOf(whiteArea, stripArea))
+ *     val standardiser = Standardiser.of(result, Lamp.read("daylight"), Reference(white, reflectance = 0.9))
+ *     return standardiser.colourOf(strip).lab
+ * }
  * ```
  *
  * Create it again if light or reference change, not for each picture. The first picture makes a table for each lamp,
  * four if the lamp is unknown. It holds no native memory and no files and is immutable; safe to share between
- * threads.
+ * threads. Its functions take some milliseconds, a first picture more: any thread but the main one.
  */
 public class Standardiser private constructor(
     private val contexts: List<LampContext>,

@@ -36,7 +36,7 @@ class SpectrumEstimatorTest {
                 .spectrumOf(DoubleArray(3) { strip[it] * share }, still)
         }
         assertArrayEquals(whole.reflectance.values, DoubleArray(35) { 2 * half.reflectance[it] }, 1e-12)
-        assertArrayEquals(whole.covariance.values, DoubleArray(35 * 35) { 4 * half.covariance[it] }, 1e-12)
+        assertArrayEquals(whole.covariance.values, DoubleArray(35 * 35) { 4 * half.covariance.values[it] }, 1e-12)
         assertEquals(whole.distance, half.distance, 1e-9)
     }
 
@@ -49,7 +49,7 @@ class SpectrumEstimatorTest {
         val skin = estimator.spectrumOf(strip, noise)
         for (i in 0 until 35) {
             val parts = Part.values().sumOf { part -> skin.deviation(part)[i].let { it * it } }
-            assertEquals(parts, skin.covariance[36 * i], 1e-12)
+            assertEquals(parts, skin.covariance[i, i], 1e-12)
             assertEquals(parts, skin.standardDeviation[i].let { it * it }, 1e-12)
         }
         assertTrue(skin.fromPhoto in 0.0..1.0)

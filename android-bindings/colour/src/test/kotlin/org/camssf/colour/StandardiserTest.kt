@@ -145,7 +145,7 @@ class StandardiserTest {
 
     @Test
     fun `references that are none are refused`() {
-        val raw = white.raw.values
+        val raw = white.raw.toDoubleArray()
         for (wrong in listOf<() -> Any>(
             { Reference(raw, reflectance = 0.0) },
             { Reference(raw, reflectance = Double.NaN) },

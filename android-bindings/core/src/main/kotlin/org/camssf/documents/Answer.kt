@@ -129,23 +129,15 @@ internal class Solution(
 ) {
     fun answer(): Answer = Answer(
         Curves(
-            List(3) { ssf.curve(it) },
-            ssf.sharedStd?.let { List(3) { ssf.deviation(it)!! } },
-            ssf.sharedGain,
+            List(3) { ssf.curve(it) }, ssf.sharedStd?.let { List(3) { ssf.deviation(it)!! } }, ssf.sharedGain,
             ssf.sharedCodeCovariance?.let { triangle(it) },
         ),
         BasisChoice(ssf.basis, ssf.priorScale, ssf.chartFading, ssf.logEvidence, ssf.choice),
         Convergence(
-            Rows(ssf.sharedGap, 3),
-            Rows(ssf.sharedLayersGap, ssf.sharedLayersGap.size),
-            ssf.sharedFinishSteps.asList(),
-            Rows(ssf.sharedGamma, 3),
-            ssf.l2,
+            Rows(ssf.sharedGap, 3), Rows(ssf.sharedLayersGap, ssf.sharedLayersGap.size),
+            ssf.sharedFinishSteps.asList(), Rows(ssf.sharedGamma, 3), ssf.l2,
         ),
-        predictions,
-        ssf.lights,
-        scores,
-        uncertainty,
+        predictions, ssf.lights, scores, uncertainty,
     )
 
     /** The lower triangle of a symmetric matrix, including its diagonal, row by row. */

@@ -28,11 +28,8 @@ internal object ResultForm {
         provenance: Provenance,
     ): String = Forms.write(
         Forms.plain(
-            "Document",
-            "format" to Forms.FORMAT,
-            "version" to provenance.version,
-            "capture" to capture?.let { CaptureForm.plain(it) },
-            "answer" to answer?.let { plain(it, provenance) },
+            "Document", "format" to Forms.FORMAT, "version" to provenance.version,
+            "capture" to capture?.let { CaptureForm.plain(it) }, "answer" to answer?.let { plain(it, provenance) },
             "verdict" to plain(verdict),
             "assumptions" to assumptions.map {
                 Forms.plain("Assumption", "code" to it.code, "message" to it.message)
@@ -41,8 +38,7 @@ internal object ResultForm {
     )
 
     private fun plain(verdict: Verdict) = Forms.plain(
-        "Verdict",
-        "status" to verdict.outcome.word,
+        "Verdict", "status" to verdict.outcome.word,
         "reasons" to verdict.reasons.map {
             Forms.plain(
                 "Reason", "code" to it.code, "message" to it.message, "advice" to it.advice, "value" to it.value,
@@ -61,35 +57,24 @@ internal object ResultForm {
         val predictions = answer.predictions
         val (shots, patches) = predictions.level.sides.asList()
         return Forms.plain(
-            "Answer",
-            "basis" to answer.basis.name,
-            "engine" to provenance.engine,
-            "model" to provenance.model,
-            "basis_sha256" to provenance.basis,
-            "curves" to plain(answer.curves.values),
-            "std" to answer.curves.std?.let { plain(it) },
-            "channel_gain" to answer.curves.channelGain,
-            "code_covariance" to answer.curves.codeCovariance,
-            "evidence" to answer.basis.logEvidence,
-            "prior_scale" to answer.basis.priorScale,
-            "chart_fading" to answer.basis.chartFading,
+            "Answer", "basis" to answer.basis.name, "engine" to provenance.engine, "model" to provenance.model,
+            "basis_sha256" to provenance.basis, "curves" to plain(answer.curves.values),
+            "std" to answer.curves.std?.let { plain(it) }, "channel_gain" to answer.curves.channelGain,
+            "code_covariance" to answer.curves.codeCovariance, "evidence" to answer.basis.logEvidence,
+            "prior_scale" to answer.basis.priorScale, "chart_fading" to answer.basis.chartFading,
             "choice" to answer.basis.hypotheses.map {
                 Forms.plain(
                     "Hypothesis", "basis" to it.basis, "log_evidence" to it.logEvidence,
                     "probability" to it.probability, "kinds" to it.kinds,
                 )
             },
-            "gamma" to answer.convergence.gamma,
-            "l2" to answer.convergence.l2,
+            "gamma" to answer.convergence.gamma, "l2" to answer.convergence.l2,
             "proof" to Forms.plain(
                 "Proof", "gap" to answer.convergence.gap, "layers_gap" to answer.convergence.layersGap,
                 "finish_steps" to answer.convergence.finishSteps.toIntArray(),
             ),
-            "used" to List(shots) { j -> List(patches) { predictions.isUsed(j, it) } },
-            "level" to predictions.level,
-            "predicted" to predictions.values,
-            "predicted_std" to predictions.std,
-            "unseen" to predictions.unseen,
+            "used" to List(shots) { j -> List(patches) { predictions.isUsed(j, it) } }, "level" to predictions.level,
+            "predicted" to predictions.values, "predicted_std" to predictions.std, "unseen" to predictions.unseen,
             "unseen_std" to predictions.unseenStd,
             "lights" to answer.lights.map { light ->
                 light?.let {
@@ -110,9 +95,7 @@ internal object ResultForm {
     private fun plain(curves: List<DoubleArray>) = Forms.plain("Curves", *COLOURS.zip(curves).toTypedArray())
 
     private fun plain(known: Uncertainty) = Forms.plain(
-        "Uncertainty",
-        "half_width" to known.halfWidth,
-        "half_width_without_photo" to known.halfWidthWithoutPhoto,
+        "Uncertainty", "half_width" to known.halfWidth, "half_width_without_photo" to known.halfWidthWithoutPhoto,
         "alone" to known.alone,
         "budget" to known.budget.map {
             Forms.plain("UncertaintySource", "source" to it.source, "size" to it.size, "share" to it.sharedShare)

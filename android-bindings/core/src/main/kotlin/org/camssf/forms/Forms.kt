@@ -5,6 +5,7 @@ import org.camssf.InvalidArgument
 import org.camssf.Rows
 import org.camssf.json.JsonText
 import org.camssf.json.NotJson
+import org.camssf.model.Models
 import java.math.BigDecimal
 import java.math.BigInteger
 import java.math.MathContext
@@ -48,7 +49,7 @@ internal class Fields(private val values: Map<String, Any?>) {
 }
 
 /**
- * Reads and writes documents, "camssf/2", by the table of their parts ([FORM_TABLE]). Python's `documents.forms` has
+ * Reads and writes documents, "camssf/2", by the table of their parts, forms.json. Python's `documents.forms` has
  * the same rules and words.
  *
  * @param own readers of parts that have a form of their own, by name; they get the plain value and its place.
@@ -283,7 +284,7 @@ internal class Forms(
         private val OLDER = setOf("camssf-result", "camssf-patches", "camssf-shot")
 
         @Suppress("UNCHECKED_CAST")
-        private val PARTS by lazy { JsonText.parse(FORM_TABLE) as Map<String, Map<String, Map<String, Any?>>> }
+        private val PARTS by lazy { JsonText.parse(Models.read("forms.json").decodeToString()) as Map<String, Map<String, Map<String, Any?>>> }
 
         /**
          * A part in plain values, its fields in the table's order, without those that have their default.

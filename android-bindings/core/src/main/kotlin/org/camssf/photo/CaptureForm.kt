@@ -25,124 +25,74 @@ internal object CaptureForm {
     fun plain(capture: PartialCapture, identifying: Boolean = false): Map<String, Any?> {
         val last = capture.unfinished
         return Forms.plain(
-            "Capture",
-            "shots" to capture.shots.map { plain(it, identifying) },
-            "chart" to plain(capture.chart),
-            "white_reflectance" to capture.whiteReflectance,
-            "files" to capture.files,
+            "Capture", "shots" to capture.shots.map { plain(it, identifying) }, "chart" to plain(capture.chart),
+            "white_reflectance" to capture.whiteReflectance, "files" to capture.files,
             "unfinished" to last?.let {
                 Forms.plain(
-                    "UnfinishedShot",
-                    "lamp" to plain(capture.lamps[capture.shots.size]),
-                    "photo" to last.photo?.let { plain(it, identifying) },
-                    "black" to last.black,
-                    "saturation" to last.saturation,
-                    "pose" to last.pose?.let { plain(it) },
+                    "UnfinishedShot", "lamp" to plain(capture.lamps[capture.shots.size]),
+                    "photo" to last.photo?.let { plain(it, identifying) }, "black" to last.black,
+                    "saturation" to last.saturation, "pose" to last.pose?.let { plain(it) },
                 )
             },
         )
     }
 
     private fun plain(shot: MeasuredShot, identifying: Boolean) = Forms.plain(
-        "MeasuredShot",
-        "lamp" to plain(shot.lamp),
-        "photo" to plain(shot.photo, identifying),
-        "white" to shot.white?.let { plain(it, identifying) },
-        "dark" to shot.dark?.let { plain(it, identifying) },
-        "pose" to plain(shot.pose),
-        "means" to plain(shot.means),
-        "lens_shading" to shot.lensShading.word,
+        "MeasuredShot", "lamp" to plain(shot.lamp), "photo" to plain(shot.photo, identifying),
+        "white" to shot.white?.let { plain(it, identifying) }, "dark" to shot.dark?.let { plain(it, identifying) },
+        "pose" to plain(shot.pose), "means" to plain(shot.means), "lens_shading" to shot.lensShading.word,
     )
 
     private fun plain(lamp: Lamp): Map<String, Any?> {
         if (lamp.unnamed) return mapOf(Forms.KIND to "unnamed", "name" to lamp.name)
         return mapOf(Forms.KIND to "named") + Forms.plain(
-            "Lamp",
-            "name" to lamp.name,
-            "values" to lamp.sharedValues,
-            "tolerance" to lamp.tolerance,
-            "modes" to Rows(lamp.sharedModes.flatten(), lamp.sharedModes.size, Grid.SIZE),
-            "source" to lamp.source,
+            "Lamp", "name" to lamp.name, "values" to lamp.sharedValues, "tolerance" to lamp.tolerance,
+            "modes" to Rows(lamp.sharedModes.flatten(), lamp.sharedModes.size, Grid.SIZE), "source" to lamp.source,
             "tolerance_kelvin" to lamp.toleranceKelvin,
         )
     }
 
     private fun plain(photo: Photo, identifying: Boolean) = Forms.plain(
-        "Photo",
-        "name" to photo.name,
-        "width" to photo.width,
-        "height" to photo.height,
-        "orientation" to photo.orientation,
-        "exposure" to photo.exposure,
-        "iso" to photo.iso,
-        "gain_map" to photo.gainMap,
-        "make" to photo.make,
-        "model" to photo.model,
-        "sha256" to photo.sha256,
+        "Photo", "name" to photo.name, "width" to photo.width, "height" to photo.height,
+        "orientation" to photo.orientation, "exposure" to photo.exposure, "iso" to photo.iso,
+        "gain_map" to photo.gainMap, "make" to photo.make, "model" to photo.model, "sha256" to photo.sha256,
         "colour_matrices" to photo.colourMatrices.map {
             Forms.plain("ColourMatrix", "light" to it.light, "values" to it.sharedValues.toList())
         },
         "unit" to unit(photo.camera, identifying),
         "active_area" to photo.camera.activeArea?.let { listOf(it.top, it.left, it.bottom, it.right) },
-        "levels" to photo.levels,
-        "unique_model" to photo.uniqueModel,
-        "matrices_left_out" to photo.matricesLeftOut,
+        "levels" to photo.levels, "unique_model" to photo.uniqueModel, "matrices_left_out" to photo.matricesLeftOut,
         "time" to if (identifying) photo.captured else "",
     )
 
     private fun unit(camera: PhysicalCamera, identifying: Boolean) = Forms.plain(
-        "Unit",
-        "camera_id" to camera.id,
-        "serial" to if (identifying) camera.serial else "",
-        "serial_check" to camera.serialCheck,
-        "lens" to camera.lens,
-        "focal_length" to camera.focalLength,
+        "Unit", "camera_id" to camera.id, "serial" to if (identifying) camera.serial else "",
+        "serial_check" to camera.serialCheck, "lens" to camera.lens, "focal_length" to camera.focalLength,
         "aperture" to camera.aperture,
     )
 
     private fun plain(pose: ChartPose) = Forms.plain(
-        "Pose",
-        "layout" to pose.layout,
-        "corners" to pose.sharedCorners,
-        "patches" to pose.sharedQuads,
-        "quarter_turns" to pose.quarterTurns,
-        "method" to pose.method,
-        "score" to pose.score,
-        "notes" to pose.notes,
+        "Pose", "layout" to pose.layout, "corners" to pose.sharedCorners, "patches" to pose.sharedQuads,
+        "quarter_turns" to pose.quarterTurns, "method" to pose.method, "score" to pose.score, "notes" to pose.notes,
     )
 
     private fun plain(means: PatchMeans) = Forms.plain(
-        "PatchMeans",
-        "chart" to plain(means.chart),
-        "white" to means.white?.let { plain(it) },
-        "dark" to means.dark?.let { plain(it) },
-        "black" to means.sharedBlack,
-        "saturation" to means.saturation,
+        "PatchMeans", "chart" to plain(means.chart), "white" to means.white?.let { plain(it) },
+        "dark" to means.dark?.let { plain(it) }, "black" to means.sharedBlack, "saturation" to means.saturation,
         "evened" to means.evened,
     )
 
     private fun plain(frame: FrameMeans) = Forms.plain(
-        "FrameMeans",
-        "mean" to frame.sharedMean,
-        "standard_error" to frame.sharedError,
-        "count" to frame.sharedCount,
-        "clipped" to frame.sharedClipped,
-        "dead" to frame.sharedDead,
-        "gradient" to frame.sharedGradient,
-        "greens" to frame.sharedGreens,
+        "FrameMeans", "mean" to frame.sharedMean, "standard_error" to frame.sharedError,
+        "count" to frame.sharedCount, "clipped" to frame.sharedClipped, "dead" to frame.sharedDead,
+        "gradient" to frame.sharedGradient, "greens" to frame.sharedGreens,
     )
 
     private fun plain(chart: ChartTable) = Forms.plain(
-        "ChartTable",
-        "name" to chart.name,
-        "table" to chart.table,
-        "layout" to chart.layout.plain(),
-        "patches" to chart.patches,
-        "wavelengths" to chart.wavelengths,
+        "ChartTable", "name" to chart.name, "table" to chart.table, "layout" to chart.layout.plain(),
+        "patches" to chart.patches, "wavelengths" to chart.wavelengths,
         "reflectance" to Rows(chart.reflectance, chart.patches.size, chart.wavelengths.size),
-        "tolerance" to chart.sharedTolerance,
-        "white" to chart.white,
-        "source" to chart.source,
+        "tolerance" to chart.sharedTolerance, "white" to chart.white, "source" to chart.source,
         "fading" to chart.fading,
     )
 
@@ -169,12 +119,8 @@ internal object CaptureForm {
     }
 
     private fun shot(part: Fields, lampFile: SourceFile?): MeasuredShot = MeasuredShot(
-        lamp(part["lamp"], lampFile),
-        photo(part.part("photo")),
-        part.maybe("white")?.let { photo(it) },
-        part.maybe("dark")?.let { photo(it) },
-        pose(part.part("pose")),
-        means(part.part("means")),
+        lamp(part["lamp"], lampFile), photo(part.part("photo")), part.maybe("white")?.let { photo(it) },
+        part.maybe("dark")?.let { photo(it) }, pose(part.part("pose")), means(part.part("means")),
         LensShading.of(part.text("lens_shading")),
     )
 
@@ -206,9 +152,7 @@ internal object CaptureForm {
         return PhysicalCamera(
             unit.text("camera_id"), unit.text("serial"), unit.text("lens"), unit.maybeNumber("focal_length"),
             unit.maybeNumber("aperture"),
-            sides?.let { (top, left, bottom, right) ->
-                Region(left, top, right, bottom)
-            },
+            sides?.let { (top, left, bottom, right) -> Region(left, top, right, bottom) },
             unit.text("serial_check"),
         )
     }

@@ -48,6 +48,8 @@ public class ChartPose internal constructor(
          * orientation. The corners are moved to the printed borders if these are found nearby; if not, the corners
          * are kept and `notes` says so. The algorithm is that of Python's `find_chart(mosaic, table, corners=...)`.
          *
+         * Threads: any but the main one.
+         *
          * @param mosaic the photo of the chart; its region must hold the part that [region] names.
          * @param corners of the block of patches, or the fiducials of its layout, in order around it, starting at any
          *   of them, px of the active area; each is off by half a patch at most.

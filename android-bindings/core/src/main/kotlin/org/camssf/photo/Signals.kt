@@ -63,30 +63,17 @@ public class Signals internal constructor(
 
     /** The signals under even illumination: each is multiplied by the light correction `level` (k, n). */
     internal fun levelled(level: DoubleArray): Signals = Signals(
-        shots,
-        patches,
-        DoubleArray(sharedValues.size) { sharedValues[it] * level[it / 3] },
-        DoubleArray(sharedError.size) { sharedError[it] * level[it / 3] },
-        sharedChart,
-        sharedWhite,
-        sharedDark,
-        sharedUsed,
-        assumptions,
+        shots, patches, DoubleArray(sharedValues.size) { sharedValues[it] * level[it / 3] },
+        DoubleArray(sharedError.size) { sharedError[it] * level[it / 3] }, sharedChart, sharedWhite, sharedDark,
+        sharedUsed, assumptions,
     )
 
     /** The signals of shot j alone. */
     internal fun only(j: Int): Signals {
         fun part(all: DoubleArray) = all.copyOfRange(3 * patches * j, 3 * patches * (j + 1))
         return Signals(
-            1,
-            patches,
-            part(sharedValues),
-            part(sharedError),
-            part(sharedChart),
-            part(sharedWhite),
-            part(sharedDark),
-            sharedUsed.copyOfRange(patches * j, patches * (j + 1)),
-            assumptions,
+            1, patches, part(sharedValues), part(sharedError), part(sharedChart), part(sharedWhite), part(sharedDark),
+            sharedUsed.copyOfRange(patches * j, patches * (j + 1)), assumptions,
         )
     }
 

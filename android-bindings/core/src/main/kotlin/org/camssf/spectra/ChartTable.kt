@@ -138,6 +138,8 @@ public class ChartTable internal constructor(
          * average of 30 charts, or Ohta's table where the signals clearly speak for it; `:babelcolor` or `:ohta` fixes
          * the table. The tolerance is 3 %.
          *
+         * Threads: any once an `SsfCalibrator` was opened, which loads the tables; before, any but the main one.
+         *
          * @throws InvalidArgument an unknown name.
          */
         @JvmStatic
@@ -170,6 +172,8 @@ public class ChartTable internal constructor(
          * unless the file names them by position (A1 ...). Values are read as percent if any exceeds 2. Outside the
          * file's wavelengths reflectance is held constant; the file must cover 400 to 700 nm in steps of 20 nm at
          * most. The tolerance is 1 %.
+         *
+         * Threads: any but the main one.
          *
          * @param name of the file, for messages and the result.
          * @param layout for example "nano24"; null for the default of this number of patches.

@@ -49,7 +49,7 @@ public class Lamp internal constructor(
     public val values: Curve get() = Curve(sharedValues)
 
     /** Directions of the relative error of L, each one standard deviation long. */
-    public val modes: List<Curve> get() = sharedModes.map { Curve(it) }.frozen()
+    public val modes: List<Curve> by lazy { sharedModes.map { Curve(it) }.frozen() }
 
     /** The same lamp, whatever file it is from. */
     internal fun withoutFile(): Lamp =
@@ -187,6 +187,8 @@ public class Lamp internal constructor(
          *
          * `auto` is not accepted, because it has no spectrum; use [auto].
          *
+         * Threads: any once an `SsfCalibrator` was opened, which loads the tables; before, any but the main one.
+         *
          * @throws InvalidArgument no lamp, an unknown name, or a temperature out of range.
          */
         @JvmStatic
@@ -227,6 +229,8 @@ public class Lamp internal constructor(
          * Outside its range the power is held constant, which `source` states. If its steps are finer than the
          * grid's, power is averaged over each step of the grid. Negative noise, down to 0.5 % of the peak from 380
          * to 720 nm, is set to 0. The tolerance is 1 %.
+         *
+         * Threads: any but the main one.
          *
          * @param name of the file, for messages and the result.
          * @throws InvalidArgument the content is not such a table.

@@ -51,7 +51,7 @@ internal class Photos(private val files: GoldenFiles, private val forms: Forms) 
                     buildJsonObject {
                         put("list", JsonPrimitive(each.list))
                         put("constant", each.constant?.let { JsonPrimitive(it) } ?: JsonNull)
-                        put("points", JsonArray(each.copyPoints().toList().chunked(2) { whole(it) }))
+                        put("points", JsonArray(each.points.map { it.toInt() }.chunked(2) { whole(it) }))
                         put("areas", JsonArray(each.areas.map { area(it) }))
                     }
                 },
@@ -72,7 +72,7 @@ internal class Photos(private val files: GoldenFiles, private val forms: Forms) 
         put("column_pitch", JsonPrimitive(map.columnPitch))
         put("spacing", JsonArray(listOf(JsonPrimitive(map.spacingV), JsonPrimitive(map.spacingH))))
         put("origin", JsonArray(listOf(JsonPrimitive(map.originV), JsonPrimitive(map.originH))))
-        val gains = map.copyGains().map { JsonPrimitive(it.toDouble()) }
+        val gains = map.gains.map { JsonPrimitive(it) }
         val points = gains.chunked(map.mapPlanes) { JsonArray(it.toList()) }
         put("gains", JsonArray(points.chunked(map.pointsH) { JsonArray(it.toList()) }))
     }

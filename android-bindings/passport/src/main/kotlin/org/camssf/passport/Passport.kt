@@ -23,7 +23,14 @@ import kotlin.time.Instant
  *
  * Python's `camssf passport` signs and verifies the same documents (docs/passport.md). A signed passport is a compact
  * JWS with ES256; the received bytes are verified without being decoded and written again. Instances are immutable
- * and may be passed between threads.
+ * and may be passed between threads; creating, signing and verifying block, so any thread but the main one.
+ *
+ * ```kotlin
+ * fun sign(result: ByteArray, serial: String, keys: KeyPair): ByteArray =
+ *     Passport.create(result, PassportRequest(CameraUnit(serial = serial), days = 90.0)).sign(keys)
+ *
+ * fun curves(received: ByteArray, signer: PublicKey): String = Passport.verify(received, listOf(signer)).result
+ * ```
  *
  * @property id 32 random hexadecimal digits.
  * @property issued time of issue, in whole seconds like [begins] and [ends].

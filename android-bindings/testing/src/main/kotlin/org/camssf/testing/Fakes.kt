@@ -28,7 +28,11 @@ import org.camssf.verdict.Verdict
  * Fake results without a calibration, for an app's own tests of its screens and files: an answer, a doubtful answer
  * and a refusal.
  *
- * No model runs, and ONNX Runtime is not needed. A fake answer states in its assumptions that it is a fake.
+ * ```kotlin
+ * val results = listOf(Fakes.recovered(), Fakes.recovered(listOf("glare")), Fakes.refused(Glare("Too bright.", "Move.")))
+ * ```
+ *
+ * Threads: any. No model runs, and ONNX Runtime is not needed. A fake answer states in its assumptions that it is a fake.
  */
 public object Fakes {
     /** Code of the assumption that every fake answer has. */

@@ -30,6 +30,8 @@ public object DngReader {
      * level are on that scale. A black level with a repeat pattern larger than 2 × 2, or with row and column deltas
      * (tags 50713 to 50716), is averaged for each cell position.
      *
+     * Threads: any but the main one.
+     *
      * @param source stays open; the caller closes it. It is read by one thread.
      * @param region null for all; else decode only this part of the active area, clipped to it, that is, only the strips and tiles that
      *   it touches. Damage in others is then not detected.

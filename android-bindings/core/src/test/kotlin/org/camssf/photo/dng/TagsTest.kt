@@ -267,9 +267,9 @@ class TagsTest {
             assertEquals(listOf(2, 3, 1), listOf(shading.pointsV, shading.pointsH, shading.mapPlanes))
             assertEquals(listOf(1.0, 0.5), listOf(shading.spacingV, shading.spacingH))
             assertEquals(listOf(0.0, 0.25), listOf(shading.originV, shading.originH))
-            assertArrayEquals(floatArrayOf(1f, 1.5f, 2f, 1.25f, 1.75f, 2.5f), shading.copyGains())
+            assertArrayEquals(doubleArrayOf(1.0, 1.5, 2.0, 1.25, 1.75, 2.5), shading.gains.values)
             val (listed, valued) = found.corrections.badPixels
-            assertArrayEquals(intArrayOf(3, 4, 5, 6), listed.copyPoints())
+            assertArrayEquals(doubleArrayOf(3.0, 4.0, 5.0, 6.0), listed.points.values)
             assertEquals(listOf(Region(11, 10, 13, 12)), listed.areas)
             assertEquals(1, listed.list)
             assertEquals(77, valued.constant)
