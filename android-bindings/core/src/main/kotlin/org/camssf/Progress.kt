@@ -111,40 +111,37 @@ internal class ProgressPlan private constructor(private val steps: List<Step>) {
          *
          * @param families number of bases that the signals choose from.
          */
-        fun of(capture: Capture, settings: CalibrationOptions, families: Int, prior: Boolean): ProgressPlan {
+        fun of(capture: Capture, options: CalibrationOptions, families: Int, prior: Boolean): ProgressPlan {
             val measuring = capture.shots.flatMapIndexed { j, shot ->
                 val frames = 1 + listOfNotNull(shot.white, shot.dark).size
-                listOf(
-                    Step(Stage.READING, j, READ),
-                    Step(Stage.FINDING, j, FIND),
-                    Step(Stage.MEASURING, j, MEASURE * frames),
-                )
+                val work = listOf(Stage.READING to READ, Stage.FINDING to FIND, Stage.MEASURING to MEASURE * frames)
+                work.map { (stage, each) -> Step(stage, j, each) }
             }
-            return ProgressPlan(measuring + solving(capture.shots.map { it.lamp }, settings, families, prior))
+            return ProgressPlan(measuring + solving(capture.shots.map { it.lamp }, options, families, prior))
         }
 
         /** The steps of solving measured shots. */
-        fun of(lamps: List<Lamp>, settings: CalibrationOptions, families: Int, prior: Boolean): ProgressPlan =
-            ProgressPlan(solving(lamps, settings, families, prior))
+        fun of(lamps: List<Lamp>, options: CalibrationOptions, families: Int, prior: Boolean): ProgressPlan =
+            ProgressPlan(solving(lamps, options, families, prior))
 
-        private fun solving(lamps: List<Lamp>, settings: CalibrationOptions, families: Int, prior: Boolean): List<Step> {
+        private fun solving(lamps: List<Lamp>, options: CalibrationOptions, bases: Int, prior: Boolean): List<Step> {
             val k = lamps.size
             val unnamed = lamps.count { it.unnamed }
             // Every kind of every unnamed light with every family, the family's test, and the lights' posteriors.
             val kinds = lamps.filter { it.unnamed }.take(AnyLight.MOST).fold(1) { all, lamp -> all * lamp.kinds.size }
-            val runs = if (unnamed == 0) 1 else families + LIGHTS
+            val runs = if (unnamed == 0) 1 else bases + LIGHTS
             val size = 1 + PER_SHOT * (k - 1)
-            val folds = if (settings.fit == null) Solve.FOLDS else 0
+            val folds = if (options.fit == null) Solve.FOLDS else 0
             val alone = if (k > 1 && prior) k else 0
             val named = k - unnamed
             val comparing = prior && named > 0 && k <= Light.MOST_SHOTS_COMPARED
             val compared = if (comparing) 1 + named * Light.RIVALS.size else 0
             val stacks = List(compared) { it }.chunked(Recover.STACK)
             // The parts of the capture are solved with the basis and the kinds of light that the whole has found.
-            return listOf(Step(Stage.SOLVING, null, SOLVE * families * kinds * size, runs)) +
+            return listOf(Step(Stage.SOLVING, null, SOLVE * bases * kinds * size, runs)) +
                 List(folds) { Step(Stage.VALIDATING, null, SOLVE * size) } +
                 List(alone) { Step(Stage.VALIDATING, null, SOLVE) } +
-                stacks.map { Step(Stage.JUDGING, null, JUDGE * families * size * it.size) }
+                stacks.map { Step(Stage.JUDGING, null, JUDGE * bases * size * it.size) }
         }
 
         /** Runs of a model for an unnamed light after the evidence of each basis: two widths, the test, the light. */

@@ -30,7 +30,7 @@ public object SavedResult {
         val provenance = ResultForm.provenance(document.version, answer, document.partial)
         if (answer == null) {
             val reason = verdict.reasons.firstOrNull()
-                ?: throw InvalidArgument("${file.name}: the verdict is refused without a reason.", DocumentForm.ADVICE)
+                ?: throw InvalidArgument("${file.name}: the verdict has no reason.", DocumentForm.ADVICE)
             return Refused(Reasons.error(reason), verdict, provenance, document.partial, file)
         }
         return Recovered(

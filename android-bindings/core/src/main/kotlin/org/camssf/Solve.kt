@@ -79,8 +79,8 @@ internal class Solve(
         val assumptions = signals.assumptions + Assumptions.of(capture, ssf, level)
         fun rows(table: PatchTable) = Rows(table.values, k, n, 3)
         val predictions = Predictions(
-            signals.sharedUsed, Rows(level, k, n), rows(predicted(ssf)), predictedStd?.let(::rows), rows(unseen.values),
-            unseen.std?.let(::rows),
+            signals.sharedUsed, Rows(level, k, n), rows(predicted(ssf)), predictedStd?.let(::rows),
+            rows(unseen.values), unseen.std?.let(::rows),
         )
         val widths = uncertainty(fit, signals, used, ssf, alone)
         return Solution(capture, signals, ssf, predictions, scores, verdict, assumptions, widths)

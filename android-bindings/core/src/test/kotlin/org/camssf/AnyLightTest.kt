@@ -32,7 +32,7 @@ class AnyLightTest {
     private val capture = Capture(Shot(photo, corners), chart)
 
     @Test
-    fun `the light is in the answer and in the document`() = SsfCalibrator.Builder().basis("phones").openBlocking().use { calibrator ->
+    fun `the light is in the answer and in the document`() = opened("phones").use { calibrator ->
         assertTrue(capture.shots[0].lamp.unnamed)
         var solving = 0
         val counting = CalibrationOptions.Builder().progress { if (it.stage == Stage.SOLVING) solving++ }.build()
@@ -61,14 +61,14 @@ class AnyLightTest {
     }
 
     @Test
-    fun `a named lamp is told as ever`() = SsfCalibrator.Builder().basis("phones").openBlocking().use { calibrator ->
+    fun `a named lamp is told as ever`() = opened("phones").use { calibrator ->
         val found = calibrator.calibrateBlocking(Capture(Shot(photo, Lamp.read("E"), corners), chart)) as Recovered
         assertEquals(emptyList<Any?>(), found.lights + found.basis.hypotheses)
         assertNull(Json.parseToJsonElement(found.toJson()).jsonObject.getValue("answer").jsonObject["lights"])
     }
 
     @Test
-    fun `a camera that may be no phone is refused with what to name`() = SsfCalibrator.openBlocking().use { calibrator ->
+    fun `a camera that may be no phone is refused with what to name`() = opened("auto").use { calibrator ->
         val found = calibrator.calibrateBlocking(capture) as Refused
         assertEquals("lamp_unfit", found.error.code)
         assertTrue("spectrum was not given" in found.error.message, found.error.message)
@@ -78,7 +78,7 @@ class AnyLightTest {
 
     @Test
     fun `too many lights, and a basis that weighs nothing, are a wrong call`() {
-        SsfCalibrator.Builder().basis("phones").openBlocking().use { calibrator ->
+        opened("phones").use { calibrator ->
             val one = calibrator.measureBlocking(capture.shots[0], chart)
             fun other(name: String): MeasuredShot {
                 val from = one.photo
@@ -91,17 +91,23 @@ class AnyLightTest {
             val error = assertThrows(InvalidArgument::class.java) { calibrator.solveBlocking(four, chart) }
             assertTrue("4 shots was not named; at most 3" in error.message, error.message)
         }
-        SsfCalibrator.Builder().basis("gaussian").openBlocking().use { calibrator ->
+        opened("gaussian").use { calibrator ->
             val error = assertThrows(InvalidArgument::class.java) { calibrator.calibrateBlocking(capture) }
             assertTrue("light cannot be estimated" in error.message, error.message)
         }
     }
 
     @Test
-    fun `a step between two hypotheses ends it`() = SsfCalibrator.Builder().basis("phones").openBlocking().use { calibrator ->
+    fun `a step between two hypotheses ends it`() = opened("phones").use { calibrator ->
         var solving = 0
         val ending = CalibrationOptions.Builder()
-            .progress { if (it.stage == Stage.SOLVING && ++solving == 3) throw CancellationException("enough") }.build()
+            .progress {
+                if (it.stage == Stage.SOLVING &&
+                    ++solving == 3
+                ) {
+                    throw CancellationException("enough")
+                }
+            }.build()
         assertThrows(CancellationException::class.java) { calibrator.calibrateBlocking(capture, ending) }
         assertEquals(3, solving)
     }

@@ -38,7 +38,7 @@ class ClosingTest {
             go.await()
             PhotoSource.of(photo).read(region)
         }
-        val calibrator = SsfCalibrator.Builder().basis("phones").openBlocking()
+        val calibrator = opened("phones")
         val ended = AtomicReference<Throwable>()
         val run = thread {
             ended.set(runCatching { calibrator.calibrateBlocking(capture(source)) }.exceptionOrNull())
@@ -57,7 +57,7 @@ class ClosingTest {
 
     @Test
     fun `a listener may close, and its run ends`() {
-        val calibrator = SsfCalibrator.Builder().basis("phones").openBlocking()
+        val calibrator = opened("phones")
         val stages = ArrayList<Stage>()
         val closing = CalibrationOptions.Builder().progress { progress ->
             stages += progress.stage
@@ -70,7 +70,7 @@ class ClosingTest {
 
     @Test
     fun `one that waits behind another run is ended, too`() {
-        val calibrator = SsfCalibrator.Builder().basis("phones").openBlocking()
+        val calibrator = opened("phones")
         val started = CountDownLatch(3)
         val errors = List(3) { AtomicReference<Throwable>() }
         val runs = errors.map { error ->
@@ -134,7 +134,7 @@ class ClosingTest {
 
     @Test
     fun `a heap that is too small is a refusal with advice`() {
-        SsfCalibrator.Builder().basis("phones").openBlocking().use { calibrator ->
+        opened("phones").use { calibrator ->
             val source = PhotoSource { throw OutOfMemoryError("Java heap space") }
             val found = calibrator.calibrateBlocking(capture(source)) as Refused
             assertEquals("out_of_memory", found.error.code)

@@ -124,7 +124,7 @@ class FailuresTest {
 
     @Test
     fun `whatever the app's own source throws is a refusal with its cause`() {
-        SsfCalibrator.Builder().basis("phones").openBlocking().use { calibrator ->
+        opened("phones").use { calibrator ->
             val faults = listOf(IllegalStateException("no camera"), IOException("gone"), ClassCastException())
             for (thrown in faults) {
                 val sources = listOf(

@@ -53,7 +53,8 @@ class PreviousResultTest {
         listOf(shot),
         chart,
         null,
-        CalibrationOptions.Builder().previous(SavedResult.read(text, "first.json")).lightPerPatch(lightPerPatch).build(),
+        CalibrationOptions.Builder()
+            .previous(SavedResult.read(text, "first.json")).lightPerPatch(lightPerPatch).build(),
     )
 
     @Test

@@ -58,7 +58,7 @@ class ProgressTest {
     @Test
     fun `an unnamed light, a paper's basis, and shots that were measured before`() {
         val shots = shots(2, 360, 264)
-        SsfCalibrator.Builder().basis("phones").openBlocking().use { calibrator ->
+        opened("phones").use { calibrator ->
             val steps = run(calibrator, listOf(Shot(shots[0].photo, Lamp.auto(), shots[0].corners)))
             check(steps, 1)
             assertTrue(steps.filter { it.stage == Stage.SOLVING }.map { it.part }.distinct().size > 4, "$steps")
@@ -67,7 +67,7 @@ class ProgressTest {
             calibrator.solveBlocking(measured, LargePhotos.chart, null, into(later))
             check(later, 0)
         }
-        SsfCalibrator.Builder().basis("gaussian").openBlocking().use { check(run(it, shots.take(1)), 1) }
+        opened("gaussian").use { check(run(it, shots.take(1)), 1) }
     }
 
     /** A run that begins again, because another table fits the chart, or another fit than was planned. */
@@ -89,7 +89,7 @@ class ProgressTest {
 
     /** A source that fails ends the run where it stands. */
     @Test
-    fun `a refusal is never done`() = SsfCalibrator.Builder().basis("phones").openBlocking().use { calibrator ->
+    fun `a refusal is never done`() = opened("phones").use { calibrator ->
         val (one, two) = shots(2, 360, 264)
         val lost = Shot(PhotoSource { throw UnreadableRaw("a", "b") }, two.lamp, two.corners)
         val steps = ArrayList<Progress>()
@@ -103,7 +103,7 @@ class ProgressTest {
     @EnabledIfSystemProperty(named = "progress.work", matches = ".*")
     fun `work of each step`() {
         for (basis in listOf("auto", "phones")) {
-            SsfCalibrator.Builder().basis(basis).openBlocking().use { calibrator ->
+            opened(basis).use { calibrator ->
                 for (k in 1..6) {
                     val shots = shots(k, 4000, 3000)
                     val times = HashMap<Stage, MutableList<Double>>()

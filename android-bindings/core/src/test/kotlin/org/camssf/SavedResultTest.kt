@@ -1,5 +1,8 @@
 package org.camssf
 
+import org.camssf.json.JsonText
+import org.camssf.json.members
+import org.camssf.json.text
 import org.camssf.photo.Capture
 import org.camssf.photo.Corners
 import org.camssf.photo.PhotoSource
@@ -11,6 +14,7 @@ import org.junit.jupiter.api.Assertions.assertThrows
 import org.junit.jupiter.api.Assertions.assertTrue
 import org.junit.jupiter.api.Test
 import java.io.File
+import java.util.zip.GZIPInputStream
 
 /** A result comes back from its text. That broken texts are refused is BrokenDocumentsTest's. */
 class SavedResultTest {
@@ -44,7 +48,7 @@ class SavedResultTest {
     @Test
     fun `named and unnamed lamps, of every basis`() {
         for (basis in SsfCalibrator.BASES) {
-            SsfCalibrator.Builder().basis(basis).openBlocking().use { calibrator ->
+            opened(basis).use { calibrator ->
                 val shot = Shot(dng("chart-turned-0"), Lamp.read("E"), corners)
                 val named = calibrator.calibrateBlocking(Capture(shot, chart)) as Recovered
                 check(named)
@@ -75,15 +79,33 @@ class SavedResultTest {
         }
     }
 
+    /** The same content, however Python spells its numbers. */
+    @Test
+    fun `results that Python wrote`() {
+        val file = File(folder.parentFile.parentFile, "tests/passports/python.json.gz")
+        val texts = members(JsonText.parse(GZIPInputStream(file.inputStream()).reader().use { it.readText() }))
+        for (name in listOf("result", "small")) {
+            val (known, read) = listOf(texts.text(name), SavedResult.read(texts.text(name)).toJson())
+                .map { members(JsonText.parse(it)) }
+            // A simulation's truth is no part of a result here; the hash is that of the whole.
+            for (key in known.keys + read.keys - setOf("truth", "sha256")) {
+                assertEquals(JsonText.hash(known[key]), JsonText.hash(read[key]), "$name: $key")
+            }
+        }
+    }
+
     @Test
     fun `a code that this version does not know, and a capture that was not solved`() {
         SsfCalibrator.openBlocking().use { calibrator ->
             val lost = Shot(dng("no such file"), Lamp.read("A"), corners)
             val text = calibrator.calibrateBlocking(Capture(lost, chart)).toJson()
-                .replace("\"unreadable_raw\"", "\"another\"").replace(Regex(",\"sha256\":\"[0-9a-f]{64}\"\\}\n$"), "}")
+                .replace("\"unreadable_raw\"", "\"another\"")
+                .replace(Regex(",\"sha256\":\"[0-9a-f]{64}\"\\}\n$"), "}")
             val error = assertThrows(InvalidArgument::class.java) { SavedResult.read(text) }
             assertTrue("no error with the code another" in error.message, error.message)
-            assertThrows(InvalidArgument::class.java) { SavedResult.read(text.replace(Regex("\"reasons\":\\[.*?\\]"), "\"reasons\":[]")) }
+            assertThrows(InvalidArgument::class.java) {
+                SavedResult.read(text.replace(Regex("\"reasons\":\\[.*?\\]"), "\"reasons\":[]"))
+            }
         }
     }
 }

@@ -70,7 +70,7 @@ class SsfCalibratorTest {
 
     @Test
     fun `a document holds the proof and how the codes vary together`() {
-        fun document(basis: String): Pair<Recovered, JsonObject> = SsfCalibrator.Builder().basis(basis).openBlocking().use { calibrator ->
+        fun document(basis: String): Pair<Recovered, JsonObject> = opened(basis).use { calibrator ->
             val found = calibrated(calibrator.calibrateBlocking(Capture(shot(), chart)))
             found to Json.parseToJsonElement(found.toJson()).jsonObject.getValue("answer").jsonObject
         }
@@ -109,7 +109,7 @@ class SsfCalibratorTest {
             assertEquals(calibrator.modelHashes.getValue(found.basis.name), model)
             assertEquals(64, document.getValue("basis_sha256").jsonPrimitive.content.length)
         }
-        SsfCalibrator.Builder().basis("phones").openBlocking().use { calibrator ->
+        opened("phones").use { calibrator ->
             val found = calibrated(calibrator.calibrateBlocking(Capture(shot(), chart)))
             val document = Json.parseToJsonElement(found.toJson()).jsonObject
             val answer = document.getValue("answer").jsonObject
@@ -145,7 +145,7 @@ class SsfCalibratorTest {
 
     @Test
     fun `measured now and solved later is the same`() {
-        SsfCalibrator.Builder().basis("phones").openBlocking().use { calibrator ->
+        opened("phones").use { calibrator ->
             val whole = calibrated(calibrator.calibrateBlocking(Capture(shot(), chart)))
             val later = calibrated(calibrator.solveBlocking(listOf(calibrator.measureBlocking(shot(), chart)), chart))
             assertEquals(whole.toJson(), later.toJson())
@@ -166,7 +166,7 @@ class SsfCalibratorTest {
 
     @Test
     fun `a chart that is not there is refused with what was learned`() {
-        SsfCalibrator.Builder().basis("phones").openBlocking().use { calibrator ->
+        opened("phones").use { calibrator ->
             val elsewhere = Corners.of(2.0, 2.0, 30.0, 2.0, 30.0, 24.0, 2.0, 24.0)
             val found = calibrator.calibrateBlocking(Capture(shot(at = elsewhere), chart)) as Refused
             assertEquals("chart_not_found", found.error.code)
@@ -181,7 +181,7 @@ class SsfCalibratorTest {
 
     @Test
     fun `a wrong call is thrown`() {
-        SsfCalibrator.Builder().basis("phones").openBlocking().use { calibrator ->
+        opened("phones").use { calibrator ->
             val wrong = listOf(
                 Capture(emptyList(), chart),
                 Capture(listOf(shot()), chart, 0.9),
@@ -194,7 +194,7 @@ class SsfCalibratorTest {
 
     @Test
     fun `an interrupted thread stops`() {
-        SsfCalibrator.Builder().basis("phones").openBlocking().use { calibrator ->
+        opened("phones").use { calibrator ->
             var stopped = false
             thread {
                 Thread.currentThread().interrupt()
@@ -228,7 +228,7 @@ class SsfCalibratorTest {
     }
 
     @Test
-    fun `a curve at a wavelength`() = SsfCalibrator.Builder().basis("phones").openBlocking().use { calibrator ->
+    fun `a curve at a wavelength`() = opened("phones").use { calibrator ->
         val found = calibrated(calibrator.calibrateBlocking(Capture(shot(), chart)))
         for (channel in Channel.entries) {
             val (curve, band) = found.curve(channel) to found.band(channel)!!
@@ -245,7 +245,7 @@ class SsfCalibratorTest {
 
     @Test
     fun `a flow ends with the outcome, or with what the call threw`() = runBlocking {
-        val calibrator = SsfCalibrator.Builder().basis("phones").openBlocking()
+        val calibrator = opened("phones")
         val flow = calibrator.calibrationFlow(Capture(shot(), chart))
         repeat(2) {
             val states = flow.toList()
@@ -262,7 +262,7 @@ class SsfCalibratorTest {
 
     @Test
     fun `suspending gives the same`() = runBlocking {
-        SsfCalibrator.Builder().basis("phones").openBlocking().use { calibrator ->
+        opened("phones").use { calibrator ->
             val found = calibrator.calibrate(Capture(shot(), chart))
             assertEquals(calibrator.calibrateBlocking(Capture(shot(), chart)).toJson(), found.toJson())
         }
@@ -270,7 +270,7 @@ class SsfCalibratorTest {
 
     @Test
     fun `threads share a calibrator`() {
-        SsfCalibrator.Builder().basis("phones").openBlocking().use { calibrator ->
+        opened("phones").use { calibrator ->
             val wanted = calibrator.calibrateBlocking(Capture(shot(), chart)).toJson()
             val found = arrayOfNulls<String>(4)
             val threads = List(4) { i ->

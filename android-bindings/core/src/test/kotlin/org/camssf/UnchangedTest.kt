@@ -54,7 +54,16 @@ class UnchangedTest {
     private fun ours(value: Any) = value.javaClass.name.startsWith("org.camssf.")
 
     private fun content(value: Any?): String = when (value) {
-        is List<*> -> value.joinToString(prefix = "${value.size}: ") { if (it != null && ours(it)) "" else content(it) }
+        is List<*> -> value.joinToString(prefix = "${value.size}: ") {
+            if (it != null &&
+                ours(it)
+            ) {
+                ""
+            } else {
+                content(it)
+            }
+        }
+
         else -> "$value".substringBefore('@')
     }
 

@@ -52,7 +52,7 @@ class ValuesTest {
 
     @Test
     fun `results print as what they are, and are equal in what does not vary`() {
-        SsfCalibrator.Builder().basis("phones").openBlocking().use { calibrator ->
+        opened("phones").use { calibrator ->
             val capture = Capture(Shot(PhotoSource.of(photo), Lamp.read("E"), corners), ChartTable.read("classic24"))
             val (one, two) = List(2) { calibrator.calibrateBlocking(capture) as Recovered }
             assertEquals(one.verdict, two.verdict)

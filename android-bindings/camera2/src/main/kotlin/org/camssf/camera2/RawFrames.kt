@@ -187,7 +187,13 @@ public object RawFrames {
         private val orientation = ORIENTATIONS[camera.get(CameraCharacteristics.SENSOR_ORIENTATION)] ?: 1
 
         fun mosaic(region: Region?, sha256: String): Mosaic {
-            val part = if (region == null) Region.ofSize(left = 0, top = 0, width = area.width, height = area.height) else part(region)
+            val part = if (region ==
+                null
+            ) {
+                Region.ofSize(left = 0, top = 0, width = area.width, height = area.height)
+            } else {
+                part(region)
+            }
             val origin = Mosaic.Origin(
                 name = name,
                 make = Build.MANUFACTURER ?: "",
@@ -297,7 +303,11 @@ public object RawFrames {
         val active = need(camera, CameraCharacteristics.SENSOR_INFO_PRE_CORRECTION_ACTIVE_ARRAY_SIZE, name)
         val whole = need(camera, CameraCharacteristics.SENSOR_INFO_PIXEL_ARRAY_SIZE, name)
         val (w, h) = image.width to image.height
-        if (w == active.width() && h == active.height()) return Region.ofSize(left = 0, top = 0, width = w, height = h)
+        if (w == active.width() &&
+            h == active.height()
+        ) {
+            return Region.ofSize(left = 0, top = 0, width = w, height = h)
+        }
         if (w != whole.width || h != whole.height || !Rect(0, 0, w, h).contains(active)) {
             throw UnsupportedRaw("$name has $w × $h samples, the sensor $whole.", "Ask for its ordinary pixel mode.")
         }
@@ -377,7 +387,7 @@ public object RawFrames {
 
     private fun colourMatrices(camera: CameraCharacteristics): List<ColourMatrix> {
         fun of(light: Int?, transform: ColorSpaceTransform?, own: ColorSpaceTransform?): ColourMatrix? =
-            matrix(transform)?.let { ColourMatrix.of(light ?: 0, it, matrix(own), null) }
+            matrix(transform)?.let { ColourMatrix.of(light ?: 0, it, matrix(own)) }
         val first = camera.get(CameraCharacteristics.SENSOR_REFERENCE_ILLUMINANT1)
         val second = camera.get(CameraCharacteristics.SENSOR_REFERENCE_ILLUMINANT2)?.toInt()
         return listOfNotNull(

@@ -22,10 +22,10 @@ import androidx.camera.core.ZoomState
 import androidx.lifecycle.LiveData
 import kotlinx.coroutines.flow.first
 import kotlinx.coroutines.runBlocking
-import org.camssf.Recovered
 import org.camssf.Channel
 import org.camssf.InvalidArgument
 import org.camssf.NotSensorRaw
+import org.camssf.Recovered
 import org.camssf.SsfCalibrator
 import org.camssf.UnreadableRaw
 import org.camssf.UnsupportedRaw

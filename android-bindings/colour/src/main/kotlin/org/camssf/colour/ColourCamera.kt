@@ -48,6 +48,7 @@ internal class ColourCamera private constructor(
             if (EXCERPT in text) ofExcerpt(text)?.let { return it }
             when (val result = SavedResult.read(text)) {
                 is Recovered -> return of(result)
+
                 is Refused -> throw InvalidArgument(
                     "This result was refused (${result.error.code}): it has no curves.", result.error.advice,
                 )

@@ -9,8 +9,8 @@ import kotlinx.serialization.json.jsonArray
 import kotlinx.serialization.json.jsonObject
 import kotlinx.serialization.json.jsonPrimitive
 import org.camssf.Camssf
-import org.camssf.forms.Forms
 import org.camssf.Rows
+import org.camssf.forms.Forms
 import org.camssf.json.JsonText
 import org.camssf.photo.CaptureForm
 import org.camssf.photo.ChartPose

@@ -1,8 +1,8 @@
 package org.camssf.colour
 
-import org.camssf.Recovered
 import org.camssf.CalibrationException
 import org.camssf.InvalidArgument
+import org.camssf.Recovered
 import org.camssf.SsfCalibrator
 import org.camssf.photo.Capture
 import org.camssf.photo.Corners

@@ -72,7 +72,7 @@ class SpectrumEstimatorTest {
         val photo = Mosaic(Mosaic.Origin("strip.dng"), 2, 2, Region(0, 0, 2, 2), ShortArray(4), sensor)
         val source = SignalSource(photo.facts, LensShading.AS_STORED)
         val both = estimator.spectrumOf(RawRegion(area, strip, noise, source), RawRegion(area, lit, noise, source))
-        assertArrayEquals(estimator.spectrumOf(strip + lit, noise + noise).reflectance.values, both.reflectance.values)
+        assertEquals(estimator.spectrumOf(strip + lit, noise + noise).reflectance, both.reflectance)
         val grey = DoubleArray(3) { 0.2 * white.raw[it] }
         val warm = DoubleArray(3) { grey[it] * warmer(it) }
         val one = SpectrumEstimator.read(text, listOf(light)).spectrumOf(grey, noise)

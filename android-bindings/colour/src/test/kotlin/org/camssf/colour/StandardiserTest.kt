@@ -1,10 +1,10 @@
 package org.camssf.colour
 
-import org.camssf.Recovered
 import org.camssf.ColourOutOfReach
 import org.camssf.Grid
 import org.camssf.InvalidArgument
 import org.camssf.LampUnfit
+import org.camssf.Recovered
 import org.camssf.SsfCalibrator
 import org.camssf.fit.Colour
 import org.camssf.flatten

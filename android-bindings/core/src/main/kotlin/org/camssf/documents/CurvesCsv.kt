@@ -7,7 +7,8 @@ import org.camssf.short
 internal object CurvesCsv {
     fun of(curves: Curves): String {
         val names = listOf("red", "green", "blue")
-        val header = listOf("wavelength_nm") + names + if (curves.std == null) emptyList() else names.map { "${it}_std" }
+        val header =
+            listOf("wavelength_nm") + names + if (curves.std == null) emptyList() else names.map { "${it}_std" }
         val columns = curves.values + curves.std.orEmpty()
         return buildString {
             append(header.joinToString(",")).append('\n')

@@ -139,7 +139,9 @@ internal object ResultForm {
                 part.text("basis"), part.number("prior_scale"), part.number("chart_fading"),
                 part.maybeNumber("evidence"),
                 part.list<Fields>("choice").map {
-                    Hypothesis(it.text("basis"), it.number("log_evidence"), it.number("probability"), it.list("kinds"))
+                    Hypothesis(
+                        it.text("basis"), it.number("log_evidence"), it.number("probability"), it.list("kinds"),
+                    )
                 },
             ),
             Convergence(

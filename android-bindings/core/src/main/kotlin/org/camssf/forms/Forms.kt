@@ -284,7 +284,9 @@ internal class Forms(
         private val OLDER = setOf("camssf-result", "camssf-patches", "camssf-shot")
 
         @Suppress("UNCHECKED_CAST")
-        private val PARTS by lazy { JsonText.parse(Models.read("forms.json").decodeToString()) as Map<String, Map<String, Map<String, Any?>>> }
+        private val PARTS by lazy {
+            JsonText.parse(Models.read("forms.json").decodeToString()) as Map<String, Map<String, Map<String, Any?>>>
+        }
 
         /**
          * A part in plain values, its fields in the table's order, without those that have their default.

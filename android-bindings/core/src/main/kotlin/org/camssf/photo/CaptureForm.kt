@@ -2,10 +2,10 @@ package org.camssf.photo
 
 import org.camssf.Camssf
 import org.camssf.Grid
+import org.camssf.Rows
 import org.camssf.flatten
 import org.camssf.forms.Fields
 import org.camssf.forms.Forms
-import org.camssf.Rows
 import org.camssf.spectra.ChartLayout
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp

@@ -52,28 +52,26 @@ public class ColourMatrix internal constructor(public val light: String, interna
         /** Ratio of an AsShotNeutral's numbers below which they count as equal. */
         private const val EQUAL = 1.02
 
-        /** As the other `of`, without calibration and gains. */
+        /** As the other `of`, without calibration. */
         @JvmStatic
-        public fun of(illuminant: Int, matrix: DoubleArray): ColourMatrix? = of(illuminant, matrix, null, null)
+        public fun of(illuminant: Int, matrix: DoubleArray): ColourMatrix? = of(illuminant, matrix, null)
 
         /**
-         * A colour matrix with the calibration of the individual camera and its gains. Null if no camera can have it, or
+         * A colour matrix with the calibration of the individual camera. Null if no camera can have it, or
          * for an illuminant whose spectrum is not known.
          *
          * @param illuminant an Exif LightSource code: 1 daylight, 4 flash and 9 fine weather count as D55, 3 tungsten
          *   as A, 10 cloudy as D65, 11 shade as D75; 17 A, 18 B, 19 C, 20 D55, 21 D65, 22 D75, 23 D50.
          * @param matrix (3, 3) row-major XYZ to camera; copied.
          * @param calibration (3, 3) row-major calibration matrix of the individual camera; null for the identity.
-         * @param gains (3) analogue gains; null for ones.
          */
         @JvmStatic
         public fun of(
             illuminant: Int,
             matrix: DoubleArray,
             calibration: DoubleArray?,
-            gains: DoubleArray?,
         ): ColourMatrix? = try {
-            checked(illuminant.toLong(), matrix, calibration, gains ?: doubleArrayOf(1.0, 1.0, 1.0))
+            checked(illuminant.toLong(), matrix, calibration, doubleArrayOf(1.0, 1.0, 1.0))
         } catch (_: IllegalArgumentException) {
             null
         }

@@ -2,10 +2,10 @@ package org.camssf.photo
 
 import org.camssf.CalibrationException
 import org.camssf.InvalidArgument
+import org.camssf.Rows
 import org.camssf.forms.BrokenDocument
 import org.camssf.forms.Fields
 import org.camssf.forms.Forms
-import org.camssf.Rows
 import org.camssf.forms.need
 import org.camssf.spectra.ChartLayout
 import org.camssf.spectra.Lamp

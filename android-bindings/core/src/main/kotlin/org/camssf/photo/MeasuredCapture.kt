@@ -55,7 +55,8 @@ public class MeasuredCapture internal constructor(
          * @throws org.camssf.UnitDiffers they are of different units or lenses.
          */
         @JvmStatic
-        public fun of(shots: List<MeasuredShot>, chart: ChartTable, whiteReflectance: Double?): MeasuredCapture = Measuring.joined(shots, chart, whiteReflectance)
+        public fun of(shots: List<MeasuredShot>, chart: ChartTable, whiteReflectance: Double?): MeasuredCapture =
+            Measuring.joined(shots, chart, whiteReflectance)
 
         /** As the other `fromJson`, of a source without a name. */
         @JvmStatic

@@ -36,7 +36,9 @@ public class PatchMeans internal constructor(
 
         /**
          * Measures the same samples of every patch in all frames of one shot, by the numbered rules of
-         * docs/patches.md. Threads: any but the main one. The sums are of whole numbers, so Python's and Kotlin's results are equal bit for bit.
+         * docs/patches.md. The sums are of whole numbers, so Python's and Kotlin's results are equal bit for bit.
+         *
+         * Threads: any but the main one.
          *
          * @param chart the photo of the chart; its region must hold the patches, and so must the other frames'.
          * @param pose the chart's position in it.

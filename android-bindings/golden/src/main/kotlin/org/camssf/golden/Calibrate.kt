@@ -34,7 +34,9 @@ public class Calibrate private constructor() : Closeable {
     private fun serve(words: List<String>): String {
         val start = System.nanoTime()
         if (words[0] == "--open") {
-            return SsfCalibrator.Builder().basis(words[1]).openBlocking().use { "0 ${(System.nanoTime() - start) / NANO}" }
+            return SsfCalibrator.Builder().basis(words[1]).openBlocking().use {
+                "0 ${(System.nanoTime() - start) / NANO}"
+            }
         }
         val status = run(words)
         return "$status ${(System.nanoTime() - start) / NANO} ${toJson / NANO}"

@@ -88,7 +88,14 @@ internal class VerdictStage(private val forms: Forms, private val frames: Statis
         fun answer(of: JsonObject): Ssf {
             fun value(name: String) = forms.resolve(of.getValue(name)).values
             val curves = Ssf.Curves(value("ssf"), std, value("code"), spread, value("predicted"), lamp.values)
-            val ssf = Ssf(curves, proof, DoubleArray(3) { 1.0 }, DoubleArray(3), 1.0, basis, comparison = Ssf.Comparison(choice))
+            val ssf =
+                Ssf(
+                    curves, proof,
+                    DoubleArray(3) {
+                        1.0
+                    },
+                    DoubleArray(3), 1.0, basis, comparison = Ssf.Comparison(choice),
+                )
             return test?.let { ssf.withFamilyTest(it, fading) } ?: ssf
         }
         val verdictInputs = VerdictInputs(

@@ -1,8 +1,8 @@
 package org.camssf.passport
 
 import org.camssf.Grid
-import org.camssf.forms.Fields
 import org.camssf.Rows
+import org.camssf.forms.Fields
 import org.camssf.photo.DocumentForm
 import org.camssf.photo.MeasuredCapture
 import org.camssf.photo.MeasuredShot

@@ -1,7 +1,7 @@
 package org.camssf.selftest
 
-import org.camssf.Recovered
 import org.camssf.InvalidArgument
+import org.camssf.Recovered
 import org.camssf.colour.RawRegion
 import org.camssf.colour.Reference
 import org.camssf.colour.StandardColour

@@ -19,8 +19,8 @@ import java.io.File
 
 /** As an app's tests would use them; ONNX Runtime is not on this class path. */
 class FakesTest {
-    private fun assumptions(of: CalibrationResult) = Json.parseToJsonElement(of.toJson()).jsonObject.getValue("assumptions")
-        .jsonArray.map { it.jsonObject.getValue("code").jsonPrimitive.content }
+    private fun assumptions(of: CalibrationResult) = Json.parseToJsonElement(of.toJson())
+        .jsonObject.getValue("assumptions").jsonArray.map { it.jsonObject.getValue("code").jsonPrimitive.content }
 
     @Test
     fun `an answer`() {

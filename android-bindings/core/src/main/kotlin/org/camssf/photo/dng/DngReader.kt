@@ -33,8 +33,8 @@ public object DngReader {
      * Threads: any but the main one.
      *
      * @param source stays open; the caller closes it. It is read by one thread.
-     * @param region null for all; else decode only this part of the active area, clipped to it, that is, only the strips and tiles that
-     *   it touches. Damage in others is then not detected.
+     * @param region null for all; else decode only this part of the active area, clipped to it, that is, only the
+     *   strips and tiles that it touches. Damage in others is then not detected.
      * @throws UnreadableRaw truncated, damaged, or not a raw file at all.
      * @throws UnsupportedRaw an intact raw file that is no DNG, or a DNG in a form that camssf does not read.
      * @throws NotSensorRaw LinearRaw, that is, already demosaiced.

@@ -90,8 +90,7 @@ public interface DngSource : Closeable {
          * @throws UnreadableRaw reading the stream fails.
          * @throws UnsupportedRaw the stream is longer than `limit`.
          */
-        @JvmStatic
-        public fun of(stream: InputStream, name: String, limit: Long): DngSource {
+        internal fun of(stream: InputStream, name: String, limit: Long): DngSource {
             val found = Grown()
             val chunk = ByteArray(1 shl 16)
             try {
