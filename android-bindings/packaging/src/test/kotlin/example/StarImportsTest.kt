@@ -4,6 +4,7 @@ package example
 
 import org.camssf.*
 import org.camssf.colour.*
+import org.camssf.documents.*
 import org.camssf.fit.*
 import org.camssf.photo.*
 import org.camssf.photo.dng.*

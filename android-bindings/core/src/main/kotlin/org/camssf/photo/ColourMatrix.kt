@@ -66,11 +66,7 @@ public class ColourMatrix internal constructor(public val light: String, interna
          * @param calibration (3, 3) row-major calibration matrix of the individual camera; null for the identity.
          */
         @JvmStatic
-        public fun of(
-            illuminant: Int,
-            matrix: DoubleArray,
-            calibration: DoubleArray?,
-        ): ColourMatrix? = try {
+        public fun of(illuminant: Int, matrix: DoubleArray, calibration: DoubleArray?): ColourMatrix? = try {
             checked(illuminant.toLong(), matrix, calibration, doubleArrayOf(1.0, 1.0, 1.0))
         } catch (_: IllegalArgumentException) {
             null
