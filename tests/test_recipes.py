@@ -264,7 +264,8 @@ def kdoc_examples(module: str) -> list[str]:
     imports += ["androidx.camera.core.ImageAnalysis", "androidx.camera.core.ImageCapture"]
     head = "".join(f"import {name}\n" for name in imports)
     return [
-        f"package example.{module}{number}\n\n{head}\n" + re.sub(r"^ \* ?", "", block, flags=re.M)
+        f"@file:OptIn(kotlin.time.ExperimentalTime::class)\n\npackage example.{module}{number}\n\n{head}\n"
+        + re.sub(r"^ \* ?", "", block, flags=re.M)
         for number, block in enumerate(examples)
     ]
 

@@ -3,6 +3,7 @@ package org.camssf
 import java.lang.ref.PhantomReference
 import java.lang.ref.ReferenceQueue
 import java.util.Collections
+import kotlin.concurrent.thread
 
 /**
  * Releases what objects held that nobody closed before they became garbage, on a daemon thread. Java's own Cleaner
@@ -14,10 +15,18 @@ internal object Abandoned {
     /** A reference must itself be reachable to arrive in the queue. */
     private val watches = Collections.synchronizedSet(HashSet<Watch>())
 
-    private val thread by lazy {
-        Thread({ while (true) (queue.remove() as Watch).release() }, "camssf-abandoned").apply {
-            isDaemon = true
-            start()
+    private val worker by lazy { thread(isDaemon = true, name = "camssf-abandoned") { work() } }
+
+    /** Until the thread is interrupted, as Maven's exec plug-in does at the end of a program. */
+    private fun work() {
+        while (true) {
+            try {
+                (queue.remove() as Watch).release()
+            } catch (_: InterruptedException) {
+                return
+            } catch (_: Exception) { // a logger's; an app must not die of it
+                continue
+            }
         }
     }
 
@@ -29,7 +38,7 @@ internal object Abandoned {
     class Watch(owner: Any, private val release: () -> Unit) : PhantomReference<Any>(owner, queue) {
         init {
             watches += this
-            thread
+            worker
         }
 
         fun cancel() {

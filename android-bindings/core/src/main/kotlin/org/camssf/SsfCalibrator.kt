@@ -372,8 +372,8 @@ public class SsfCalibrator private constructor(
         /** What is done when a calibrator has become garbage; without a reference to it. */
         private fun release(guard: RunGuard, logger: Logger?, opened: Throwable): () -> Unit = {
             val words = "An SsfCalibrator was not closed. Close it, for example by use { }, where you opened it."
-            logger?.log(words) ?: Log.getLogger("org.camssf").log(Level.WARNING, words, opened)
             guard.close()
+            logger?.log(words) ?: Log.getLogger("org.camssf").log(Level.WARNING, words, opened)
         }
 
         private fun recovered(solution: Solution, model: String, basis: String?): Recovered {
