@@ -114,7 +114,9 @@ class ClosingTest {
 
             override fun close() = Unit
         }
-        val log = java.util.logging.Logger.getLogger("org.camssf").apply { addHandler(handler) }
+        val log = java.util.logging.Logger.getLogger("org.camssf")
+        log.addHandler(handler)
+        log.useParentHandlers = false
         fun leave(logger: Logger?) {
             val calibrator = SsfCalibrator.Builder().basis("phones").logger(logger).openBlocking()
             assertTrue(calibrator.calibrateBlocking(capture()) is Recovered)
@@ -129,6 +131,7 @@ class ClosingTest {
             Thread.sleep(50)
         }
         log.removeHandler(handler)
+        log.useParentHandlers = true
         assertEquals(1 to 1, said(own) to said(common))
     }
 
