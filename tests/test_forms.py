@@ -87,4 +87,4 @@ def test_the_base_is_sound_with_and_without_its_hash(base: dict[str, Any]) -> No
 
 
 def test_kotlins_table_of_forms_is_current() -> None:
-    assert kotlin_forms.FILE.read_text("utf-8") == kotlin_forms.kotlin(), "run python -m tools.formats"
+    assert kotlin_forms.FILE.read_text("utf-8") == kotlin_forms.table(), "run python -m tools.formats"

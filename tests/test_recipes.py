@@ -1,4 +1,4 @@
-"""The recipes of docs/jvm.md and docs/android.md, word for word, from an empty folder to a first result.
+"""The recipes of docs/jvm.md and docs/android.md, word for word, from an empty folder to a first result, and KDoc.
 
 They need `mvn -f android-bindings verify`, Java, and Maven Central for the Kotlin compilers that are in no cache.
 """
@@ -210,7 +210,7 @@ class Screen(private val contentResolver: ContentResolver, private val filesDir:
     }}
 
     fun coloured(
-        calibrated: Calibrated, frame: RawFrame, nextFrame: RawFrame,
+        result: Recovered, frame: RawFrame, nextFrame: RawFrame,
         whiteArea: Region, stripArea: Region, previewArea: Region,
     ) {{
 {colours}
@@ -248,6 +248,35 @@ class ScreenTest {{
 """
 
 
+MODULES = ["core", "colour", "finder", "camera2", "camerax", "passport", "testing"]
+OF_JAVA = ["java.io.File", "java.nio.ByteBuffer", "java.security.KeyPair", "java.security.PublicKey"]
+OF_ANDROID = ["hardware.camera2.CameraCharacteristics", "hardware.camera2.TotalCaptureResult", "media.Image"]
+
+
+def kdoc_examples(module: str) -> list[str]:
+    """The Kotlin in the KDoc of a module, each example a file of its own that may use all that is public."""
+    sources = sorted((BINDINGS / module / "src" / "main").rglob("*.kt"))
+    texts = [source.read_text("utf-8") for source in sources]
+    fence = re.compile(r"^ \* ```kotlin\n(.*?)^ \* ```$", re.DOTALL | re.MULTILINE)
+    examples = [block for text in texts for block in fence.findall(text)]
+    packages = {name for of in MODULES for name in public_packages(of)}
+    imports = [f"{name}.*" for name in sorted(packages)] + OF_JAVA + [f"android.{name}" for name in OF_ANDROID]
+    imports += ["androidx.camera.core.ImageAnalysis", "androidx.camera.core.ImageCapture"]
+    head = "".join(f"import {name}\n" for name in imports)
+    return [
+        f"@file:OptIn(kotlin.time.ExperimentalTime::class)\n\npackage example.{module}{number}\n\n{head}\n"
+        + re.sub(r"^ \* ?", "", block, flags=re.M)
+        for number, block in enumerate(examples)
+    ]
+
+
+def public_packages(module: str) -> set[str]:
+    """The packages of a module's dump of its public classes."""
+    dump = (BINDINGS / module / "api" / f"{module}.api").read_text("utf-8")
+    names = re.findall(r"^public [\w ]*?(?:class|interface) (org/camssf/[\w/$]+)", dump, re.M)
+    return {name.rpartition("/")[0].replace("/", ".") for name in names}
+
+
 def dependency(coordinates: str, more: str = "") -> str:
     group, name, version = coordinates.split(":")
     return (
@@ -271,7 +300,7 @@ def versions_of_the_build(*names: str) -> dict[str, str]:
 
 @pytest.mark.requirement("R-RECIPE")
 def test_a_new_android_module_by_the_page_alone(tmp_path: Path, cache: Path) -> None:
-    """The page's coordinates and code on the framework's classes; no Gradle, CameraX or phone's runtime is here."""
+    """The page's code and KDoc's examples on the framework's classes; no Gradle, CameraX or phone's runtime."""
     asked = dict(
         reversed(re.match(r"(.*?:(.*?):.*)", found).groups())  # type: ignore[union-attr]
         for found in re.findall(r'implementation\("([\w.:-]+)"\)', ANDROID_PAGE)
@@ -291,7 +320,7 @@ def test_a_new_android_module_by_the_page_alone(tmp_path: Path, cache: Path) -> 
     dependencies = [
         dependency(asked["camssf-camera2"], f"<type>aar</type>{excluding('com.microsoft.onnxruntime')}"),
         dependency(asked["camssf-camerax"], excluding("androidx.camera", "com.microsoft.onnxruntime")),
-        dependency(asked["camssf-colour"]),
+        *[dependency(asked["camssf-colour"].replace("colour", name)) for name in ("colour", "passport", "testing")],
         dependency("local:camera2:1", f"<scope>system</scope><systemPath>{folder / 'classes.jar'}</systemPath>"),
         dependency("local:stubs:1", f"<scope>system</scope><systemPath>{stubs}</systemPath>"),
         dependency(f"com.microsoft.onnxruntime:onnxruntime:{of['onnxruntime']}", "<scope>test</scope>"),
@@ -322,6 +351,11 @@ def test_a_new_android_module_by_the_page_alone(tmp_path: Path, cache: Path) -> 
         "src/main/kotlin/example/Screen.kt",
         SCREEN.format(imports=imports, **code),
     )
+    for module in MODULES:
+        examples = kdoc_examples(module)
+        assert examples, f"no class of {module} has an example in its KDoc"
+        for number, example in enumerate(examples):
+            write(folder, f"src/main/kotlin/example/{module}{number}.kt", example)
     corners = "22.44, 17.44, 156.56, 22.44, 162.56, 116.56, 16.44, 109.56"
     photo = ROOT / "golden" / "dng" / "chart-turned-0.dng"
     write(folder, "src/test/kotlin/example/ScreenTest.kt", SCREEN_TEST.format(photo=photo, corners=corners))

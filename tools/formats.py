@@ -92,7 +92,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         f"{name}.schema.json": json.dumps(schema(kind), ensure_ascii=False, indent=1) + "\n"
         for name, kind in DOCUMENTS.items()
     }
-    table: dict[str, str | None] = {kotlin_forms.FILE.name: kotlin_forms.kotlin()}
+    table: dict[str, str | None] = {kotlin_forms.FILE.name: kotlin_forms.table()}
     return max(
         write_or_check(COMMAND, folder, contents, check=options.check)
         for folder, contents in ((FOLDER, written), (kotlin_forms.FILE.parent, table))

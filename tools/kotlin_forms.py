@@ -11,28 +11,20 @@ from camssf.documents.document import Document
 from camssf.documents.forms import fields_of, mark_of, to_plain
 from camssf.shapes import MOST, Bounds, Pattern, Shape, Words
 
-FILE = Path(__file__).parents[1] / "android-bindings/core/src/main/kotlin/org/camssf/forms/FormTable.kt"
+FILE = Path(__file__).parents[1] / "reference/camssf/data/forms.json"
 LONGEST = 4096
 """Characters of a text without bounds."""
-HEAD = """\
-package org.camssf.forms
-
-/** The parts of a document, from Python's types. Made by `python -m tools.formats`; do not edit. */
-internal const val FORM_TABLE: String = \"\"\"
-"""
 
 
-def kotlin() -> str:
-    """The content of Kotlin's file: one field a line."""
+def table() -> str:
+    """The content of the file: one field a line."""
     parts: dict[str, Any] = {}
     _part(Document, parts)
     rows = []
     for name, part in parts.items():
         fields = ",\n".join(f"  {_json(key)}: {_json(form)}" for key, form in part.items())
         rows.append(f" {_json(name)}: {{\n{fields}\n }}")
-    text = "{\n" + ",\n".join(rows) + "\n}"
-    assert "$" not in text
-    return f'{HEAD}{text}\n"""\n'
+    return "{\n" + ",\n".join(rows) + "\n}\n"
 
 
 def _json(value: Any) -> str:

@@ -4,6 +4,7 @@ package example
 
 import org.camssf.*
 import org.camssf.colour.*
+import org.camssf.documents.*
 import org.camssf.fit.*
 import org.camssf.photo.*
 import org.camssf.photo.dng.*
@@ -25,10 +26,11 @@ class StarImportsTest {
         val mosaic: Mosaic = source.use { DngReader.read(it, ChartPose.region(corners)) }
         val chart: ChartTable = ChartTable.read("classic24")
         val shot: Shot = Shot(PhotoSource.of(mosaic), Lamp.read("E"), corners)
-        val found: Calibration = SsfCalibrator.open("phones").use { it.calibrateBlocking(Capture(shot, chart)) }
+        val found: CalibrationResult =
+            SsfCalibrator.openBlocking().use { it.calibrateBlocking(Capture(shot, chart)) }
         val verdict: Verdict = found.verdict
-        val ssf: Ssf = (found as Calibrated).ssf
-        assertEquals(Grid.SIZE, ssf.curve(Channel.RED).size)
+        val curve: Curve = (found as Recovered).curve(Channel.RED)
+        assertEquals(Grid.SIZE, curve.size)
         assertEquals(verdict.reasons.isEmpty(), verdict.outcome == Status.ACCEPTED)
     }
 }

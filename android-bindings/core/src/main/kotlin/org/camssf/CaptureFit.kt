@@ -35,7 +35,7 @@ internal class CaptureFit(
     private val engines: List<Engine>,
     private val capture: MeasuredCapture,
     private val signals: Signals,
-    private val settings: Settings,
+    private val settings: CalibrationOptions,
     private val priorScale: Double = 1.0,
 ) {
     /** The chart's table, as faded as an answer found it. */

@@ -8,9 +8,7 @@ public object Grid {
     /** Distance between neighbouring wavelengths, nm. */
     public const val STEP: Double = 0.5
 
-    internal val wavelengths: DoubleArray = DoubleArray(SIZE) { 380.0 + STEP * it }
-
-    /** Wavelengths (681), nm; a copy. */
-    @JvmStatic
-    public fun copyWavelengths(): DoubleArray = wavelengths.copyOf()
+    /** The wavelengths, nm. */
+    @JvmField
+    public val wavelengths: Curve = Curve(DoubleArray(SIZE) { 380.0 + STEP * it })
 }

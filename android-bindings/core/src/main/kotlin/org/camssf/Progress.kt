@@ -41,15 +41,15 @@ public fun interface ProgressListener {
 }
 
 /** What [SsfCalibrator.calibrationFlow] emits. */
-public sealed class CalibrationState {
+public sealed class RunState {
     /** The calibration runs. */
-    public class Running internal constructor(public val progress: Progress) : CalibrationState() {
+    public class Running internal constructor(public val progress: Progress) : RunState() {
         override fun toString(): String = "$progress"
     }
 
     /** The calibration has ended; the last state of a flow. */
-    public class Finished internal constructor(public val calibration: Calibration) : CalibrationState() {
-        override fun toString(): String = "$calibration"
+    public class Finished internal constructor(public val result: CalibrationResult) : RunState() {
+        override fun toString(): String = "$result"
     }
 }
 
@@ -111,41 +111,38 @@ internal class ProgressPlan private constructor(private val steps: List<Step>) {
          *
          * @param families number of bases that the signals choose from.
          */
-        fun of(capture: Capture, settings: Settings, families: Int, prior: Boolean): ProgressPlan {
+        fun of(capture: Capture, options: CalibrationOptions, families: Int, prior: Boolean): ProgressPlan {
             val measuring = capture.shots.flatMapIndexed { j, shot ->
                 val frames = 1 + listOfNotNull(shot.white, shot.dark).size
-                listOf(
-                    Step(Stage.READING, j, READ),
-                    Step(Stage.FINDING, j, FIND),
-                    Step(Stage.MEASURING, j, MEASURE * frames),
-                )
+                val work = listOf(Stage.READING to READ, Stage.FINDING to FIND, Stage.MEASURING to MEASURE * frames)
+                work.map { (stage, each) -> Step(stage, j, each) }
             }
-            return ProgressPlan(measuring + solving(capture.shots.map { it.lamp }, settings, families, prior))
+            return ProgressPlan(measuring + solving(capture.shots.map { it.lamp }, options, families, prior))
         }
 
         /** The steps of solving measured shots. */
-        fun of(lamps: List<Lamp>, settings: Settings, families: Int, prior: Boolean): ProgressPlan =
-            ProgressPlan(solving(lamps, settings, families, prior))
+        fun of(lamps: List<Lamp>, options: CalibrationOptions, families: Int, prior: Boolean): ProgressPlan =
+            ProgressPlan(solving(lamps, options, families, prior))
 
-        private fun solving(lamps: List<Lamp>, settings: Settings, families: Int, prior: Boolean): List<Step> {
+        private fun solving(lamps: List<Lamp>, options: CalibrationOptions, bases: Int, prior: Boolean): List<Step> {
             val k = lamps.size
             val unnamed = lamps.count { it.unnamed }
             // Every kind of every unnamed light with every family, the family's test, and the lights' posteriors.
             val kinds = lamps.filter { it.unnamed }.take(AnyLight.MOST).fold(1) { all, lamp -> all * lamp.kinds.size }
-            val runs = if (unnamed == 0) 1 else families + LIGHTS
+            val runs = if (unnamed == 0) 1 else bases + LIGHTS
             val size = 1 + PER_SHOT * (k - 1)
             // All folds are solved in one call, and their bands in another.
-            val folds = if (settings.fit == null) 2 else 0
+            val folds = if (options.fit == null) 2 else 0
             val alone = if (k > 1 && prior) k else 0
             val named = k - unnamed
             val comparing = prior && named > 0 && k <= Light.MOST_SHOTS_COMPARED
             val compared = if (comparing) 1 + named * Light.RIVALS.size else 0
             val stacks = List(compared) { it }.chunked(Recover.stackOf(k))
             // The parts of the capture are solved with the basis and the kinds of light that the whole has found.
-            return listOf(Step(Stage.SOLVING, null, SOLVE * families * kinds * size, runs)) +
+            return listOf(Step(Stage.SOLVING, null, SOLVE * bases * kinds * size, runs)) +
                 List(folds) { Step(Stage.VALIDATING, null, SOLVE * size * Solve.FOLDS / folds) } +
                 List(alone) { Step(Stage.VALIDATING, null, SOLVE) } +
-                stacks.map { Step(Stage.JUDGING, null, JUDGE * families * size * it.size) }
+                stacks.map { Step(Stage.JUDGING, null, JUDGE * bases * size * it.size) }
         }
 
         /** Runs of a model for an unnamed light after the evidence of each basis: two widths, the test, the light. */

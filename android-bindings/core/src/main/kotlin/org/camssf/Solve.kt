@@ -1,10 +1,10 @@
 package org.camssf
 
-import org.camssf.documents.Predictions
-import org.camssf.documents.Share
 import org.camssf.documents.Solution
-import org.camssf.documents.Uncertainty
+import org.camssf.fit.Predictions
 import org.camssf.fit.Scores
+import org.camssf.fit.Uncertainty
+import org.camssf.fit.UncertaintySource
 import org.camssf.photo.MeasuredCapture
 import org.camssf.photo.Normalise
 import org.camssf.photo.PatchMask
@@ -26,7 +26,7 @@ import org.camssf.verdict.VerdictInputs
 internal class Solve(
     private val engines: List<Engine>,
     private val capture: MeasuredCapture,
-    private val settings: Settings,
+    private val settings: CalibrationOptions,
     private val reporter: ProgressReporter,
     private val new: Int? = null,
 ) {
@@ -78,7 +78,11 @@ internal class Solve(
         )
         val level = fit.level(ssf)
         val assumptions = signals.assumptions + Assumptions.of(capture, ssf, level)
-        val predictions = Predictions(level, predictedStd?.values, unseen.values.values, unseen.std?.values)
+        fun rows(table: PatchTable) = Rows(table.values, k, n, 3)
+        val predictions = Predictions(
+            signals.sharedUsed, Rows(level, k, n), rows(predicted(ssf)), predictedStd?.let(::rows),
+            rows(unseen.values), unseen.std?.let(::rows),
+        )
         val widths = uncertainty(fit, signals, explained?.budget, ssf, alone)
         return Solution(capture, signals, ssf, predictions, scores, verdict, assumptions, widths)
     }
@@ -101,7 +105,7 @@ internal class Solve(
         val own = shares.mapValues { (_, share) -> DoubleArray(3) { inside[it] * share[it] } }
         val all = own + if (between == null) emptyMap() else mapOf("which lamp" to between)
         val sizes = BudgetWords.sizes(fit, signals, settings.lightPerPatch)
-        val budget = all.map { (source, share) -> Share(source, sizes.getValue(source), share) }
+        val budget = all.map { (source, share) -> UncertaintySource(source, sizes.getValue(source), share) }
         return Uncertainty(ssf.halfWidth, ssf.halfWidthWithoutPhoto, alone.map { it.halfWidth }, budget)
     }
 
@@ -205,7 +209,7 @@ internal class Solve(
 
     /** The camera's white points from each shot's file. */
     private fun neutrals(): List<List<CameraWhite>> = capture.shots.map { shot ->
-        shot.photo.colourMatrices.map { CameraWhite(Rivals.lamp(it.light).sharedValues, it.copyWhite()) }
+        shot.photo.colourMatrices.map { CameraWhite(Rivals.lamp(it.light).sharedValues, it.sharedWhite) }
     }
 
     companion object {

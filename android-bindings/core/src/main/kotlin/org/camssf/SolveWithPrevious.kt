@@ -1,5 +1,6 @@
 package org.camssf
 
+import org.camssf.documents.PreviousShots
 import org.camssf.documents.Solution
 import org.camssf.photo.Assumption
 import org.camssf.photo.MeasuredCapture
@@ -19,10 +20,12 @@ import org.camssf.verdict.Verdict
 internal class SolveWithPrevious(
     private val engines: List<Engine>,
     private val capture: MeasuredCapture,
-    private val settings: Settings,
+    private val settings: CalibrationOptions,
     private val reporter: ProgressReporter,
-    private val previous: PreviousResult,
+    private val previous: CalibrationResult,
 ) {
+    private val name = previous.source.name
+
     fun run(): Solution {
         if (settings.lightPerPatch != null || engines[0].basis == OnnxEngine.PAPER) {
             throw InvalidArgument(
@@ -30,10 +33,10 @@ internal class SolveWithPrevious(
                 "Leave one of the two out.",
             )
         }
-        val files = capture.files + ("previous result: ${previous.name}" to previous.sha256)
+        val files = capture.files + ("previous result: $name" to previous.source.sha256)
         val own = MeasuredCapture(capture.shots, capture.chart, capture.whiteReflectance, files)
         val new = own.shots.size
-        val joint = previous.joined(own)
+        val joint = PreviousShots(name, previous.verdict, previous.measured).joined(own)
         val (checks, refused) = try {
             val found = Solve(engines, joint, settings, reporter, new).run()
             val verdict = found.verdict
@@ -58,7 +61,7 @@ internal class SolveWithPrevious(
 
     private fun entered(new: Int) = Assumption(
         "previous_result",
-        "the shots after number $new are those of ${previous.name}: same unit, same chart.",
+        "the shots after number $new are those of $name: same unit, same chart.",
     )
 
     private fun Solution.with(verdict: Verdict, assumptions: List<Assumption>) =

@@ -1,11 +1,12 @@
 package org.camssf
 
-import kotlinx.coroutines.CoroutineDispatcher
 import kotlinx.coroutines.Dispatchers
 import kotlinx.coroutines.flow.Flow
 import kotlinx.coroutines.flow.channelFlow
 import kotlinx.coroutines.flow.conflate
 import kotlinx.coroutines.runInterruptible
+import kotlinx.coroutines.withContext
+import org.camssf.documents.Provenance
 import org.camssf.documents.Solution
 import org.camssf.photo.Capture
 import org.camssf.photo.MeasuredCapture
@@ -18,6 +19,7 @@ import org.camssf.recovery.Engine
 import org.camssf.recovery.OnnxEngine
 import org.camssf.recovery.OnnxLibrary
 import org.camssf.recovery.SHIPPED_BASES
+import org.camssf.spectra.Bundled
 import org.camssf.spectra.ChartTable
 import org.camssf.verdict.Reason
 import org.camssf.verdict.Reasons
@@ -29,6 +31,8 @@ import java.net.SocketTimeoutException
 import java.nio.channels.ClosedByInterruptException
 import java.util.Collections
 import java.util.concurrent.CancellationException
+import java.util.logging.Level
+import java.util.logging.Logger as Log
 
 /** Receives log lines: each stage with its duration, and the outcome. Called on the thread that calibrates. */
 public fun interface Logger {
@@ -39,21 +43,22 @@ public fun interface Logger {
 /**
  * Recovers a camera's spectral sensitivities from photos of a ColorChecker, on this device; no data leaves it.
  *
- * ```
- * val chart = ChartTable.read("classic24")
- * val shot = Shot(PhotoSource.of(mosaic), Lamp.read("D55"), corners)
- * SsfCalibrator.open().use { calibrator ->
- *     when (val found = calibrator.calibrate(Capture(shot, chart))) {
- *         is Calibrated -> draw(found.ssf.curve(Channel.RED), found.ssf.band(Channel.RED))
- *         is Refused -> tell(found.error.message, found.error.advice)
+ * ```kotlin
+ * suspend fun recover(photo: PhotoSource, corners: Corners) = SsfCalibrator.open().use { calibrator ->
+ *     val shot = Shot(photo, Lamp.read("D55"), corners)
+ *     when (val result = calibrator.calibrate(Capture(shot, ChartTable.read("classic24")))) {
+ *         is Recovered -> println("red at 600 nm: ${result.curve(Channel.RED).at(600.0)}")
+ *         is Refused -> println("${result.error.message} ${result.error.advice}")
  *     }
  * }
  * ```
  *
  * Ownership: it holds its models in native memory and must be closed by the code that opened it. Open one and keep
- * it, or open one for each calibration. Threads: any; calls from several threads wait for each other at the model. A
- * second `close` does nothing; other calls after it throw [CalibratorClosed], an [IllegalStateException]. Results
- * belong to the caller and stay valid after `close`.
+ * it, or open one for each calibration. One that becomes garbage unclosed is released, with a warning in the log.
+ *
+ * Threads: any. The suspending functions may be called from the main thread, the blocking ones must not; calls from
+ * several threads wait for each other at the model. A second `close` does nothing; other calls after it throw
+ * [CalibratorClosed], an [IllegalStateException]. Results belong to the caller and stay valid after `close`.
  */
 public class SsfCalibrator private constructor(
     /**
@@ -62,10 +67,21 @@ public class SsfCalibrator private constructor(
     public val basis: String,
     private val engines: List<Engine>,
     private val logger: Logger?,
+    private val guard: RunGuard,
 ) : Closeable {
     override fun toString(): String = "SsfCalibrator($basis)"
 
-    private val guard = RunGuard { engines.forEach { it.close() } }
+    private val watch = Abandoned.Watch(this, release(guard, logger, Throwable("It was opened here.")))
+
+    /** When the last call ended; writing it keeps the calibrator from being garbage while a call runs. */
+    @Volatile
+    private var ended = 0L
+
+    private fun <T> running(work: () -> T): T = try {
+        guard.through(work)
+    } finally {
+        ended = System.nanoTime()
+    }
 
     /** SHA-256 of each model file by its basis, lower-case hex; "auto" has three. */
     public val modelHashes: Map<String, String> =
@@ -74,125 +90,163 @@ public class SsfCalibrator private constructor(
     /** SHA-256 of each basis, as its model states it; the engine has checked that it is the one that is given. */
     private val basisHashes = engines.associate { it.basis to it.metadata["basis_sha256 ${it.basis}"] }
 
+    /** As the other `calibrateBlocking`, without options. */
+    @Throws(InterruptedException::class)
+    public fun calibrateBlocking(capture: Capture): CalibrationResult =
+        calibrateBlocking(capture, CalibrationOptions.DEFAULT)
+
     /**
      * Recovers the camera's curves from RAW photos: reads each shot's frames in turn, moves the corners to the
-     * printed borders, measures the patches and solves (a few dozen model runs for one shot). Blocks: do not call it
-     * on the main thread.
+     * printed borders, measures the patches and solves (a few dozen model runs for one shot).
      *
-     * @param progress called on this thread.
+     * Threads: any but the main one; it blocks.
+     *
      * @throws InvalidArgument the call itself is wrong; every other reason for no answer is returned as a [Refused].
      * @throws InterruptedException the thread was interrupted; all resources of the run are released.
      * @throws CalibratorClosed see [close].
      */
-    @JvmOverloads
     @Throws(InterruptedException::class)
-    public fun calibrateBlocking(
-        capture: Capture,
-        settings: Settings = Settings(),
-        progress: ProgressListener? = null,
-    ): Calibration = guard.through {
-        run(capture, settings, reporter(ProgressPlan.of(capture, settings, engines.size, prior), progress))
+    public fun calibrateBlocking(capture: Capture, options: CalibrationOptions): CalibrationResult = running {
+        run(capture, options, reporter(ProgressPlan.of(capture, options, engines.size, prior), options.progress))
     }
 
+    /** As the other `calibrate`, without options. */
+    public suspend fun calibrate(capture: Capture): CalibrationResult = calibrate(capture, CalibrationOptions.DEFAULT)
+
     /**
-     * Runs [calibrateBlocking] on a thread of `dispatcher`, so it may be called from the main thread. Cancelling the
-     * coroutine's job interrupts that thread; the run then ends after the current row of samples or the current model
-     * run. `progress` is called on that thread, not on the caller's dispatcher.
+     * Runs [calibrateBlocking] on a thread of the options' dispatcher.
      *
+     * Threads: any, also the main one. Cancelling the coroutine's job interrupts the working thread; the run then ends
+     * after the current row of samples or the current model run.
+     *
+     * @throws InvalidArgument as [calibrateBlocking].
      * @throws CalibratorClosed see [close].
      */
-    public suspend fun calibrate(
-        capture: Capture,
-        settings: Settings = Settings(),
-        dispatcher: CoroutineDispatcher = Dispatchers.IO,
-        progress: ProgressListener? = null,
-    ): Calibration {
+    public suspend fun calibrate(capture: Capture, options: CalibrationOptions): CalibrationResult =
+        on(options) { calibrateBlocking(capture, options) }
+
+    private suspend fun <T> on(options: CalibrationOptions, work: () -> T): T {
         guard.check()
-        return runInterruptible(dispatcher) { calibrateBlocking(capture, settings, progress) }
+        return runInterruptible(options.dispatcher) { work() }
     }
+
+    /** As the other `calibrationFlow`, without options. */
+    public fun calibrationFlow(capture: Capture): Flow<RunState> =
+        calibrationFlow(capture, CalibrationOptions.DEFAULT)
 
     /**
      * Progress and outcome of [calibrate], which runs each time that the flow is collected. A collector that is
      * slower than the calibration receives the latest state only; the outcome is never lost.
+     *
+     * Threads: any, also the main one; the states arrive on the collector's dispatcher.
      */
-    public fun calibrationFlow(
-        capture: Capture,
-        settings: Settings = Settings(),
-        dispatcher: CoroutineDispatcher = Dispatchers.IO,
-    ): Flow<CalibrationState> = channelFlow {
-        val found = calibrate(capture, settings, dispatcher) { trySend(CalibrationState.Running(it)) }
-        send(CalibrationState.Finished(found))
+    public fun calibrationFlow(capture: Capture, options: CalibrationOptions): Flow<RunState> = channelFlow {
+        val own = options.toBuilder().progress {
+            options.progress?.report(it)
+            trySend(RunState.Running(it))
+        }
+        send(RunState.Finished(calibrate(capture, own.build())))
     }.conflate()
 
     /**
+     * Runs [measureBlocking] on [Dispatchers.Default]. Threads: any, also the main one; cancelling ends it.
+     *
+     * @throws CalibrationException the shot cannot be measured, or the call is wrong.
+     */
+    public suspend fun measure(shot: Shot, chart: ChartTable): MeasuredShot =
+        on(CalibrationOptions.DEFAULT) { measureBlocking(shot, chart) }
+
+    /**
      * Measures one shot, so that its frames can be released at once; [solve] takes several measured shots later.
+     *
+     * Threads: any but the main one; it blocks.
      *
      * @throws CalibrationException the shot cannot be measured, or the call is wrong.
      * @throws InterruptedException the thread was interrupted; all resources of the run are released.
      */
     @Throws(InterruptedException::class)
-    public fun measure(shot: Shot, chart: ChartTable): MeasuredShot = guard.through {
+    public fun measureBlocking(shot: Shot, chart: ChartTable): MeasuredShot = running {
         interruptible { Measuring(Capture(shot, chart), reporter()).run().shots[0] }
     }
 
+    /** As the other `solve`, without options and with no card before the white frames but a perfect diffuser. */
+    public suspend fun solve(shots: List<MeasuredShot>, chart: ChartTable): CalibrationResult =
+        solve(shots, chart, null, CalibrationOptions.DEFAULT)
+
+    /**
+     * Runs [solveBlocking] on a thread of the options' dispatcher. Threads: any, also the main one; cancelling ends it.
+     *
+     * @throws InvalidArgument the call itself is wrong.
+     */
+    public suspend fun solve(
+        shots: List<MeasuredShot>,
+        chart: ChartTable,
+        whiteReflectance: Double?,
+        options: CalibrationOptions,
+    ): CalibrationResult = on(options) { solveBlocking(shots, chart, whiteReflectance, options) }
+
+    /** As the other `solveBlocking`, without options and with no card but a perfect diffuser. */
+    @Throws(InterruptedException::class)
+    public fun solveBlocking(shots: List<MeasuredShot>, chart: ChartTable): CalibrationResult =
+        solveBlocking(shots, chart, null, CalibrationOptions.DEFAULT)
+
     /**
      * Computes curves, scores and verdict from measured shots.
+     *
+     * Threads: any but the main one; it blocks.
      *
      * @param shots of one chart with one camera, from [measure] or [MeasuredCapture.fromJson].
      * @param whiteReflectance of the target in the white frames, 90 % is 0.9; null for a perfect diffuser.
      * @throws InvalidArgument the call itself is wrong.
      * @throws InterruptedException the thread was interrupted.
      */
-    @JvmOverloads
     @Throws(InterruptedException::class)
-    public fun solve(
+    public fun solveBlocking(
         shots: List<MeasuredShot>,
         chart: ChartTable,
-        whiteReflectance: Double? = null,
-        settings: Settings = Settings(),
-        progress: ProgressListener? = null,
-    ): Calibration = guard.through {
+        whiteReflectance: Double?,
+        options: CalibrationOptions,
+    ): CalibrationResult = running {
         val partial = PartialCapture(chart, shots.map { it.lamp }, shots.frozen())
-        val plan = ProgressPlan.of(partial.lamps, settings, engines.size, prior)
+        val plan = ProgressPlan.of(partial.lamps, options, engines.size, prior)
         refusing({ partial }) {
-            finish(Measuring.joined(shots, chart, whiteReflectance), settings, reporter(plan, progress))
+            finish(Measuring.joined(shots, chart, whiteReflectance), options, reporter(plan, options.progress))
         }
     }
 
-    private fun run(capture: Capture, settings: Settings, reporter: ProgressReporter): Calibration {
+    private fun run(capture: Capture, options: CalibrationOptions, reporter: ProgressReporter): CalibrationResult {
         val measuring = Measuring(capture, reporter)
-        return refusing(measuring::partial) { finish(measuring.run(), settings, reporter) }
+        return refusing(measuring::partial) { finish(measuring.run(), options, reporter) }
     }
 
-    private fun finish(capture: MeasuredCapture, settings: Settings, reporter: ProgressReporter): Solution {
-        val previous = settings.previous
+    private fun finish(capture: MeasuredCapture, options: CalibrationOptions, reporter: ProgressReporter): Solution {
+        val previous = options.previous
         val solution = if (previous == null) {
-            Solve(engines, capture, settings, reporter).run()
+            Solve(engines, capture, options, reporter).run()
         } else {
-            SolveWithPrevious(engines, capture, settings, reporter, previous).run()
+            SolveWithPrevious(engines, capture, options, reporter, previous).run()
         }
         reporter.begin(Stage.DONE)
         return solution
     }
 
-    private fun refusing(partial: () -> PartialCapture, work: () -> Solution): Calibration =
-        outcome(partial, work).also { found ->
-            logger?.log("${found.verdict.outcome.word}${found.verdict.reasons.joinToString("") { ", ${it.code}" }}")
+    private fun refusing(partial: () -> PartialCapture, work: () -> Solution): CalibrationResult =
+        outcome(partial, work).also { result ->
+            logger?.log("${result.verdict.outcome.word}${result.verdict.reasons.joinToString("") { ", ${it.code}" }}")
         }
 
-    private fun outcome(partial: () -> PartialCapture, work: () -> Solution): Calibration {
+    private fun outcome(partial: () -> PartialCapture, work: () -> Solution): CalibrationResult {
         try {
             val solution = interruptible(work)
             if (solution.verdict.outcome == Status.REFUSED) {
-                return Refused(Reasons.refusal(solution.verdict), solution.verdict, PartialCapture(solution.capture))
+                return refused(Reasons.refusal(solution.verdict), solution.verdict, PartialCapture(solution.capture))
             }
-            val basis = solution.ssf.basis
-            return Calibrated(solution, modelHashes.getValue(basis), basisHashes[basis])
+            return recovered(solution, modelHashes.getValue(solution.ssf.basis), basisHashes[solution.ssf.basis])
         } catch (error: InvalidArgument) {
             throw error
         } catch (error: CalibrationException) {
             val reason = Reason(error.code, error.message, error.advice, error.value, error.threshold)
-            return Refused(error, Verdict(Status.REFUSED, listOf(reason)), partial())
+            return refused(error, Verdict(Status.REFUSED, listOf(reason)), partial())
         }
     }
 
@@ -200,10 +254,14 @@ public class SsfCalibrator private constructor(
      * Ends running calls, each with [CalibratorClosed], waits until they have ended (after the current row of samples
      * or model run), and releases the models.
      *
-     * A `progress` or a [Logger] may call it; it then returns without waiting, and its own run ends at the next step
+     * Threads: any, but a call may run for a second before it ends, so not the main one while one runs. A listener of
+     * progress or a [Logger] may call it; it then returns without waiting, and its own run ends at the next step
      * and releases the models. They must not wait for a thread that is in this call.
      */
-    override fun close(): Unit = guard.close()
+    override fun close() {
+        watch.cancel()
+        guard.close()
+    }
 
     /** Reports to `progress` and the logger, and ends the run if it was interrupted or closed. */
     private fun reporter(
@@ -238,25 +296,70 @@ public class SsfCalibrator private constructor(
     /** Whether the basis has a prior: the paper's has none, and is compared with nothing. */
     private val prior get() = basis != OnnxEngine.PAPER
 
+    /** How to open a calibrator; what is not set keeps its default. Of one thread. */
+    public class Builder {
+        private var basis = Choice.AUTO
+        private var logger: Logger? = null
+
+        /** One of [BASES]; "auto" if it is not set. One basis alone takes less memory and time. */
+        public fun basis(name: String): Builder = apply { basis = name }
+
+        /** Receives the stages and the outcome of each run. */
+        public fun logger(logger: Logger?): Builder = apply { this.logger = logger }
+
+        /**
+         * Loads the shipped model of the basis, for "auto" all but the paper's, checks hash, grid and vocabulary, and
+         * loads the tables of charts and lamps.
+         *
+         * Threads: any, also the main one: it loads on [Dispatchers.Default].
+         *
+         * @throws InvalidArgument there is no such basis, or the app contains another model than this version's.
+         * @throws RuntimeUnfit ONNX Runtime is missing, or of a version that reports its use.
+         */
+        public suspend fun open(): SsfCalibrator {
+            var calibrator: SsfCalibrator? = null
+            try {
+                return withContext(Dispatchers.Default) { openBlocking().also { calibrator = it } }
+            } catch (error: CancellationException) { // also if it was opened by then
+                calibrator?.close()
+                throw error
+            }
+        }
+
+        /** As [open], for Java and for worker threads: it blocks for some tenths of a second. */
+        public fun openBlocking(): SsfCalibrator = opened(basis, logger)
+
+        override fun toString(): String = "SsfCalibrator.Builder($basis)"
+    }
+
     public companion object {
         /**
-         * Names that [open] accepts: "auto"; "phones" and "cameras", learned from measured curves; "ryyb", phones
+         * Names of bases: "auto"; "phones" and "cameras", learned from measured curves; "ryyb", phones
          * with yellow in green's place; "gaussian", the paper's basis.
          */
         @JvmField
         public val BASES: List<String> = (listOf(Choice.AUTO) + SHIPPED_BASES).frozen()
 
         /**
-         * Loads the shipped model of a basis, for "auto" all but the paper's, and checks hash, grid and vocabulary.
+         * Opens one with the basis "auto" and without a logger; [Builder] sets others.
          *
-         * @param logger receives the stages and the outcome of each run; null for none.
-         * @throws InvalidArgument there is no such basis, or the app contains another model than this version's.
+         * Threads: any, also the main one: models and tables load on [Dispatchers.Default].
+         *
+         * @throws InvalidArgument the app contains another model than this version's.
          * @throws RuntimeUnfit ONNX Runtime is missing, or of a version that reports its use.
          */
         @JvmStatic
-        @JvmOverloads
-        public fun open(basis: String = "auto", logger: Logger? = null): SsfCalibrator = try {
-            SsfCalibrator(basis, load(if (basis == Choice.AUTO) Choice.FAMILIES else listOf(basis)), logger)
+        public suspend fun open(): SsfCalibrator = Builder().open()
+
+        /** As [open], for Java and for worker threads: it blocks for some tenths of a second. */
+        @JvmStatic
+        public fun openBlocking(): SsfCalibrator = Builder().openBlocking()
+
+        private fun opened(basis: String, logger: Logger?): SsfCalibrator = try {
+            // So that the first chart and lamp by name do not parse them on the main thread.
+            Bundled.load()
+            val engines = load(if (basis == Choice.AUTO) Choice.FAMILIES else listOf(basis))
+            SsfCalibrator(basis, engines, logger, RunGuard { engines.forEach { it.close() } })
         } catch (error: LinkageError) {
             throw RuntimeUnfit(
                 "ONNX Runtime is missing or cannot load its native library (${error.message}).",
@@ -265,6 +368,24 @@ public class SsfCalibrator private constructor(
                 cause = error,
             )
         }
+
+        /** What is done when a calibrator has become garbage; without a reference to it. */
+        private fun release(guard: RunGuard, logger: Logger?, opened: Throwable): () -> Unit = {
+            val words = "An SsfCalibrator was not closed. Close it, for example by use { }, where you opened it."
+            guard.close()
+            logger?.log(words) ?: Log.getLogger("org.camssf").log(Level.WARNING, words, opened)
+        }
+
+        private fun recovered(solution: Solution, model: String, basis: String?): Recovered {
+            val measured = PartialCapture(solution.capture)
+            val provenance = Provenance(Camssf.VERSION, "onnx", model, basis, measured.files)
+            return Recovered(
+                solution.capture, solution.answer(), solution.verdict, solution.assumptions, provenance,
+            )
+        }
+
+        private fun refused(error: CalibrationException, verdict: Verdict, measured: PartialCapture): Refused =
+            Refused(error, verdict, Provenance(Camssf.VERSION, null, null, null, measured.files), measured)
 
         private fun load(bases: List<String>): List<Engine> {
             val engines = ArrayList<Engine>()

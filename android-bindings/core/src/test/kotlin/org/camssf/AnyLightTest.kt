@@ -32,19 +32,18 @@ class AnyLightTest {
     private val capture = Capture(Shot(photo, corners), chart)
 
     @Test
-    fun `the light is in the answer and in the document`() = SsfCalibrator.open("phones").use { calibrator ->
+    fun `the light is in the answer and in the document`() = opened("phones").use { calibrator ->
         assertTrue(capture.shots[0].lamp.unnamed)
         var solving = 0
-        val found = calibrator.calibrateBlocking(capture) { if (it.stage == Stage.SOLVING) solving++ } as Calibrated
+        val counting = CalibrationOptions.Builder().progress { if (it.stage == Stage.SOLVING) solving++ }.build()
+        val found = calibrator.calibrateBlocking(capture, counting) as Recovered
         // One before all; then the evidence of all kinds, the answers, their bands and their lights, a call each.
         assertEquals(5, solving)
-        val light = found.ssf.lights.single()!!
+        val light = found.lights.single()!!
         assertEquals(listOf("daylight", "bulb", "white-led", "fluorescent"), light.kinds.keys.toList())
         assertEquals(1.0, light.kinds.values.sum(), 1e-12)
-        assertEquals(1.0, light.copyPower().average(), 1e-12)
-        assertTrue(light.copyStd().all { it > 0 } && light.kelvinStd > 0)
-        light.copyPower()[0] = 7.0
-        assertTrue(light.copyPower()[0] < 7.0)
+        assertEquals(1.0, light.sharedPower.average(), 1e-12)
+        assertTrue(light.sharedStd.all { it > 0 } && light.kelvinStd > 0)
         val document = Json.parseToJsonElement(found.toJson()).jsonObject
         val shot = document.getValue("capture").jsonObject.getValue("shots").jsonArray.single().jsonObject
         assertEquals("""{"kind":"unnamed","name":"auto"}""", shot.getValue("lamp").toString())
@@ -52,7 +51,7 @@ class AnyLightTest {
         val written = answer.getValue("lights").jsonArray.single().jsonObject
         assertEquals(light.kelvin, written.getValue("kelvin").jsonPrimitive.double)
         val power = written.getValue("power").jsonArray.map { it.jsonPrimitive.double }
-        assertArrayEquals(light.copyPower(), power.toDoubleArray())
+        assertArrayEquals(light.sharedPower, power.toDoubleArray())
         val kinds = answer.getValue("choice").jsonArray.map {
             it.jsonObject.getValue("kinds").jsonArray.single().jsonPrimitive.content
         }
@@ -62,14 +61,14 @@ class AnyLightTest {
     }
 
     @Test
-    fun `a named lamp is told as ever`() = SsfCalibrator.open("phones").use { calibrator ->
-        val found = calibrator.calibrateBlocking(Capture(Shot(photo, Lamp.read("E"), corners), chart)) as Calibrated
-        assertEquals(emptyList<Any?>(), found.ssf.lights + found.ssf.choice)
+    fun `a named lamp is told as ever`() = opened("phones").use { calibrator ->
+        val found = calibrator.calibrateBlocking(Capture(Shot(photo, Lamp.read("E"), corners), chart)) as Recovered
+        assertEquals(emptyList<Any?>(), found.lights + found.basis.hypotheses)
         assertNull(Json.parseToJsonElement(found.toJson()).jsonObject.getValue("answer").jsonObject["lights"])
     }
 
     @Test
-    fun `a camera that may be no phone is refused with what to name`() = SsfCalibrator.open().use { calibrator ->
+    fun `a camera that may be no phone is refused with what to name`() = opened("auto").use { calibrator ->
         val found = calibrator.calibrateBlocking(capture) as Refused
         assertEquals("lamp_unfit", found.error.code)
         assertTrue("spectrum was not given" in found.error.message, found.error.message)
@@ -79,8 +78,8 @@ class AnyLightTest {
 
     @Test
     fun `too many lights, and a basis that weighs nothing, are a wrong call`() {
-        SsfCalibrator.open("phones").use { calibrator ->
-            val one = calibrator.measure(capture.shots[0], chart)
+        opened("phones").use { calibrator ->
+            val one = calibrator.measureBlocking(capture.shots[0], chart)
             fun other(name: String): MeasuredShot {
                 val from = one.photo
                 val photo = org.camssf.photo.Photo(
@@ -89,30 +88,34 @@ class AnyLightTest {
                 return MeasuredShot(Lamp.auto(), photo, null, null, one.pose, one.means, one.lensShading)
             }
             val four = listOf(one, other("b"), other("c"), other("d"))
-            val error = assertThrows(InvalidArgument::class.java) { calibrator.solve(four, chart) }
+            val error = assertThrows(InvalidArgument::class.java) { calibrator.solveBlocking(four, chart) }
             assertTrue("4 shots was not named; at most 3" in error.message, error.message)
         }
-        SsfCalibrator.open("gaussian").use { calibrator ->
+        opened("gaussian").use { calibrator ->
             val error = assertThrows(InvalidArgument::class.java) { calibrator.calibrateBlocking(capture) }
             assertTrue("light cannot be estimated" in error.message, error.message)
         }
     }
 
     @Test
-    fun `a step between two hypotheses ends it`() = SsfCalibrator.open("phones").use { calibrator ->
+    fun `a step between two hypotheses ends it`() = opened("phones").use { calibrator ->
         var solving = 0
-        assertThrows(CancellationException::class.java) {
-            calibrator.calibrateBlocking(capture) {
-                if (it.stage == Stage.SOLVING && ++solving == 3) throw CancellationException("enough")
-            }
-        }
+        val ending = CalibrationOptions.Builder()
+            .progress {
+                if (it.stage == Stage.SOLVING &&
+                    ++solving == 3
+                ) {
+                    throw CancellationException("enough")
+                }
+            }.build()
+        assertThrows(CancellationException::class.java) { calibrator.calibrateBlocking(capture, ending) }
         assertEquals(3, solving)
     }
 
     @Test
     fun `the colour temperature is McCamy's, and its slope that of differences`() {
         for ((name, kelvin) in listOf("A" to 2856.0, "D50" to 5003.0, "D65" to 6504.0)) {
-            val power = Lamp.read(name).copyValues()
+            val power = Lamp.read(name).sharedValues
             val (found, slope) = LampPosterior.temperature(power)
             assertEquals(kelvin, found, 0.005 * kelvin, name)
             for (at in listOf(50, 200, 340, 500)) {

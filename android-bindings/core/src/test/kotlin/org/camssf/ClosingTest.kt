@@ -12,9 +12,12 @@ import org.junit.jupiter.api.Assertions.assertThrows
 import org.junit.jupiter.api.Assertions.assertTrue
 import org.junit.jupiter.api.Test
 import java.io.File
+import java.util.Collections
 import java.util.concurrent.CountDownLatch
 import java.util.concurrent.TimeUnit
 import java.util.concurrent.atomic.AtomicReference
+import java.util.logging.Handler
+import java.util.logging.LogRecord
 import kotlin.concurrent.thread
 
 /** What `close` promises, what a logger hears, and what becomes of a heap that is too small. */
@@ -35,7 +38,7 @@ class ClosingTest {
             go.await()
             PhotoSource.of(photo).read(region)
         }
-        val calibrator = SsfCalibrator.open("phones")
+        val calibrator = opened("phones")
         val ended = AtomicReference<Throwable>()
         val run = thread {
             ended.set(runCatching { calibrator.calibrateBlocking(capture(source)) }.exceptionOrNull())
@@ -54,21 +57,20 @@ class ClosingTest {
 
     @Test
     fun `a listener may close, and its run ends`() {
-        val calibrator = SsfCalibrator.open("phones")
+        val calibrator = opened("phones")
         val stages = ArrayList<Stage>()
-        assertThrows(CalibratorClosed::class.java) {
-            calibrator.calibrateBlocking(capture()) { progress ->
-                stages += progress.stage
-                if (progress.stage == Stage.SOLVING) calibrator.close()
-            }
+        val closing = CalibrationOptions.Builder().progress { progress ->
+            stages += progress.stage
+            if (progress.stage == Stage.SOLVING) calibrator.close()
         }
+        assertThrows(CalibratorClosed::class.java) { calibrator.calibrateBlocking(capture(), closing.build()) }
         assertEquals(Stage.SOLVING, stages.last())
         calibrator.close()
     }
 
     @Test
     fun `one that waits behind another run is ended, too`() {
-        val calibrator = SsfCalibrator.open("phones")
+        val calibrator = opened("phones")
         val started = CountDownLatch(3)
         val errors = List(3) { AtomicReference<Throwable>() }
         val runs = errors.map { error ->
@@ -89,7 +91,7 @@ class ClosingTest {
     @Test
     fun `a logger hears each stage and what came of it`() {
         val lines = ArrayList<String>()
-        SsfCalibrator.open("phones") { lines += it }.use { calibrator ->
+        SsfCalibrator.Builder().basis("phones").logger { lines += it }.openBlocking().use { calibrator ->
             calibrator.calibrateBlocking(capture())
             assertTrue(lines.any { Regex("reading the photo, shot 1: \\d+ ms").matches(it) }, lines.toString())
             assertTrue(lines.last().startsWith("accepted") || lines.last().startsWith("doubtful"), lines.last())
@@ -101,15 +103,48 @@ class ClosingTest {
     }
 
     @Test
+    fun `one that nobody closed is released, and the log says so`() {
+        val (own, common) = List(2) { Collections.synchronizedList(ArrayList<String>()) }
+        val handler = object : Handler() {
+            override fun publish(record: LogRecord) {
+                common += record.message
+            }
+
+            override fun flush() = Unit
+
+            override fun close() = Unit
+        }
+        val log = java.util.logging.Logger.getLogger("org.camssf")
+        log.addHandler(handler)
+        log.useParentHandlers = false
+        fun leave(logger: Logger?) {
+            val calibrator = SsfCalibrator.Builder().basis("phones").logger(logger).openBlocking()
+            assertTrue(calibrator.calibrateBlocking(capture()) is Recovered)
+        }
+        SsfCalibrator.Builder().basis("phones").logger { own += it }.openBlocking().close() // says nothing
+        leave { own += it }
+        leave(null)
+        val until = System.nanoTime() + 60_000_000_000
+        fun said(lines: List<String>) = lines.toList().count { "was not closed" in it }
+        while (said(own) + said(common) < 2 && System.nanoTime() < until) {
+            System.gc()
+            Thread.sleep(50)
+        }
+        log.removeHandler(handler)
+        log.useParentHandlers = true
+        assertEquals(1 to 1, said(own) to said(common))
+    }
+
+    @Test
     fun `a heap that is too small is a refusal with advice`() {
-        SsfCalibrator.open("phones").use { calibrator ->
+        opened("phones").use { calibrator ->
             val source = PhotoSource { throw OutOfMemoryError("Java heap space") }
             val found = calibrator.calibrateBlocking(capture(source)) as Refused
             assertEquals("out_of_memory", found.error.code)
             assertEquals(listOf("out_of_memory"), found.verdict.reasons.map { it.code })
             assertTrue("12 megapixels" in found.error.advice && "largeHeap" in found.error.advice)
-            assertThrows(OutOfMemory::class.java) { calibrator.measure(capture(source).shots[0], chart) }
-            assertTrue(calibrator.calibrateBlocking(capture()) is Calibrated) // and the next run stands
+            assertThrows(OutOfMemory::class.java) { calibrator.measureBlocking(capture(source).shots[0], chart) }
+            assertTrue(calibrator.calibrateBlocking(capture()) is Recovered) // and the next run stands
         }
     }
 }

@@ -73,11 +73,11 @@ class FailuresTest {
                 found
             },
         )
-        SsfCalibrator.open().use { calibrator ->
+        SsfCalibrator.openBlocking().use { calibrator ->
             for (frame in frames) {
                 val calls = listOf<() -> Any>(
                     { calibrator.calibrateBlocking(Capture(shot(frame), chart)) },
-                    { calibrator.measure(shot(frame), chart) },
+                    { calibrator.measureBlocking(shot(frame), chart) },
                 )
                 for (call in calls) {
                     try {
@@ -96,7 +96,7 @@ class FailuresTest {
 
     @Test
     fun `what a provider throws is an unreadable photo`() {
-        SsfCalibrator.open().use { calibrator ->
+        SsfCalibrator.openBlocking().use { calibrator ->
             val provider = listOf(SecurityException("no permission"), IOException("no file"), NullPointerException())
             for (thrown in provider) {
                 val error = refusal(calibrator, PhotoSource.dng { throw thrown })
@@ -124,7 +124,7 @@ class FailuresTest {
 
     @Test
     fun `whatever the app's own source throws is a refusal with its cause`() {
-        SsfCalibrator.open("phones").use { calibrator ->
+        opened("phones").use { calibrator ->
             val faults = listOf(IllegalStateException("no camera"), IOException("gone"), ClassCastException())
             for (thrown in faults) {
                 val sources = listOf(
@@ -149,19 +149,19 @@ class FailuresTest {
 
     @Test
     fun `after close nothing works`() {
-        val calibrator = SsfCalibrator.open()
+        val calibrator = SsfCalibrator.openBlocking()
         val capture = Capture(shot(PhotoSource { throw UnreadableRaw("a", "b") }), chart)
         calibrator.close()
         calibrator.close()
-        val next = Continuation<Calibration>(EmptyCoroutineContext) { }
-        val suspending: suspend () -> Calibration = { calibrator.calibrate(capture) }
+        val next = Continuation<CalibrationResult>(EmptyCoroutineContext) { }
+        val suspending: suspend () -> CalibrationResult = { calibrator.calibrate(capture) }
 
         @Suppress("UNCHECKED_CAST")
         val calls = listOf<() -> Any?>(
             { calibrator.calibrateBlocking(capture) },
-            { calibrator.measure(shot(PhotoSource.of(photo)), chart) },
-            { calibrator.solve(emptyList(), chart) },
-            { (suspending as (Continuation<Calibration>) -> Any?)(next) },
+            { calibrator.measureBlocking(shot(PhotoSource.of(photo)), chart) },
+            { calibrator.solveBlocking(emptyList(), chart) },
+            { (suspending as (Continuation<CalibrationResult>) -> Any?)(next) },
         )
         for (call in calls) {
             val error = assertThrows(IllegalStateException::class.java) { call() }
@@ -171,14 +171,14 @@ class FailuresTest {
 
     @Test
     fun `a corner outside the photo, near or far`() {
-        SsfCalibrator.open().use { calibrator ->
+        SsfCalibrator.openBlocking().use { calibrator ->
             val said = listOf(170.0, 5000.0).map { by ->
                 val moved = corners.moved(by)
                 assertThrows(InvalidArgument::class.java) {
                     calibrator.calibrateBlocking(Capture(shot(PhotoSource.of(photo), moved), chart))
                 }.toString()
             } + assertThrows(InvalidArgument::class.java) {
-                calibrator.measure(shot(PhotoSource.of(photo), corners.moved(-20.0)), chart)
+                calibrator.measureBlocking(shot(PhotoSource.of(photo), corners.moved(-20.0)), chart)
             }.toString()
             assertEquals(1, said.toSet().size, said.toString())
             assertTrue("outside chart-turned-0.dng" in said[0] && "preview" in said[0], said[0])
@@ -226,9 +226,8 @@ class FailuresTest {
             assertEquals(listOf("auto", "phones", "cameras", "ryyb", "gaussian"), type.getField("BASES").get(null))
             val companion = type.getField("Companion").get(null)
             repeat(2) {
-                val open = companion.javaClass.getMethod("open", String::class.java)
-                val thrown =
-                    assertThrows(InvocationTargetException::class.java) { open.invoke(companion, "auto") }
+                val open = companion.javaClass.getMethod("openBlocking")
+                val thrown = assertThrows(InvocationTargetException::class.java) { open.invoke(companion) }
                 val error = thrown.targetException
                 assertEquals("org.camssf.RuntimeUnfit", error.javaClass.name, error.toString())
                 assertTrue("onnxruntime-android of version 1.28.0" in error.toString(), error.toString())

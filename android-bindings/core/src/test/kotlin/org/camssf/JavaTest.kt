@@ -47,13 +47,15 @@ class JavaTest {
                     Capture capture = new Capture(shot, ChartTable.read("classic24"));
                     List<Progress> steps = new ArrayList<>();
                     List<String> lines = new ArrayList<>();
-                    try (SsfCalibrator calibrator = SsfCalibrator.open("phones", lines::add)) {
-                        Calibration found = calibrator.calibrateBlocking(capture, new Settings(), steps::add);
+                    CalibrationOptions options = new CalibrationOptions.Builder().progress(steps::add).build();
+                    try (SsfCalibrator calibrator =
+                            new SsfCalibrator.Builder().basis("phones").logger(lines::add).openBlocking()) {
+                        CalibrationResult found = calibrator.calibrateBlocking(capture, options);
                         if (found instanceof Refused) return ((Refused) found).getError().getAdvice();
-                        double red = ((Calibrated) found).getSsf().at(600.0, Channel.RED);
+                        double red = ((Recovered) found).curve(Channel.RED).at(600.0);
                         String word = found.getVerdict().getOutcome().getWord();
                         double end = steps.get(steps.size() - 1).getPart();
-                        return word + " " + red + " " + Grid.copyWavelengths().length + " " + end;
+                        return word + " " + red + " " + Grid.wavelengths.getSize() + " " + end;
                     } catch (UnreadableRaw error) {
                         throw new UnsupportedRaw("a", "b", null, null, error);
                     }

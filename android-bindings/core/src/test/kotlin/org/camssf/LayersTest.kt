@@ -70,7 +70,8 @@ class LayersTest {
     private companion object {
         const val LONGEST = 450
         val GROUND = setOf(
-            "Camssf", "Channel", "Errors", "Grid", "Interrupts", "LeastSquares", "Nodes", "Numbers", "Rules", "Stage",
+            "Camssf", "Channel", "Curve", "Errors", "Grid", "Interrupts", "LeastSquares", "Nodes", "Numbers", "Rows",
+            "Rules", "Stage",
             "ProgressReporter",
         )
         val ALLOWED = linkedMapOf(

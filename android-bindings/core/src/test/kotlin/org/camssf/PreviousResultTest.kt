@@ -4,6 +4,7 @@ import kotlinx.serialization.json.Json
 import kotlinx.serialization.json.jsonArray
 import kotlinx.serialization.json.jsonObject
 import kotlinx.serialization.json.jsonPrimitive
+import org.camssf.model.Models
 import org.camssf.photo.Corners
 import org.camssf.photo.MeasuredCapture
 import org.camssf.photo.MeasuredShot
@@ -29,11 +30,11 @@ class PreviousResultTest {
     private val photo = File(System.getProperty("camssf.root"), "golden/dng/chart-turned-0.dng")
     private val corners = Corners.of(22.44, 17.44, 156.56, 22.44, 162.56, 116.56, 16.44, 109.56)
     private val chart = ChartTable.read("classic24")
-    private val calibrator = SsfCalibrator.open()
-    private val shot = calibrator.measure(Shot(PhotoSource.of(photo), Lamp.read("E"), corners), chart)
+    private val calibrator = SsfCalibrator.openBlocking()
+    private val shot = calibrator.measureBlocking(Shot(PhotoSource.of(photo), Lamp.read("E"), corners), chart)
 
     /** Accepted, whatever was thought of this flat lamp. */
-    private val text = calibrator.solve(listOf(shot), chart).toJson().replace("\"doubtful\"", "\"accepted\"")
+    private val text = calibrator.solveBlocking(listOf(shot), chart).toJson().replace("\"doubtful\"", "\"accepted\"")
         .replace(Regex(",\"sha256\":\"[0-9a-f]{64}\"\\}\n$"), "}")
 
     @AfterAll
@@ -48,22 +49,22 @@ class PreviousResultTest {
         return MeasuredShot(shot.lamp, photo, null, null, shot.pose, shot.means, shot.lensShading)
     }
 
-    private fun solved(
-        shot: MeasuredShot, text: String,
-        settings: (PreviousResult) -> Settings = {
-            Settings(previous = it)
-        },
-    ) =
-        calibrator.solve(listOf(shot), chart, settings = settings(PreviousResult.parse(text, "first.json")))
+    private fun solved(shot: MeasuredShot, text: String, lightPerPatch: Double? = null) = calibrator.solveBlocking(
+        listOf(shot),
+        chart,
+        null,
+        CalibrationOptions.Builder()
+            .previous(SavedResult.read(text, "first.json")).lightPerPatch(lightPerPatch).build(),
+    )
 
     @Test
     fun `its shots are solved together with new ones`() {
-        val found = solved(later(), text) as Calibrated
+        val found = solved(later(), text) as Recovered
         assertEquals(listOf("1".repeat(64), shot.photo.sha256), found.capture.shots.map { it.photo.sha256 })
         assertTrue("previous_result" in found.assumptions.map { it.code })
         val document = Json.parseToJsonElement(found.toJson()).jsonObject
         val inputs = document.getValue("capture").jsonObject.getValue("files").jsonObject
-        val sha256 = PreviousResult.parse(text).sha256
+        val sha256 = Models.sha256(text.toByteArray())
         assertEquals(sha256, inputs.getValue("previous result: first.json").jsonPrimitive.content)
         val checks = document.getValue("verdict").jsonObject.getValue("checks").jsonArray.map { it.jsonObject }
         assertTrue(checks.any { it.getValue("name").jsonPrimitive.content == "unit_drift" })
@@ -81,7 +82,7 @@ class PreviousResultTest {
         val source = PhotoSource.of(photo)
         for ((white, dark) in listOf(source to null, null to source)) {
             val error = assertThrows(InvalidArgument::class.java) {
-                calibrator.measure(Shot(source, Lamp.read("E"), corners, white, dark), chart)
+                calibrator.measureBlocking(Shot(source, Lamp.read("E"), corners, white, dark), chart)
             }
             assertTrue("The chart's photo and the ${if (dark == null) "white" else "dark"} frame" in error.message)
         }
@@ -89,8 +90,8 @@ class PreviousResultTest {
 
     @Test
     fun `its signals are those that were measured`() {
-        val found = solved(later(), text) as Calibrated
-        val (new, old) = List(2) { found.signals.copyValues().copyOfRange(72 * it, 72 * it + 72) }
+        val found = solved(later(), text) as Recovered
+        val (new, old) = List(2) { found.signals.sharedValues.copyOfRange(72 * it, 72 * it + 72) }
         for (i in new.indices) assertEquals(new[i], old[i], 1e-12)
     }
 
@@ -114,7 +115,7 @@ class PreviousResultTest {
         val twice = assertThrows(InvalidArgument::class.java) { solved(shot, text) }
         assertTrue("already in the previous result" in twice.message, twice.message)
         assertThrows(InvalidArgument::class.java) {
-            solved(later(), text) { Settings(lightPerPatch = 0.1, previous = it) }
+            solved(later(), text, lightPerPatch = 0.1)
         }
         for (other in listOf(later(make = "Other"), later(width = 77))) {
             val error = (solved(other, text) as Refused).error
@@ -127,7 +128,7 @@ class PreviousResultTest {
         val source = PhotoSource.of(photo)
         for ((white, dark) in listOf(null to null, source to source)) {
             val error = assertThrows(InvalidArgument::class.java) {
-                calibrator.measure(Shot(source, Lamp.torch(), corners, white, dark), chart)
+                calibrator.measureBlocking(Shot(source, Lamp.torch(), corners, white, dark), chart)
             }
             assertTrue("with the torch off" in error.message, error.message)
         }

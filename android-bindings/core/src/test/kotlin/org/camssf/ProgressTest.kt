@@ -24,10 +24,12 @@ class ProgressTest {
         LargePhotos.shot(listOf(file), width, height)
     }
 
+    private fun into(steps: MutableList<Progress>) = CalibrationOptions.Builder().progress { steps += it }.build()
+
     private fun run(calibrator: SsfCalibrator, shots: List<Shot>): List<Progress> {
         val steps = ArrayList<Progress>()
-        val found = calibrator.calibrateBlocking(Capture(shots, LargePhotos.chart)) { steps += it }
-        assertTrue(found is Calibrated, "$found")
+        val found = calibrator.calibrateBlocking(Capture(shots, LargePhotos.chart), into(steps))
+        assertTrue(found is Recovered, "$found")
         return steps
     }
 
@@ -43,7 +45,7 @@ class ProgressTest {
     }
 
     @Test
-    fun `one shot and several`() = SsfCalibrator.open().use { calibrator ->
+    fun `one shot and several`() = SsfCalibrator.openBlocking().use { calibrator ->
         for (k in listOf(1, 3)) {
             val steps = run(calibrator, shots(k, 360, 264))
             check(steps, k)
@@ -56,22 +58,23 @@ class ProgressTest {
     @Test
     fun `an unnamed light, a paper's basis, and shots that were measured before`() {
         val shots = shots(2, 360, 264)
-        SsfCalibrator.open("phones").use { calibrator ->
+        opened("phones").use { calibrator ->
             val steps = run(calibrator, listOf(Shot(shots[0].photo, Lamp.auto(), shots[0].corners)))
             check(steps, 1)
             assertTrue(steps.filter { it.stage == Stage.SOLVING }.map { it.part }.distinct().size > 4, "$steps")
-            val measured = shots.map { calibrator.measure(it, LargePhotos.chart) }
+            val measured = shots.map { calibrator.measureBlocking(it, LargePhotos.chart) }
             val later = ArrayList<Progress>()
-            calibrator.solve(measured, LargePhotos.chart) { later += it }
+            calibrator.solveBlocking(measured, LargePhotos.chart, null, into(later))
             check(later, 0)
         }
-        SsfCalibrator.open("gaussian").use { check(run(it, shots.take(1)), 1) }
+        opened("gaussian").use { check(run(it, shots.take(1)), 1) }
     }
 
     /** A run that begins again, because another table fits the chart, or another fit than was planned. */
     @Test
     fun `steps that were not planned stand where the last one did`() {
-        val plan = ProgressPlan.of(listOf(Lamp.auto()), Settings(listOf(1, 2, 3)), 3, true)
+        val options = CalibrationOptions.Builder().fit(listOf(1, 2, 3)).build()
+        val plan = ProgressPlan.of(listOf(Lamp.auto()), options, 3, true)
         val steps = ArrayList<Progress>()
         steps += plan.begin(Stage.SOLVING, null)
         repeat(40) { steps += plan.proceed() }
@@ -86,11 +89,11 @@ class ProgressTest {
 
     /** A source that fails ends the run where it stands. */
     @Test
-    fun `a refusal is never done`() = SsfCalibrator.open("phones").use { calibrator ->
+    fun `a refusal is never done`() = opened("phones").use { calibrator ->
         val (one, two) = shots(2, 360, 264)
         val lost = Shot(PhotoSource { throw UnreadableRaw("a", "b") }, two.lamp, two.corners)
         val steps = ArrayList<Progress>()
-        calibrator.calibrateBlocking(Capture(listOf(one, lost), LargePhotos.chart)) { steps += it }
+        calibrator.calibrateBlocking(Capture(listOf(one, lost), LargePhotos.chart), into(steps))
         assertEquals("reading the photo, shot 2: ${(100 * steps.last().part).toInt()} %", "${steps.last()}")
         assertTrue(steps.last().part < 0.5)
     }
@@ -100,20 +103,21 @@ class ProgressTest {
     @EnabledIfSystemProperty(named = "progress.work", matches = ".*")
     fun `work of each step`() {
         for (basis in listOf("auto", "phones")) {
-            SsfCalibrator.open(basis).use { calibrator ->
+            opened(basis).use { calibrator ->
                 for (k in 1..6) {
                     val shots = shots(k, 4000, 3000)
                     val times = HashMap<Stage, MutableList<Double>>()
                     repeat(if (k == 1) 12 else 6) { turn ->
                         var last: Stage? = null
                         var since = 0L
-                        calibrator.calibrateBlocking(Capture(shots, LargePhotos.chart)) {
+                        val timing = CalibrationOptions.Builder().progress {
                             val now = System.nanoTime()
                             val spent = (now - since) / 1e6
                             if (turn > 1) last?.let { stage -> times.getOrPut(stage) { ArrayList() } += spent }
                             last = it.stage
                             since = System.nanoTime()
                         }
+                        calibrator.calibrateBlocking(Capture(shots, LargePhotos.chart), timing.build())
                     }
                     val medians = times.toSortedMap().map { (stage, each) ->
                         "$stage ${"%.1f".format(each.sorted()[each.size / 2])}"

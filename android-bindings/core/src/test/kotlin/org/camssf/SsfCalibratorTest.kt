@@ -44,18 +44,18 @@ class SsfCalibratorTest {
 
     private fun shot(lamp: String = "E", at: Corners = corners) = Shot(PhotoSource.of(photo), Lamp.read(lamp), at)
 
-    private fun calibrated(found: Calibration): Calibrated {
-        assertTrue(found is Calibrated, found.verdict.reasons.joinToString { it.message })
-        return found as Calibrated
+    private fun calibrated(found: CalibrationResult): Recovered {
+        assertTrue(found is Recovered, found.verdict.reasons.joinToString { it.message })
+        return found as Recovered
     }
 
     @Test
     fun `curves, bands, proof and reasons`() {
-        SsfCalibrator.open().use { calibrator ->
+        SsfCalibrator.openBlocking().use { calibrator ->
             val found = calibrated(calibrator.calibrateBlocking(Capture(shot(), chart)))
-            for (c in 0..2) {
-                assertEquals(1.0, found.ssf.curve(c).max())
-                assertTrue(found.ssf.band(c)!!.all { it >= 0 } && found.ssf.copyGap()[c] < 1e-6)
+            for (channel in Channel.entries) {
+                assertEquals(1.0, found.curve(channel).max())
+                assertTrue(found.band(channel)!!.all { it >= 0 } && found.convergence.gap[channel.ordinal] < 1e-6)
             }
             assertEquals(24, found.signals.patches)
             assertTrue("white_from_patch" in found.assumptions.map { it.code })
@@ -70,34 +70,29 @@ class SsfCalibratorTest {
 
     @Test
     fun `a document holds the proof and how the codes vary together`() {
-        fun document(basis: String): Pair<Calibrated, JsonObject> = SsfCalibrator.open(basis).use { calibrator ->
+        fun document(basis: String): Pair<Recovered, JsonObject> = opened(basis).use { calibrator ->
             val found = calibrated(calibrator.calibrateBlocking(Capture(shot(), chart)))
             found to Json.parseToJsonElement(found.toJson()).jsonObject.getValue("answer").jsonObject
         }
 
         fun numbers(of: JsonElement?) = of!!.jsonArray.map { it.jsonPrimitive.double }
         val (found, document) = document("cameras")
-        val spread = found.ssf.copyCodeCovariance()!!
-        val triangle = numbers(document["code_covariance"])
-        assertEquals(72 * 73 / 2, triangle.size)
-        for ((i, j) in listOf(0 to 0, 1 to 0, 40 to 7, 71 to 71)) {
-            assertEquals(spread[72 * i + j], triangle[i * (i + 1) / 2 + j])
-        }
+        assertEquals(72 * 73 / 2, numbers(document["code_covariance"]).size)
         val proof = document.getValue("proof").jsonObject
-        assertEquals(found.ssf.copyLayersGap().toList(), numbers(proof["layers_gap"]))
+        assertEquals(found.convergence.layersGap.toList(), numbers(proof["layers_gap"]))
         val steps = proof.getValue("finish_steps").jsonArray.map { it.jsonPrimitive.int }
-        assertEquals(found.ssf.copyFinishSteps().toList(), steps)
-        assertEquals(found.ssf.logEvidence, document.getValue("evidence").jsonPrimitive.double)
+        assertEquals(found.convergence.finishSteps, steps)
+        assertEquals(found.basis.logEvidence, document.getValue("evidence").jsonPrimitive.double)
         val (paper, bare) = document("gaussian")
         assertEquals(null to null, bare["code_covariance"] to bare["evidence"])
-        assertEquals(paper.ssf.copyLayersGap().toList(), numbers(bare.getValue("proof").jsonObject["layers_gap"]))
+        assertEquals(paper.convergence.layersGap.toList(), numbers(bare.getValue("proof").jsonObject["layers_gap"]))
         assertEquals(3, bare.getValue("proof").jsonObject.getValue("finish_steps").jsonArray.size)
     }
 
     @Test
     fun `what was weighed stands in the document, and the model that answered`() {
         fun numbers(of: JsonObject, name: String) = of.getValue(name).jsonPrimitive.double
-        SsfCalibrator.open().use { calibrator ->
+        SsfCalibrator.openBlocking().use { calibrator ->
             assertEquals("auto", calibrator.basis)
             assertEquals(setOf("phones", "cameras", "ryyb"), calibrator.modelHashes.keys)
             val found = calibrated(calibrator.calibrateBlocking(Capture(shot(), chart)))
@@ -105,16 +100,16 @@ class SsfCalibratorTest {
             val choice = document.getValue("choice").jsonArray.map { it.jsonObject }
             val bases = choice.map { it.getValue("basis").jsonPrimitive.content }
             assertEquals(listOf("phones", "cameras", "ryyb"), bases)
-            assertEquals(found.ssf.choice.map { it.logEvidence }, choice.map { numbers(it, "log_evidence") })
+            assertEquals(found.basis.hypotheses.map { it.logEvidence }, choice.map { numbers(it, "log_evidence") })
             assertEquals(1.0, choice.sumOf { numbers(it, "probability") }, 1e-12)
-            assertEquals(found.ssf.basis, document.getValue("basis").jsonPrimitive.content)
+            assertEquals(found.basis.name, document.getValue("basis").jsonPrimitive.content)
             val scale = if ("prior_scale" in document) numbers(document, "prior_scale") else 1.0
-            assertEquals(found.ssf.priorScale, scale)
+            assertEquals(found.basis.priorScale, scale)
             val model = document.getValue("model").jsonPrimitive.content
-            assertEquals(calibrator.modelHashes.getValue(found.ssf.basis), model)
+            assertEquals(calibrator.modelHashes.getValue(found.basis.name), model)
             assertEquals(64, document.getValue("basis_sha256").jsonPrimitive.content.length)
         }
-        SsfCalibrator.open("phones").use { calibrator ->
+        opened("phones").use { calibrator ->
             val found = calibrated(calibrator.calibrateBlocking(Capture(shot(), chart)))
             val document = Json.parseToJsonElement(found.toJson()).jsonObject
             val answer = document.getValue("answer").jsonObject
@@ -132,12 +127,11 @@ class SsfCalibratorTest {
         val flat = Corners.of(19.44, 19.44, 160.56, 19.44, 160.56, 112.56, 19.44, 112.56)
         val (white, dark) = listOf("white", "dark").map { dng("patches-$it") }
         val shaded = Shot(dng("patches-shaded"), Lamp.read("D55"), flat, white, dark)
-        SsfCalibrator.open().use { calibrator ->
-            fun steps(of: Shot): Pair<Calibration, Int> {
+        SsfCalibrator.openBlocking().use { calibrator ->
+            fun steps(of: Shot): Pair<CalibrationResult, Int> {
                 var judging = 0
-                val found = calibrator.calibrateBlocking(Capture(of, chart)) {
-                    if (it.stage == Stage.JUDGING) judging++
-                }
+                val counting = CalibrationOptions.Builder().progress { if (it.stage == Stage.JUDGING) judging++ }
+                val found = calibrator.calibrateBlocking(Capture(of, chart), counting.build())
                 return found to judging
             }
             val (sound, asked) = steps(shot())
@@ -151,9 +145,9 @@ class SsfCalibratorTest {
 
     @Test
     fun `measured now and solved later is the same`() {
-        SsfCalibrator.open("phones").use { calibrator ->
+        opened("phones").use { calibrator ->
             val whole = calibrated(calibrator.calibrateBlocking(Capture(shot(), chart)))
-            val later = calibrated(calibrator.solve(listOf(calibrator.measure(shot(), chart)), chart))
+            val later = calibrated(calibrator.solveBlocking(listOf(calibrator.measureBlocking(shot(), chart)), chart))
             assertEquals(whole.toJson(), later.toJson())
         }
     }
@@ -165,14 +159,14 @@ class SsfCalibratorTest {
         val whole = DngSource.of(photo).use { DngReader.read(it) }
         assertTrue(part.samples.size <= whole.samples.size)
         val poses = listOf(part, whole).map { ChartPose.refine(it, corners, chart) }
-        assertArrayEquals(poses[1].copyQuads(), poses[0].copyQuads())
+        assertArrayEquals(poses[1].sharedQuads, poses[0].sharedQuads)
         val means = listOf(part, whole).map { PatchMeans.measure(it, poses[0]) }
-        assertArrayEquals(means[1].chart.copyMean(), means[0].chart.copyMean())
+        assertArrayEquals(means[1].chart.sharedMean, means[0].chart.sharedMean)
     }
 
     @Test
     fun `a chart that is not there is refused with what was learned`() {
-        SsfCalibrator.open("phones").use { calibrator ->
+        opened("phones").use { calibrator ->
             val elsewhere = Corners.of(2.0, 2.0, 30.0, 2.0, 30.0, 24.0, 2.0, 24.0)
             val found = calibrator.calibrateBlocking(Capture(shot(at = elsewhere), chart)) as Refused
             assertEquals("chart_not_found", found.error.code)
@@ -187,21 +181,20 @@ class SsfCalibratorTest {
 
     @Test
     fun `a wrong call is thrown`() {
-        SsfCalibrator.open("phones").use { calibrator ->
+        opened("phones").use { calibrator ->
             val wrong = listOf(
                 Capture(emptyList(), chart),
                 Capture(listOf(shot()), chart, 0.9),
             )
             for (capture in wrong) assertThrows(InvalidArgument::class.java) { calibrator.calibrateBlocking(capture) }
-            assertThrows(InvalidArgument::class.java) {
-                calibrator.calibrateBlocking(Capture(shot(), chart), Settings(fit = listOf(0)))
-            }
+            val none = CalibrationOptions.Builder().fit(listOf(0)).build()
+            assertThrows(InvalidArgument::class.java) { calibrator.calibrateBlocking(Capture(shot(), chart), none) }
         }
     }
 
     @Test
     fun `an interrupted thread stops`() {
-        SsfCalibrator.open("phones").use { calibrator ->
+        opened("phones").use { calibrator ->
             var stopped = false
             thread {
                 Thread.currentThread().interrupt()
@@ -218,15 +211,16 @@ class SsfCalibratorTest {
 
     @Test
     fun `a cancelled job stops at the next step`() = runBlocking {
-        SsfCalibrator.open().use { calibrator ->
+        SsfCalibrator.openBlocking().use { calibrator ->
             val steps = ArrayList<Stage>()
             val job = async {
                 lateinit var own: kotlinx.coroutines.Job
                 own = coroutineContext[kotlinx.coroutines.Job]!!
-                calibrator.calibrate(Capture(shot(), chart)) {
+                val cancelling = CalibrationOptions.Builder().progress {
                     steps += it.stage
                     if (it.stage == Stage.SOLVING) own.cancel()
                 }
+                calibrator.calibrate(Capture(shot(), chart), cancelling.build())
             }
             assertThrows(CancellationException::class.java) { runBlocking { job.await() } }
             assertEquals(1, steps.count { it == Stage.SOLVING })
@@ -234,41 +228,41 @@ class SsfCalibratorTest {
     }
 
     @Test
-    fun `a curve at a wavelength`() = SsfCalibrator.open("phones").use { calibrator ->
-        val ssf = calibrated(calibrator.calibrateBlocking(Capture(shot(), chart))).ssf
+    fun `a curve at a wavelength`() = opened("phones").use { calibrator ->
+        val found = calibrated(calibrator.calibrateBlocking(Capture(shot(), chart)))
         for (channel in Channel.entries) {
-            val (curve, band) = ssf.curve(channel) to ssf.band(channel)!!
+            val (curve, band) = found.curve(channel) to found.band(channel)!!
             assertEquals(1.0, curve.max())
-            assertEquals(curve[440], ssf.at(600.0, channel))
-            assertEquals((curve[440] + curve[441]) / 2, ssf.at(600.25, channel), 1e-15)
-            assertEquals(band[440], ssf.bandAt(600.0, channel))
-            assertEquals(curve[0] to curve[680], ssf.at(380.0, channel) to ssf.at(720.0, channel))
+            assertEquals(curve[440], curve.at(600.0))
+            assertEquals((curve[440] + curve[441]) / 2, curve.at(600.25), 1e-15)
+            assertEquals(1.96 * found.deviation(channel)!![440], band.at(600.0))
+            assertEquals(curve[0] to curve[680], curve.at(380.0) to curve.at(720.0))
         }
         for (nm in listOf(379.9, 720.1, Double.NaN)) {
-            assertThrows(InvalidArgument::class.java) { ssf.at(nm, Channel.RED) }
+            assertThrows(InvalidArgument::class.java) { found.curve(Channel.RED).at(nm) }
         }
     }
 
     @Test
     fun `a flow ends with the outcome, or with what the call threw`() = runBlocking {
-        val calibrator = SsfCalibrator.open("phones")
+        val calibrator = opened("phones")
         val flow = calibrator.calibrationFlow(Capture(shot(), chart))
         repeat(2) {
             val states = flow.toList()
-            assertTrue((states.last() as CalibrationState.Finished).calibration is Calibrated)
-            val parts = states.dropLast(1).map { (it as CalibrationState.Running).progress.part }
+            assertTrue((states.last() as RunState.Finished).result is Recovered)
+            val parts = states.dropLast(1).map { (it as RunState.Running).progress.part }
             assertEquals(parts.sorted(), parts)
         }
         val elsewhere = shot(at = Corners.of(2.0, 2.0, 30.0, 2.0, 30.0, 24.0, 2.0, 24.0))
         val refused = calibrator.calibrationFlow(Capture(elsewhere, chart)).last()
-        assertTrue((refused as CalibrationState.Finished).calibration is Refused)
+        assertTrue((refused as RunState.Finished).result is Refused)
         calibrator.close()
         assertTrue(runCatching { flow.toList() }.exceptionOrNull() is CalibratorClosed)
     }
 
     @Test
     fun `suspending gives the same`() = runBlocking {
-        SsfCalibrator.open("phones").use { calibrator ->
+        opened("phones").use { calibrator ->
             val found = calibrator.calibrate(Capture(shot(), chart))
             assertEquals(calibrator.calibrateBlocking(Capture(shot(), chart)).toJson(), found.toJson())
         }
@@ -276,7 +270,7 @@ class SsfCalibratorTest {
 
     @Test
     fun `threads share a calibrator`() {
-        SsfCalibrator.open("phones").use { calibrator ->
+        opened("phones").use { calibrator ->
             val wanted = calibrator.calibrateBlocking(Capture(shot(), chart)).toJson()
             val found = arrayOfNulls<String>(4)
             val threads = List(4) { i ->

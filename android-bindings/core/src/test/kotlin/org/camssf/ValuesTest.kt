@@ -25,6 +25,8 @@ class ValuesTest {
     private fun camera(serial: String = "S-77", lens: String = "wide") =
         PhysicalCamera("0", serial, lens, 6.81, 1.85, Region(0, 0, 40, 30))
 
+    private fun options() = CalibrationOptions.Builder().fit(listOf(1, 2))
+
     @Test
     fun `equal by what they hold`() {
         val pairs = listOf<Triple<Any, Any, Any>>(
@@ -32,7 +34,9 @@ class ValuesTest {
             Triple(camera(), camera(), camera(lens = "tele")),
             Triple(PreviewCrop(0.0, 1.0, 2.0, 3.0), PreviewCrop(0.0, 1.0, 2.0, 3.0), PreviewCrop(0.0, 1.0, 2.0, 4.0)),
             Triple(Assumption("a", "b"), Assumption("a", "b"), Assumption("a", "c")),
-            Triple(Settings(listOf(1, 2)), Settings(listOf(1, 2)), Settings(listOf(1, 2), l2 = 0.1)),
+            Triple(options().build(), options().build(), options().l2(0.1).build()),
+            Triple(Curve(DoubleArray(681)), Curve(DoubleArray(681)), Curve(DoubleArray(681) { 1.0 })),
+            Triple(Rows(DoubleArray(6), 2, 3), Rows(DoubleArray(6), 2, 3), Rows(DoubleArray(6), 3, 2)),
         )
         for ((one, same, other) in pairs) {
             assertEquals(one to one.hashCode(), same to same.hashCode())
@@ -48,14 +52,14 @@ class ValuesTest {
 
     @Test
     fun `results print as what they are, and are equal in what does not vary`() {
-        SsfCalibrator.open("phones").use { calibrator ->
+        opened("phones").use { calibrator ->
             val capture = Capture(Shot(PhotoSource.of(photo), Lamp.read("E"), corners), ChartTable.read("classic24"))
-            val (one, two) = List(2) { calibrator.calibrateBlocking(capture) as Calibrated }
+            val (one, two) = List(2) { calibrator.calibrateBlocking(capture) as Recovered }
             assertEquals(one.verdict, two.verdict)
             assertEquals(one.assumptions, two.assumptions)
-            assertEquals(one.ssf.choice, two.ssf.choice)
+            assertEquals(one.basis.hypotheses, two.basis.hypotheses)
             val line =
-                Regex("""Calibrated\((accepted|doubtful: [a-z_, ]+), Ssf\(basis=phones, halfWidth=0\.\d+\)\)""")
+                Regex("""Recovered\((accepted|doubtful: [a-z_, ]+), basis=phones, halfWidth=0\.\d+\)""")
             assertTrue(line.matches("$one"), "$one")
             assertTrue("chart-turned-0.dng" in "${one.capture}" && "Lamp(E" in "${one.capture.shots[0].lamp}")
             val bright = Shot(PhotoSource { throw Overexposed("Too bright.", "Less.") }, corners)

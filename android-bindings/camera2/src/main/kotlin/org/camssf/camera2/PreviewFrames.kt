@@ -166,7 +166,8 @@ public object PreviewFrames {
         val x = active.left - (mosaic ?: active).left
         val y = active.top - (mosaic ?: active).top
         val region = result?.get(CaptureResult.SCALER_CROP_REGION)
-        val all = PreviewCrop.of(Region(x, y, x + active.width(), y + active.height())).zoomed(zoom)
+        val whole = Region.ofSize(left = x, top = y, width = active.width(), height = active.height())
+        val all = PreviewCrop.of(whole).zoomed(zoom)
         if (region == null) return all
         // With zoom, the region is a part of the zoomed field of view, in coordinates of the active array.
         val (across, down) = all.width / active.width() to all.height / active.height()

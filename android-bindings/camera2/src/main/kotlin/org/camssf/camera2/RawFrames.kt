@@ -68,7 +68,16 @@ public class OpenRawFrame internal constructor(
     override fun toString(): String = "OpenRawFrame($shortfalls)"
 }
 
-/** Converts Camera2's RAW_SENSOR frames to mosaics. */
+/**
+ * Converts Camera2's RAW_SENSOR frames to mosaics. Threads: any but the main one.
+ *
+ * ```kotlin
+ * fun shot(image: Image, camera: CameraCharacteristics, result: TotalCaptureResult, corners: Corners): Shot {
+ *     val frame = image.use { RawFrames.read(it, camera, result, "chart", ChartPose.region(corners)) }
+ *     return Shot(PhotoSource.of(frame.mosaic), Lamp.read("D55"), corners)
+ * }
+ * ```
+ */
 public object RawFrames {
     /**
      * Copies a frame out of its image.
@@ -178,7 +187,13 @@ public object RawFrames {
         private val orientation = ORIENTATIONS[camera.get(CameraCharacteristics.SENSOR_ORIENTATION)] ?: 1
 
         fun mosaic(region: Region?, sha256: String): Mosaic {
-            val part = if (region == null) Region(0, 0, area.width, area.height) else part(region)
+            val part = if (region ==
+                null
+            ) {
+                Region.ofSize(left = 0, top = 0, width = area.width, height = area.height)
+            } else {
+                part(region)
+            }
             val origin = Mosaic.Origin(
                 name = name,
                 make = Build.MANUFACTURER ?: "",
@@ -194,10 +209,7 @@ public object RawFrames {
         }
 
         private fun part(region: Region): Region {
-            val part = Region(
-                maxOf(region.left, 0), maxOf(region.top, 0),
-                minOf(region.right, area.width), minOf(region.bottom, area.height),
-            )
+            val part = region.within(area.width, area.height)
             if (part.width < 1 || part.height < 1) {
                 throw InvalidArgument(
                     "$region lies outside $name, a photo of ${area.width} × ${area.height} px.",
@@ -217,7 +229,7 @@ public object RawFrames {
             val row = ShortArray(area.width)
             for (y in 0 until area.height) {
                 if (Thread.interrupted()) throw InterruptedException("The calibration was interrupted.")
-                samples.copy(Region(0, y, area.width, y + 1), row)
+                samples.copy(Region.ofSize(left = 0, top = y, width = area.width, height = 1), row)
                 hash.add(row, 0, row.size)
             }
             return hash.hex()
@@ -230,7 +242,7 @@ public object RawFrames {
             id = cameraId(result),
             focalLength = result.get(CaptureResult.LENS_FOCAL_LENGTH)?.toDouble()?.takeIf { it > 0 },
             aperture = result.get(CaptureResult.LENS_APERTURE)?.toDouble()?.takeIf { it > 0 },
-            activeArea = active?.let { Region(it.left, it.top, it.right, it.bottom) },
+            activeArea = active?.let { Region.ofSize(it.left, it.top, it.width(), it.height()) },
         )
     }
 
@@ -291,7 +303,11 @@ public object RawFrames {
         val active = need(camera, CameraCharacteristics.SENSOR_INFO_PRE_CORRECTION_ACTIVE_ARRAY_SIZE, name)
         val whole = need(camera, CameraCharacteristics.SENSOR_INFO_PIXEL_ARRAY_SIZE, name)
         val (w, h) = image.width to image.height
-        if (w == active.width() && h == active.height()) return Region(0, 0, w, h)
+        if (w == active.width() &&
+            h == active.height()
+        ) {
+            return Region.ofSize(left = 0, top = 0, width = w, height = h)
+        }
         if (w != whole.width || h != whole.height || !Rect(0, 0, w, h).contains(active)) {
             throw UnsupportedRaw("$name has $w × $h samples, the sensor $whole.", "Ask for its ordinary pixel mode.")
         }
@@ -300,7 +316,7 @@ public object RawFrames {
             // area's corner: at an odd place the two differ by a column or row.
             throw UnsupportedRaw("$name: the active array begins at an odd place.", "Choose another camera.")
         }
-        return Region(active.left, active.top, active.right, active.bottom)
+        return Region.ofSize(active.left, active.top, active.width(), active.height())
     }
 
     /** The samples of an image's active area, read from its own buffer. */
@@ -360,7 +376,8 @@ public object RawFrames {
                 originV = 0.0, originH = 0.0, mapPlanes = 1,
                 gains = FloatArray(rows * columns) { map.getGainFactor(channel, it % columns, it / columns) },
             )
-            val covered = Region(place and 1, place shr 1, area.width, area.height)
+            val (x, y) = (place and 1) to (place shr 1)
+            val covered = Region.ofSize(x, y, area.width - x, area.height - y)
             GainMap(list = 2, covered, plane = 0, planes = 1, rowPitch = 2, columnPitch = 2, net)
         }
     }

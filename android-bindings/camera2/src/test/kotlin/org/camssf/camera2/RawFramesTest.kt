@@ -17,6 +17,7 @@ import android.util.Size
 import org.camssf.CalibrationException
 import org.camssf.InvalidArgument
 import org.camssf.NotSensorRaw
+import org.camssf.Rows
 import org.camssf.UnsupportedRaw
 import org.camssf.photo.Region
 import org.camssf.photo.dng.DngReader
@@ -50,6 +51,11 @@ class RawFramesTest {
     private val camera = camera()
     private val result = result()
 
+    private fun assertClose(known: Rows, found: Rows, bound: Double) {
+        assertEquals(known.shape, found.shape)
+        assertArrayEquals(known.toDoubleArray(), found.toDoubleArray(), bound)
+    }
+
     @Test
     fun `a frame of the whole sensor is cut to its active array`() {
         for (stride in listOf(16, 17, 24)) { // a row may be padded, even by an odd number of bytes
@@ -77,7 +83,7 @@ class RawFramesTest {
         assertEquals("3", said.id)
         assertEquals(6.81, said.focalLength!!, 1e-6)
         assertEquals(1.85, said.aperture!!, 1e-6)
-        assertEquals(Region(2, 2, 8, 6), said.activeArea)
+        assertEquals(Region.ofSize(left = 2, top = 2, width = 6, height = 4), said.activeArea)
         assertEquals("", read(image()).mosaic.origin.camera.lens)
     }
 
@@ -99,14 +105,15 @@ class RawFramesTest {
     fun `a region is copied alone`() {
         for (image in listOf(image(8, 6, 17), image(6, 4, 12))) {
             val whole = read(image).mosaic
-            val part = RawFrames.read(image, camera, result, "frame", Region(2, 1, 9, 3)).mosaic
-            assertEquals(Region(2, 1, 6, 3), part.region)
+            val region = Region.ofSize(left = 2, top = 1, width = 7, height = 2)
+            val part = RawFrames.read(image, camera, result, "frame", region).mosaic
+            assertEquals(Region.ofSize(left = 2, top = 1, width = 4, height = 2), part.region)
             assertEquals(8, part.samples.size)
             for (y in 1 until 3) for (x in 2 until 6) assertEquals(whole[x, y], part[x, y])
             assertEquals(listOf(whole.width, whole.height), listOf(part.width, part.height))
         }
         assertCode<InvalidArgument>("lies outside frame") {
-            RawFrames.read(image(), camera, result, "frame", Region(6, 0, 9, 3))
+            RawFrames.read(image(), camera, result, "frame", Region.ofSize(left = 6, top = 0, width = 3, height = 3))
         }
     }
 
@@ -116,7 +123,7 @@ class RawFramesTest {
         val whole = read(image).mosaic
         val frame = RawFrames.open(image, camera, result, "frame")
         assertEquals(listOf(0, false), listOf(frame.noiseReduction, frame.lensShadingApplied))
-        val part = frame.photo.read(Region(1, 1, 5, 4))
+        val part = frame.photo.read(Region.ofSize(left = 1, top = 1, width = 4, height = 3))
         for (y in 1 until 4) for (x in 1 until 5) assertEquals(whole[x, y], part[x, y])
         assertEquals(whole.corrections.gainMaps.size, part.corrections.gainMaps.size)
         // as a result names a frame without a file: the hash of all its samples
@@ -143,14 +150,14 @@ class RawFramesTest {
     @Test
     fun `the frame's own levels go before the camera's`() {
         val own = read(image())
-        assertArrayEquals(doubleArrayOf(64.25, 63.5, 64.75, 65.0), own.mosaic.sensor.copyBlack(), 0.0)
+        assertArrayEquals(doubleArrayOf(64.25, 63.5, 64.75, 65.0), own.mosaic.sensor.black.toDoubleArray(), 0.0)
         assertEquals(1010.0, own.mosaic.sensor.white, 0.0)
         val bare = result {
             it.remove(CaptureResult.SENSOR_DYNAMIC_BLACK_LEVEL)
             it.remove(CaptureResult.SENSOR_DYNAMIC_WHITE_LEVEL)
         }
         val static = read(image(), result = bare)
-        assertArrayEquals(doubleArrayOf(60.0, 61.0, 62.0, 63.0), static.mosaic.sensor.copyBlack(), 0.0)
+        assertArrayEquals(doubleArrayOf(60.0, 61.0, 62.0, 63.0), static.mosaic.sensor.black.toDoubleArray(), 0.0)
         assertEquals(1023.0, static.mosaic.sensor.white, 0.0)
     }
 
@@ -162,11 +169,16 @@ class RawFramesTest {
         assertEquals(0.01, mosaic.origin.exposure!!, 1e-15)
         assertEquals(200.0, mosaic.origin.iso!!, 0.0)
         assertEquals(6, mosaic.origin.orientation)
-        assertArrayEquals(doubleArrayOf(0.433, 1.0, 1.105), mosaic.colours.copyAsShotNeutral()!!, 0.0)
-        assertArrayEquals(DoubleArray(9) { MATRIX[it] / 10_000.0 }, mosaic.colours.copyColorMatrix1()!!, 1e-15)
-        assertNull(mosaic.colours.copyColorMatrix2())
+        assertArrayEquals(doubleArrayOf(0.433, 1.0, 1.105), mosaic.colours.asShotNeutral!!.toDoubleArray(), 0.0)
+        assertArrayEquals(
+            DoubleArray(9) {
+                MATRIX[it] / 10_000.0
+            },
+            mosaic.colours.colorMatrix1!!.toDoubleArray(), 1e-15,
+        )
+        assertNull(mosaic.colours.colorMatrix2)
         // GRBG: R is position 1, the noisier green position 3, B position 2.
-        val noise = mosaic.sensor.copyNoiseProfile()!!
+        val noise = mosaic.sensor.noiseProfile!!.toDoubleArray()
         assertArrayEquals(doubleArrayOf(2e-4, 2e-6, 4e-4, 4e-6, 3e-4, 3e-6), noise, 1e-18)
     }
 
@@ -188,7 +200,7 @@ class RawFramesTest {
             assertEquals(listOf(6, 4), listOf(map.area.right, map.area.bottom))
             assertEquals(1.0, map.spacingV, 0.0)
             assertEquals(0.5, map.spacingH, 0.0)
-            assertArrayEquals(FloatArray(6) { 1f + it + channel / 10f }, map.copyGains(), 1e-6f)
+            assertArrayEquals(DoubleArray(6) { 1.0 + it + channel / 10.0 }, map.gains.toDoubleArray(), 1e-6)
         }
     }
 
@@ -253,17 +265,17 @@ class RawFramesTest {
         assertEquals(file.sensor.cfa, frame.sensor.cfa)
         assertEquals(listOf(file.origin.orientation, file.region), listOf(frame.origin.orientation, frame.region))
         assertEquals(listOf(file.origin.exposure, file.origin.iso), listOf(frame.origin.exposure, frame.origin.iso))
-        assertArrayEquals(file.sensor.copyBlack(), frame.sensor.copyBlack(), 0.005) // written in 1/100
-        assertArrayEquals(file.colours.copyColorMatrix1(), frame.colours.copyColorMatrix1(), 1e-15)
-        assertArrayEquals(file.colours.copyAsShotNeutral(), frame.colours.copyAsShotNeutral(), 0.0)
-        assertArrayEquals(file.sensor.copyNoiseProfile(), frame.sensor.copyNoiseProfile(), 1e-18)
+        assertClose(file.sensor.black, frame.sensor.black, 0.005) // written in 1/100
+        assertClose(file.colours.colorMatrix1!!, frame.colours.colorMatrix1!!, 1e-15)
+        assertEquals(file.colours.asShotNeutral, frame.colours.asShotNeutral)
+        assertClose(file.sensor.noiseProfile!!, frame.sensor.noiseProfile!!, 1e-18)
         assertEquals(listOf("D65"), frame.colours.colourMatrices.map { it.light })
         assertEquals(listOf("D65"), file.colours.colourMatrices.map { it.light })
-        val (known, found) = listOf(file, frame).map { it.colours.colourMatrices[0].copyValues() }
+        val (known, found) = listOf(file, frame).map { it.colours.colourMatrices[0].values.toDoubleArray() }
         assertArrayEquals(known, found, 1e-15)
         assertEquals(4, file.corrections.gainMaps.size)
         for ((ours, theirs) in frame.corrections.gainMaps zip file.corrections.gainMaps) {
-            assertArrayEquals(theirs.copyGains(), ours.copyGains(), 0f)
+            assertEquals(theirs.gains, ours.gains)
             assertEquals(theirs.area, ours.area)
             assertEquals(listOf(theirs.rowPitch, theirs.pointsV), listOf(ours.rowPitch, ours.pointsV))
             assertEquals(listOf(theirs.spacingV, theirs.spacingH), listOf(ours.spacingV, ours.spacingH))

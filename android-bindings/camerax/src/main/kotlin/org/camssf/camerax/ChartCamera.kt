@@ -50,7 +50,14 @@ import kotlin.coroutines.resumeWithException
  * The chart alone can be photographed so, with automatic exposure. For white and dark frames, which need the chart's
  * exposure, use [CaptureRequirements] with Camera2.
  *
- * Ownership: it holds nothing that must be closed; binding and unbinding are the app's. Threads: any.
+ * ```kotlin
+ * suspend fun photograph(camera: ChartCamera, analysis: ImageAnalysis, capture: ImageCapture, file: File): Shot {
+ *     val corners = camera.awaitChart(analysis) { println(it.words) }
+ *     return Shot(camera.takeDng(capture, file), Lamp.read("D55"), corners)
+ * }
+ * ```
+ *
+ * Ownership: it holds nothing that must be closed; binding and unbinding are the app's. Threads: any, also the main one.
  *
  * @param context any context of the app; it is not kept.
  * @param camera from `CameraProvider.getCameraInfo`, or of the bound camera. A camera of several lenses

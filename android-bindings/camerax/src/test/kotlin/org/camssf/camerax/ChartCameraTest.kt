@@ -22,10 +22,10 @@ import androidx.camera.core.ZoomState
 import androidx.lifecycle.LiveData
 import kotlinx.coroutines.flow.first
 import kotlinx.coroutines.runBlocking
-import org.camssf.Calibrated
 import org.camssf.Channel
 import org.camssf.InvalidArgument
 import org.camssf.NotSensorRaw
+import org.camssf.Recovered
 import org.camssf.SsfCalibrator
 import org.camssf.UnreadableRaw
 import org.camssf.UnsupportedRaw
@@ -138,7 +138,7 @@ class ChartCameraTest {
         val source = camera.takeDng(capture { photo.copyTo(file) }, file)
         val shot = Shot(source, Lamp.read("D55"), corners)
         val found = SsfCalibrator.open().use { it.calibrate(Capture(shot, ChartTable.read("classic24"))) }
-        assertTrue("$found", found is Calibrated && found.ssf.at(600.0, Channel.RED) > 0.1)
+        assertTrue("$found", found is Recovered && found.curve(Channel.RED).at(600.0) > 0.1)
     }
 
     @Test

@@ -3,8 +3,9 @@ package org.camssf.colour
 import org.camssf.CalibrationException
 import org.camssf.Grid
 import org.camssf.InvalidArgument
-import org.camssf.forms.Fields
-import org.camssf.forms.Numbers
+import org.camssf.Recovered
+import org.camssf.Refused
+import org.camssf.SavedResult
 import org.camssf.json.JsonText
 import org.camssf.photo.DocumentForm
 import org.camssf.photo.PhysicalCamera
@@ -39,37 +40,32 @@ internal class ColourCamera private constructor(
 ) {
     companion object {
         /**
-         * Reads the camera of a result, or of the excerpt of one that a passport holds. The modes come from the
-         * result's covariance if possible; otherwise from its bands, assuming that errors are smooth over 10 nm and
-         * independent between the channels.
+         * Reads the camera of a result's text, or of the excerpt of one that a passport holds.
          *
-         * @param unit the physical camera; null for what the result says of it.
          * @throws InvalidArgument a refused result, or a text that is no result.
          */
-        fun parse(text: String, unit: PhysicalCamera? = null): ColourCamera {
+        fun parse(text: String): ColourCamera {
             if (EXCERPT in text) ofExcerpt(text)?.let { return it }
-            val document = DocumentForm.read(text, "(given)")
-            val answer = document.answer ?: throw withoutCurves(document.verdict)
-            val photo = document.capture!!.shots[0].photo
-            val camera = CameraOfCurves(photo.make, photo.model, unit ?: photo.camera)
-            val values = curves(answer.part("curves"))
-            val lamp = StoredLamp.of(document)
-            val triangle = answer["code_covariance"] as Numbers?
-            return of(values, answer.maybe("std")?.let { curves(it) }, answer.array("channel_gain"), lamp, camera) {
-                triangle?.let { covariance ->
-                    ofCode(answer.text("basis"), answer.number("prior_scale"), covariance.values, values, it)
-                }
+            when (val result = SavedResult.read(text)) {
+                is Recovered -> return of(result)
+
+                is Refused -> throw InvalidArgument(
+                    "This result was refused (${result.error.code}): it has no curves.", result.error.advice,
+                )
             }
         }
 
-        private fun withoutCurves(verdict: Fields?): InvalidArgument {
-            val reason = verdict?.list<Fields>("reasons")?.first()
-            return if (reason == null) {
-                InvalidArgument("This capture was not solved: it has no curves.", "Solve it: SsfCalibrator.solve.")
-            } else {
-                InvalidArgument(
-                    "This result was refused (${reason.text("code")}): it has no curves.", reason.text("advice"),
-                )
+        /**
+         * The camera of a result. The modes come from the result's covariance if possible; otherwise from its bands,
+         * assuming that errors are smooth over 10 nm and independent between the channels.
+         */
+        fun of(result: Recovered): ColourCamera {
+            val photo = result.capture.shots[0].photo
+            val camera = CameraOfCurves(photo.make, photo.model, photo.camera)
+            val curves = result.answer.curves
+            val values = curves.values.toTypedArray()
+            return of(values, curves.std?.toTypedArray(), curves.channelGain, StoredLamp.of(result), camera) { lamp ->
+                curves.codeCovariance?.let { ofCode(result.basis.name, result.basis.priorScale, it, values, lamp) }
             }
         }
 
@@ -242,8 +238,6 @@ internal class ColourCamera private constructor(
                 }
             }
         }
-
-        private fun curves(part: Fields): Three = Array(3) { part.array(COLOURS[it]) }
 
         private val COLOURS = listOf("red", "green", "blue")
 

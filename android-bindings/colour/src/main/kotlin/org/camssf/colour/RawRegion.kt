@@ -4,6 +4,7 @@ import org.camssf.CalibrationException
 import org.camssf.ChartNotFound
 import org.camssf.InvalidArgument
 import org.camssf.Overexposed
+import org.camssf.Rows
 import org.camssf.Rules
 import org.camssf.percent
 import org.camssf.photo.ChartPose
@@ -25,11 +26,11 @@ public class RawRegion internal constructor(
     internal val sharedError: DoubleArray,
     internal val source: SignalSource,
 ) {
-    /** (3) R, G, B, DN above black or dark frame; a copy. */
-    public fun copyRaw(): DoubleArray = sharedRaw.copyOf()
+    /** (3) R, G, B, DN above black or dark frame. */
+    public val raw: Rows get() = Rows(sharedRaw, 3)
 
-    /** (3) standard error of [copyRaw], DN; a copy. */
-    public fun copyStandardError(): DoubleArray = sharedError.copyOf()
+    /** (3) standard error of [raw], DN. */
+    public val standardError: Rows get() = Rows(sharedError, 3)
 
     override fun toString(): String = "RawRegion($area, raw=${sharedRaw.joinToString { short(it) }})"
 
@@ -38,6 +39,8 @@ public class RawRegion internal constructor(
          * Measures rectangles of one photo in the same way as chart patches (docs/patches.md): dust and hot pixels
          * are left out, and the noise is estimated from the samples. The mosaic comes from a DNG or a Camera2 frame;
          * it must contain the areas.
+         *
+         * Threads: any but the main one.
          *
          * @param areas rectangles of at least 12 × 12 pixels.
          * @param dark a dark frame with the same settings; its signal is subtracted instead of the black level.

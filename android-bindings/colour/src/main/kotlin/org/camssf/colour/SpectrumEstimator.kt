@@ -1,10 +1,11 @@
 package org.camssf.colour
 
-import org.camssf.Calibrated
-import org.camssf.Calibration
+import org.camssf.CalibrationResult
 import org.camssf.FramesDiffer
 import org.camssf.InvalidArgument
 import org.camssf.LampUnfit
+import org.camssf.Recovered
+import org.camssf.Rows
 import org.camssf.UnitDiffers
 import org.camssf.flatten
 import org.camssf.frozen
@@ -13,14 +14,17 @@ import org.camssf.frozen
  * Reflectances of surfaces from their raw signals in one photo, or in two under different lights, by this camera; the
  * numbers equal those of Python's `camssf_colour.spectrum`, and docs/spectrum.md says what they are worth.
  *
- * ```
- * val (white, cheek) = RawRegion.measure(frame.mosaic, listOf(whiteArea, cheekArea))
- * val light = PhotoLight(Lamp.read("D55"), Reference(white, reflectance = 0.9))
- * val estimator = SpectrumEstimator.of(calibrated, listOf(light), SurfacePrior.read("skin"))
- * val skin = estimator.spectrumOf(cheek)                // skin.reflectance, skin.index(SkinIndex.ERYTHEMA)
+ * ```kotlin
+ * fun erythema(result: Recovered, photo: Mosaic, whiteArea: Region, cheekArea: Region): Double {
+ *     val (white, cheek) = RawRegion.measure(photo, listOf(whiteArea, cheekArea))
+ *     val light = PhotoLight(Lamp.read("D55"), Reference(white, reflectance = 0.9))
+ *     val estimator = SpectrumEstimator.of(result, listOf(light), SurfacePrior.read("skin"))
+ *     return estimator.spectrumOf(cheek).index(SkinIndex.ERYTHEMA).value
+ * }
  * ```
  *
- * It holds no native memory and no files and is immutable; safe to share between threads.
+ * It holds no native memory and no files and is immutable; safe to share between threads. Its functions take some ten
+ * milliseconds: any thread but the main one.
  */
 public class SpectrumEstimator private constructor(
     private val photos: List<PhotoLight>,
@@ -52,8 +56,8 @@ public class SpectrumEstimator private constructor(
     /** χ² of the references' raw ratios under the most probable lamps; null if they were not used. */
     public val chiSquared: Double? = answers[weights.indices.maxByOrNull { weights[it] }!!].chiSquared
 
-    /** (3) XYZ of the white that Lab is relative to; a copy. */
-    public fun copyWhite(): DoubleArray = mean(answers.map { it.response.white }, weights)
+    /** (3) XYZ of the white that Lab is relative to. */
+    public val white: Rows get() = Rows(mean(answers.map { it.response.white }, weights), 3)
 
     /**
      * The spectrum of a region. Signals of another exposure than their reference's are scaled by exposure time × ISO,
@@ -167,7 +171,7 @@ public class SpectrumEstimator private constructor(
 
     public companion object {
         /**
-         * Creates an estimator for a camera that was calibrated on this device.
+         * Creates an estimator for a camera, from a calibration or [org.camssf.SavedResult.read].
          *
          * @param photos the lights of one photo, or of two. XYZ and Lab are under the first. The reference is taken for
          *   the same object in both.
@@ -182,16 +186,16 @@ public class SpectrumEstimator private constructor(
         @JvmStatic
         @JvmOverloads
         public fun of(
-            calibrated: Calibrated,
+            result: Recovered,
             photos: List<PhotoLight>,
             prior: SurfacePrior = SurfacePrior.read("general"),
             view: View = View(),
-        ): SpectrumEstimator = of(colourCameraOf(calibrated), photos, prior, view)
+        ): SpectrumEstimator = of(ColourCamera.of(result), photos, prior, view)
 
         /**
-         * Creates an estimator for a camera whose result was stored, on this device or on a desktop.
+         * Creates an estimator for the camera of a passport, or of a result's text.
          *
-         * @param result the text of a result, from [Calibration.toJson].
+         * @param result the excerpt that a passport holds, or the text of a result, from [CalibrationResult.toJson].
          * @throws InvalidArgument a refused or invalid result, and as `of`.
          * @throws LampUnfit a reference's raw ratios contradict its lamp.
          * @throws FramesDiffer a reference's photo is of another camera than the result.

@@ -1,11 +1,12 @@
 package org.camssf.colour
 
-import org.camssf.Calibrated
-import org.camssf.Calibration
+import org.camssf.CalibrationResult
 import org.camssf.ColourOutOfReach
 import org.camssf.FramesDiffer
 import org.camssf.InvalidArgument
 import org.camssf.LampUnfit
+import org.camssf.Recovered
+import org.camssf.Rows
 import org.camssf.UnitDiffers
 import org.camssf.fixed
 import org.camssf.frozen
@@ -29,16 +30,17 @@ public enum class Space {
  * A colour is the posterior of XYZ given the signals, with measured surfaces as the prior of reflectance
  * (docs/spectrum.md). The raw ratios of the reference constrain the lamp.
  *
- * ```
- * val (white, strip) = RawRegion.measure(frame.mosaic, listOf(whiteArea, stripArea))
- * val standardiser = Standardiser.of(calibrated, Lamp.read("daylight"), Reference(white, reflectance = 0.9))
- * val colour = standardiser.colourOf(strip)              // colour.lab, colour.labCovariance
- * standardiser.standardise(preview, pixels, into)        // a mosaic's RawPixels, no allocation for each
+ * ```kotlin
+ * fun lab(result: Recovered, photo: Mosaic, whiteArea: Region, stripArea: Region): Rows {
+ *     val (white, strip) = RawRegion.measure(photo, listOf(whiteArea, stripArea))
+ *     val standardiser = Standardiser.of(result, Lamp.read("daylight"), Reference(white, reflectance = 0.9))
+ *     return standardiser.colourOf(strip).lab
+ * }
  * ```
  *
  * Create it again if light or reference change, not for each picture. The first picture makes a table for each lamp,
  * four if the lamp is unknown. It holds no native memory and no files and is immutable; safe to share between
- * threads.
+ * threads. Its functions take some milliseconds, a first picture more: any thread but the main one.
  */
 public class Standardiser private constructor(
     private val contexts: List<LampContext>,
@@ -61,8 +63,8 @@ public class Standardiser private constructor(
      */
     public val chiSquared: Double? = contexts[weights.indices.maxByOrNull { weights[it] }!!].light.chiSquared
 
-    /** (3) XYZ of the white that Lab is relative to, and that XYZ is adapted to if the view asks for it; a copy. */
-    public fun copyWhite(): DoubleArray = mean(contexts.map { it.white }, weights)
+    /** (3) XYZ of the white that Lab is relative to, and that XYZ is adapted to if the view asks for it. */
+    public val white: Rows get() = Rows(mean(contexts.map { it.white }, weights), 3)
 
     /**
      * The colour of a region, measured in the photo of the reference or in another photo in the same light. Signals of
@@ -225,7 +227,7 @@ public class Standardiser private constructor(
 
     public companion object {
         /**
-         * Creates a standardiser for a camera that was calibrated on this device.
+         * Creates a standardiser for a camera, from a calibration or [org.camssf.SavedResult.read].
          *
          * @param lamp of the photo, by name, by kind or measured; null mixes the four kinds by their likelihood given
          *   the reference's raw ratios.
@@ -239,16 +241,16 @@ public class Standardiser private constructor(
         @JvmStatic
         @JvmOverloads
         public fun of(
-            calibrated: Calibrated,
+            result: Recovered,
             lamp: Lamp?,
             reference: Reference,
             view: View = View(),
-        ): Standardiser = of(colourCameraOf(calibrated), lamp, reference, view)
+        ): Standardiser = of(ColourCamera.of(result), lamp, reference, view)
 
         /**
-         * Creates a standardiser for a camera whose result was stored, on this device or on a desktop.
+         * Creates a standardiser for the camera of a passport, or of a result's text.
          *
-         * @param result the text of a result, from [Calibration.toJson].
+         * @param result the excerpt that a passport holds, or the text of a result, from [CalibrationResult.toJson].
          * @throws InvalidArgument a refused or invalid result; curves from which no colour can be computed, or no
          *   lamp if the result's own white is unknown.
          * @throws LampUnfit the reference's raw ratios contradict the lamp.
@@ -283,7 +285,3 @@ public class Standardiser private constructor(
         }
     }
 }
-
-/** The camera that was calibrated on this device. */
-internal fun colourCameraOf(calibrated: Calibrated): ColourCamera =
-    ColourCamera.parse(calibrated.toJson(), calibrated.capture.shots[0].photo.camera)

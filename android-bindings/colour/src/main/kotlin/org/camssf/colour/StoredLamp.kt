@@ -1,9 +1,8 @@
 package org.camssf.colour
 
 import org.camssf.Grid
+import org.camssf.Recovered
 import org.camssf.Rules
-import org.camssf.forms.Fields
-import org.camssf.photo.DocumentForm
 import org.camssf.spectra.Bundled
 import org.camssf.spectra.Directions
 import org.camssf.spectra.Lamp
@@ -11,12 +10,11 @@ import kotlin.math.sqrt
 
 /** The light of a result's first shot as a lamp: as it was named, or as it was estimated. */
 internal object StoredLamp {
-    /** The lamp, its power of mean 1; null if it was not named and the result was refused. */
-    fun of(document: DocumentForm): Lamp? {
-        val lamp = document.capture?.shots?.firstOrNull()?.lamp ?: return null
+    /** The lamp, its power of mean 1; null if it was neither named nor estimated. */
+    fun of(result: Recovered): Lamp? {
+        val lamp = result.capture.shots[0].lamp
         if (!lamp.unnamed) return lamp.withPower(Bundled.scaled(lamp.sharedValues))
-        val light = document.answer?.list<Fields?>("lights")?.firstOrNull() ?: return null
-        return estimated(lamp.name, light.array("power"), light.array("std"))
+        return result.lights.firstOrNull()?.let { estimated(lamp.name, it.sharedPower, it.sharedStd) }
     }
 
     /**

@@ -1,5 +1,6 @@
 package org.camssf.colour
 
+import org.camssf.Rows
 import org.camssf.short
 import kotlin.math.ln
 import kotlin.math.log10
@@ -101,34 +102,34 @@ public class SurfaceSpectrum internal constructor(
     override fun toString(): String =
         "SurfaceSpectrum(lab=${numbers.lab.joinToString { short(it) }}, distance=${short(distance)})"
 
-    /** (35) reflectance at [WAVELENGTHS]. */
-    public fun copyReflectance(): DoubleArray = numbers.reflectance.copyOf()
+    /** (35) reflectance at [wavelengths]. */
+    public val reflectance: Rows get() = Rows(numbers.reflectance, SurfaceNodes.SIZE)
 
-    /** (35, 35) covariance of [copyReflectance], row-major. */
-    public fun copyCovariance(): DoubleArray = numbers.covariance.copyOf()
+    /** (35, 35) covariance of [reflectance]. */
+    public val covariance: Rows get() = Rows(numbers.covariance, SurfaceNodes.SIZE, SurfaceNodes.SIZE)
 
-    /** (35) standard deviation of [copyReflectance]. */
-    public fun copyStandardDeviation(): DoubleArray = roots(numbers.covariance)
+    /** (35) standard deviation of [reflectance]. */
+    public val standardDeviation: Rows get() = Rows(roots(numbers.covariance), SurfaceNodes.SIZE)
 
     /** (3) XYZ under the first photo's light for the view's observer, adapted to its white. */
-    public fun copyXyz(): DoubleArray = numbers.xyz.copyOf()
+    public val xyz: Rows get() = Rows(numbers.xyz, 3)
 
-    /** (3, 3) covariance of [copyXyz], row-major. */
-    public fun copyXyzCovariance(): DoubleArray = numbers.xyzCovariance.copyOf()
+    /** (3, 3) covariance of [xyz]. */
+    public val xyzCovariance: Rows get() = Rows(numbers.xyzCovariance, 3, 3)
 
     /** (3) L*, a*, b*. */
-    public fun copyLab(): DoubleArray = numbers.lab.copyOf()
+    public val lab: Rows get() = Rows(numbers.lab, 3)
 
-    /** (3, 3) covariance of [copyLab], row-major. */
-    public fun copyLabCovariance(): DoubleArray = numbers.labCovariance.copyOf()
+    /** (3, 3) covariance of [lab]. */
+    public val labCovariance: Rows get() = Rows(numbers.labCovariance, 3, 3)
 
     /** Whether the surface is farther from the prior than four standard deviations: spectrum and bands do not hold. */
     public val outsidePrior: Boolean get() = distance > FARTHEST
 
-    /** (35) standard deviation of [copyReflectance] from one source; [Part.METAMERS] are surfaces of equal signals. */
-    public fun deviation(of: Part): DoubleArray = roots(numbers.parts[of.ordinal])
+    /** (35) standard deviation of [reflectance] from one source; [Part.METAMERS] are surfaces of equal signals. */
+    public fun deviation(of: Part): Rows = Rows(roots(numbers.parts[of.ordinal]), SurfaceNodes.SIZE)
 
-    /** An index of skin, with the standard deviation that follows from [copyCovariance]. */
+    /** An index of skin, with the standard deviation that follows from [covariance]. */
     public fun index(of: SkinIndex): IndexValue {
         val row = DoubleArray(SurfaceNodes.SIZE) { max(numbers.reflectance[it], DARKEST) }
         val slopes = DoubleArray(row.size) { -of.weights[it] / (row[it] * ln(10.0)) }
@@ -143,9 +144,9 @@ public class SurfaceSpectrum internal constructor(
     }
 
     public companion object {
-        /** (35) wavelengths of the reflectance, 380 to 720 nm every 10 nm; a copy. */
+        /** (35) wavelengths of the reflectance, 380 to 720 nm every 10 nm. */
         @JvmStatic
-        public fun copyWavelengths(): DoubleArray = SurfaceNodes.wavelengths.copyOf()
+        public val wavelengths: Rows = Rows(SurfaceNodes.wavelengths, SurfaceNodes.wavelengths.size)
 
         private const val FARTHEST = 4.0
 

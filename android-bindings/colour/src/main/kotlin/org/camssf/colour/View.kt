@@ -1,6 +1,7 @@
 package org.camssf.colour
 
 import org.camssf.InvalidArgument
+import org.camssf.Rows
 import org.camssf.short
 import kotlin.math.hypot
 import kotlin.math.sqrt
@@ -69,11 +70,11 @@ public class Reference private constructor(
     override fun toString(): String =
         "Reference(raw=${sharedRaw.joinToString { short(it) }}, reflectance=${short(reflectance)})"
 
-    /** (3) raw signals; a copy. */
-    public fun copyRaw(): DoubleArray = sharedRaw.copyOf()
+    /** (3) raw signals. */
+    public val raw: Rows get() = Rows(sharedRaw, 3)
 
-    /** (3) standard errors of [copyRaw]; a copy. */
-    public fun copyStandardError(): DoubleArray = sharedError.copyOf()
+    /** (3) standard errors of [raw]. */
+    public val standardError: Rows get() = Rows(sharedError, 3)
 
     init {
         if (reflectance !in 0.02..1.2) {
@@ -186,20 +187,20 @@ public class StandardColour internal constructor(
         "StandardColour(lab=${sharedLab.joinToString { short(it) }}, reach=${short(reach)})"
 
     /** (3) XYZ for the view's observer, adapted to its white. */
-    public fun copyXyz(): DoubleArray = sharedXyz.copyOf()
+    public val xyz: Rows get() = Rows(sharedXyz, 3)
 
     /** (3) L*, a*, b*. */
-    public fun copyLab(): DoubleArray = sharedLab.copyOf()
+    public val lab: Rows get() = Rows(sharedLab, 3)
 
-    /** (3, 3) covariance of [copyXyz], row-major: the sum of its parts. */
-    public fun copyXyzCovariance(): DoubleArray = sum { it.xyz }
+    /** (3, 3) covariance of [xyz]: the sum of its parts. */
+    public val xyzCovariance: Rows get() = Rows(sum { it.xyz }, 3, 3)
 
-    /** (3, 3) covariance of [copyLab], row-major. */
-    public fun copyLabCovariance(): DoubleArray = sum { it.lab }
+    /** (3, 3) covariance of [lab]. */
+    public val labCovariance: Rows get() = Rows(sum { it.lab }, 3, 3)
 
     /** (3) standard deviations of L*, a*, b* from one source. */
-    public fun deviation(of: Part): DoubleArray = parts[of.ordinal].lab.let { covariance ->
-        DoubleArray(3) { sqrt(covariance[4 * it]) }
+    public fun deviation(of: Part): Rows = parts[of.ordinal].lab.let { covariance ->
+        Rows(DoubleArray(3) { sqrt(covariance[4 * it]) }, 3)
     }
 
     private fun sum(of: (Spread) -> DoubleArray): DoubleArray = DoubleArray(9) { at -> parts.sumOf { of(it)[at] } }

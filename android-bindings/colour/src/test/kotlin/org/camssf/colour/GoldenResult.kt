@@ -9,8 +9,8 @@ import kotlinx.serialization.json.jsonArray
 import kotlinx.serialization.json.jsonObject
 import kotlinx.serialization.json.jsonPrimitive
 import org.camssf.Camssf
+import org.camssf.Rows
 import org.camssf.forms.Forms
-import org.camssf.forms.Numbers
 import org.camssf.json.JsonText
 import org.camssf.photo.CaptureForm
 import org.camssf.photo.ChartPose
@@ -73,9 +73,9 @@ internal object GoldenResult {
                 "Proof", "gap" to DoubleArray(3), "layers_gap" to DoubleArray(1), "finish_steps" to IntArray(1),
             ),
             "used" to listOf(List(N) { true }),
-            "level" to Numbers(DoubleArray(N) { 1.0 }, 1, N),
-            "predicted" to Numbers(DoubleArray(3 * N), 1, N, 3),
-            "unseen" to Numbers(DoubleArray(3 * N), 1, N, 3),
+            "level" to Rows(DoubleArray(N) { 1.0 }, 1, N),
+            "predicted" to Rows(DoubleArray(3 * N), 1, N, 3),
+            "unseen" to Rows(DoubleArray(3 * N), 1, N, 3),
             "lights" to lights.map { (power, std) ->
                 Forms.plain(
                     "EstimatedLamp", "kinds" to mapOf("daylight" to 1.0), "power" to power, "std" to std,

@@ -41,9 +41,9 @@ class RawRegionTest {
             fun level(colour: Char) = cfa.indices.filter { cfa[it] == colour }.map { black[it] }.average()
             val dark = "RGB".map { level(it) }.toDoubleArray()
             val known = doubleArrayOf(1000.0, 2000.0, 500.0)
-            assertArrayEquals(DoubleArray(3) { known[it] - dark[it] }, top.copyRaw(), 1e-12)
-            assertArrayEquals(DoubleArray(3) { known[it] / 2 - dark[it] }, bottom.copyRaw(), 1e-12)
-            assertTrue(top.copyStandardError().all { it > 0 && it < 0.05 }) // rounding to whole numbers alone
+            assertArrayEquals(DoubleArray(3) { known[it] - dark[it] }, top.raw.values, 1e-12)
+            assertArrayEquals(DoubleArray(3) { known[it] / 2 - dark[it] }, bottom.raw.values, 1e-12)
+            assertTrue(top.standardError.values.all { it > 0 && it < 0.05 }) // rounding to whole numbers alone
             assertEquals(Region(3, 2, 40, 28), top.area)
         }
     }
@@ -51,14 +51,14 @@ class RawRegionTest {
     @Test
     fun `a region ends at its borders`() {
         val found = RawRegion.measure(photo(), listOf(Region(0, 18, 80, 30))).single()
-        assertEquals(1000.0 - 60.0, found.copyRaw()[0]) // one row lower the picture is darker
+        assertEquals(1000.0 - 60.0, found.raw[0]) // one row lower the picture is darker
     }
 
     @Test
     fun `a dark frame stands for the black level`() {
         val night = photo(red = 80)
         val found = RawRegion.measure(photo(), listOf(Region(0, 0, 40, 28)), night).single()
-        assertArrayEquals(doubleArrayOf(920.0, 0.0, 0.0), found.copyRaw(), 1e-12)
+        assertArrayEquals(doubleArrayOf(920.0, 0.0, 0.0), found.raw.values, 1e-12)
         assertThrows(FramesDiffer::class.java) {
             RawRegion.measure(photo(), listOf(Region(0, 0, 40, 28)), photo(iso = 200.0))
         }
@@ -88,15 +88,6 @@ class RawRegionTest {
     }
 
     @Test
-    fun `what is given out is a copy`() {
-        val found = RawRegion.measure(photo(), listOf(Region(0, 0, 40, 28))).single()
-        found.copyRaw()[0] = 0.0
-        found.copyStandardError()[0] = -1.0
-        assertEquals(940.0, found.copyRaw()[0])
-        assertTrue(found.copyStandardError()[0] > 0)
-    }
-
-    @Test
     fun `pixels are means of whole cells above black`() {
         for (cfa in Mosaic.CFA_ORDERS) {
             for (cells in 1..3) {
@@ -106,7 +97,7 @@ class RawRegionTest {
                 assertEquals((28 - 1) / 2 / cells, pixels.rows)
                 assertEquals(Region(2, 2, 2 + 2 * cells * pixels.columns, 2 + 2 * cells * pixels.rows), pixels.area)
                 val region = RawRegion.measure(photo(cfa = cfa), listOf(Region(1, 1, 79, 29))).single()
-                for (i in found.indices) assertEquals(region.copyRaw()[i % 3], found[i].toDouble(), 1e-3)
+                for (i in found.indices) assertEquals(region.raw[i % 3], found[i].toDouble(), 1e-3)
             }
         }
     }

@@ -1,8 +1,8 @@
 package org.camssf.colour
 
-import org.camssf.Calibrated
 import org.camssf.CalibrationException
 import org.camssf.InvalidArgument
+import org.camssf.Recovered
 import org.camssf.SsfCalibrator
 import org.camssf.photo.Capture
 import org.camssf.photo.Corners
@@ -113,8 +113,8 @@ class SignalSourceTest {
         }
         for (other in others) {
             val (known, found) = listOf(whole, other).map { standardiser.colourOf(region(it)) }
-            assertArrayEquals(known.copyLab(), found.copyLab(), 0.05) // samples are whole numbers
-            val spectra = listOf(whole, other).map { estimator.spectrumOf(region(it)).copyReflectance() }
+            assertArrayEquals(known.lab.values, found.lab.values, 0.05) // samples are whole numbers
+            val spectra = listOf(whole, other).map { estimator.spectrumOf(region(it)).reflectance.values }
             assertArrayEquals(spectra[0], spectra[1], 1e-3)
             val preview = listOf(whole, other).map { standardiser.standardise(it, pixels, space = Space.XYZ) }
             assertArrayEquals(preview[0], preview[1], 1e-3f)
@@ -124,7 +124,7 @@ class SignalSourceTest {
         }
         val mute = photo(1.0, exposure = null, iso = null)
         val own = Standardiser.read(text, d55, Reference(region(mute)))
-        assertEquals(100.0, own.colourOf(region(mute)).copyLab()[0], 0.5) // one photo has one exposure
+        assertEquals(100.0, own.colourOf(region(mute)).lab[0], 0.5) // one photo has one exposure
     }
 
     @Test
@@ -146,8 +146,8 @@ class SignalSourceTest {
             Mosaic(origin, mosaic.width, mosaic.height, mosaic.region, mosaic.samples, mosaic.sensor)
         }
         val shot = Shot(PhotoSource.of(of("S-1")), d55, corners)
-        val found = SsfCalibrator.open("phones").use {
-            it.calibrateBlocking(Capture(shot, ChartTable.read("classic24"))) as Calibrated
+        val found = SsfCalibrator.Builder().basis("phones").openBlocking().use {
+            it.calibrateBlocking(Capture(shot, ChartTable.read("classic24"))) as Recovered
         }
         val light = Region(28, 22, 40, 34)
         fun white(serial: String) = Reference(RawRegion.measure(of(serial), listOf(light)).single())

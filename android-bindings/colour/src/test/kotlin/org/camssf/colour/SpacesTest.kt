@@ -11,10 +11,10 @@ import kotlin.math.exp
 
 class SpacesTest {
     private val functions = Tables.observer(Observer.CIE_1931)
-    private val light = Lamp.read("A").copyValues()
+    private val light = Lamp.read("A").values.values
 
     private fun bell(centre: Double, width: Double): DoubleArray {
-        val grid = Grid.copyWavelengths()
+        val grid = Grid.wavelengths.values
         return DoubleArray(Grid.SIZE) { exp(-0.5 * ((grid[it] - centre) / width).let { u -> u * u }) }
     }
 
@@ -39,7 +39,7 @@ class SpacesTest {
 
     @Test
     fun `Lab of white and black, and white adapted is white`() {
-        val (d65, d50) = listOf("D65", "D50").map { SurfaceResponse.white(Lamp.read(it).copyValues(), functions) }
+        val (d65, d50) = listOf("D65", "D50").map { SurfaceResponse.white(Lamp.read(it).values.values, functions) }
         assertArrayEquals(doubleArrayOf(100.0, 0.0, 0.0), Spaces.lab(d65, d65), 1e-12)
         assertArrayEquals(DoubleArray(3), Spaces.lab(DoubleArray(3), d65), 1e-12)
         assertArrayEquals(doubleArrayOf(0.9504, 1.0, 1.0888), d65, 1e-3) // CIE 15

@@ -25,18 +25,18 @@ class SpectrumEstimatorTest {
     @Test
     fun `a grey is flat, and half the light is half the spectrum`() {
         val estimator = SpectrumEstimator.read(text, listOf(light))
-        val grey = estimator.spectrumOf(DoubleArray(3) { 0.2 * white.copyRaw()[it] }, DoubleArray(3))
-        val nm = SurfaceSpectrum.copyWavelengths()
+        val grey = estimator.spectrumOf(DoubleArray(3) { 0.2 * white.raw[it] }, DoubleArray(3))
+        val nm = SurfaceSpectrum.wavelengths.values
         assertEquals(listOf(380.0, 720.0), listOf(nm.first(), nm.last()))
-        for (i in nm.indices) if (nm[i] in 420.0..680.0) assertEquals(0.2, grey.copyReflectance()[i], 0.01)
-        assertEquals(116 * Math.cbrt(0.2) - 16, grey.copyLab()[0], 0.1)
+        for (i in nm.indices) if (nm[i] in 420.0..680.0) assertEquals(0.2, grey.reflectance[i], 0.01)
+        assertEquals(116 * Math.cbrt(0.2) - 16, grey.lab[0], 0.1)
         val still = DoubleArray(3)
         val (whole, half) = listOf(1.0, 0.5).map { share ->
-            SpectrumEstimator.read(text, listOf(PhotoLight(light.lamp, Reference(white.copyRaw()))))
+            SpectrumEstimator.read(text, listOf(PhotoLight(light.lamp, Reference(white.raw.values))))
                 .spectrumOf(DoubleArray(3) { strip[it] * share }, still)
         }
-        assertArrayEquals(whole.copyReflectance(), DoubleArray(35) { 2 * half.copyReflectance()[it] }, 1e-12)
-        assertArrayEquals(whole.copyCovariance(), DoubleArray(35 * 35) { 4 * half.copyCovariance()[it] }, 1e-12)
+        assertArrayEquals(whole.reflectance.values, DoubleArray(35) { 2 * half.reflectance[it] }, 1e-12)
+        assertArrayEquals(whole.covariance.values, DoubleArray(35 * 35) { 4 * half.covariance.values[it] }, 1e-12)
         assertEquals(whole.distance, half.distance, 1e-9)
     }
 
@@ -49,12 +49,12 @@ class SpectrumEstimatorTest {
         val skin = estimator.spectrumOf(strip, noise)
         for (i in 0 until 35) {
             val parts = Part.values().sumOf { part -> skin.deviation(part)[i].let { it * it } }
-            assertEquals(parts, skin.copyCovariance()[36 * i], 1e-12)
-            assertEquals(parts, skin.copyStandardDeviation()[i].let { it * it }, 1e-12)
+            assertEquals(parts, skin.covariance[i, i], 1e-12)
+            assertEquals(parts, skin.standardDeviation[i].let { it * it }, 1e-12)
         }
         assertTrue(skin.fromPhoto in 0.0..1.0)
         val melanin = skin.index(SkinIndex.MELANIN)
-        val red = skin.copyReflectance().slice(27..32).map { -Math.log10(it) }.average()
+        val red = skin.reflectance.values.slice(27..32).map { -Math.log10(it) }.average()
         assertEquals(red, melanin.value, 0.01)
         assertTrue(melanin.standardDeviation > 0)
         assertEquals(0.0, SkinIndex.ERYTHEMA.weights.sum(), 1e-12)
@@ -63,7 +63,7 @@ class SpectrumEstimatorTest {
 
     @Test
     fun `a second light tells more, and a region is its signals`() {
-        val bulb = PhotoLight(Lamp.read("A"), Reference(DoubleArray(3) { white.copyRaw()[it] * warmer(it) }))
+        val bulb = PhotoLight(Lamp.read("A"), Reference(DoubleArray(3) { white.raw[it] * warmer(it) }))
         val estimator = SpectrumEstimator.read(text, listOf(light, bulb))
         assertEquals(listOf("D55", "A"), estimator.lamps.single().names)
         val area = Region(0, 0, 20, 20)
@@ -72,8 +72,8 @@ class SpectrumEstimatorTest {
         val photo = Mosaic(Mosaic.Origin("strip.dng"), 2, 2, Region(0, 0, 2, 2), ShortArray(4), sensor)
         val source = SignalSource(photo.facts, LensShading.AS_STORED)
         val both = estimator.spectrumOf(RawRegion(area, strip, noise, source), RawRegion(area, lit, noise, source))
-        assertArrayEquals(estimator.spectrumOf(strip + lit, noise + noise).copyReflectance(), both.copyReflectance())
-        val grey = DoubleArray(3) { 0.2 * white.copyRaw()[it] }
+        assertEquals(estimator.spectrumOf(strip + lit, noise + noise).reflectance, both.reflectance)
+        val grey = DoubleArray(3) { 0.2 * white.raw[it] }
         val warm = DoubleArray(3) { grey[it] * warmer(it) }
         val one = SpectrumEstimator.read(text, listOf(light)).spectrumOf(grey, noise)
         assertTrue(estimator.spectrumOf(grey + warm, noise + noise).fromPhoto > one.fromPhoto)
@@ -83,7 +83,7 @@ class SpectrumEstimatorTest {
     private fun warmer(channel: Int): Double {
         val curve = GoldenResult.curves[channel]
         val (bulb, day) = listOf("A", "D55").map { name ->
-            Lamp.read(name).copyValues().let { power -> power.indices.sumOf { power[it] * curve[it] } }
+            Lamp.read(name).values.values.let { power -> power.indices.sumOf { power[it] * curve[it] } }
         }
         return bulb / day
     }

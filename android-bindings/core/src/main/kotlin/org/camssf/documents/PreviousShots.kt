@@ -2,21 +2,32 @@ package org.camssf.documents
 
 import org.camssf.InvalidArgument
 import org.camssf.UnitDiffers
-import org.camssf.forms.Fields
-import org.camssf.photo.DocumentForm
 import org.camssf.photo.FrameMeans
 import org.camssf.photo.MeasuredCapture
 import org.camssf.photo.MeasuredShot
 import org.camssf.photo.Normalise
 import org.camssf.photo.Normalised
+import org.camssf.photo.PartialCapture
 import org.camssf.photo.PatchMeans
 import org.camssf.photo.Photo
 import org.camssf.photo.PhysicalCamera
 import org.camssf.spectra.ChartTable
+import org.camssf.verdict.Status
+import org.camssf.verdict.Verdict
 
 /** Takes the named shots of a stored result as further shots of a new capture: Python's camssf.documents.previous. */
-internal class PreviousShots(private val name: String, private val document: DocumentForm) {
-    /** Behind `PreviousResult.joined`. */
+internal class PreviousShots(
+    private val name: String,
+    private val verdict: Verdict,
+    private val stored: PartialCapture?,
+) {
+    /**
+     * The capture with the named shots of this result behind its own, all relative to the chart's white patch.
+     *
+     * @throws InvalidArgument the result is not accepted, names no lamp, is of another chart, or holds the same
+     *   photo.
+     * @throws UnitDiffers it is of another camera.
+     */
     fun joined(capture: MeasuredCapture): MeasuredCapture {
         val stored = checked(capture)
         val table = table(stored.chart, capture.chart)
@@ -26,13 +37,10 @@ internal class PreviousShots(private val name: String, private val document: Doc
     }
 
     /** The capture of this result, if it can be joined with another one. */
-    private fun checked(capture: MeasuredCapture): MeasuredCapture {
-        val verdict = document.verdict
-        val status = verdict?.text("status") ?: "not solved"
-        val stored = document.capture
-        if (status != "accepted" || stored == null) {
-            val why = verdict?.list<Fields>("reasons")?.firstOrNull()?.text("message").orEmpty()
-            throw InvalidArgument("The previous result $name was $status: $why", AGAIN)
+    private fun checked(capture: MeasuredCapture): PartialCapture {
+        if (verdict.outcome != Status.ACCEPTED || stored == null) {
+            val why = verdict.reasons.firstOrNull()?.message.orEmpty()
+            throw InvalidArgument("The previous result $name was ${verdict.outcome.word}: $why", AGAIN)
         }
         if (stored.shots.all { it.lamp.unnamed }) {
             throw InvalidArgument("The previous result $name names no lamp.", AGAIN)

@@ -2,6 +2,7 @@ package org.camssf.fit
 
 import org.camssf.InvalidArgument
 import org.camssf.LeastSquares
+import org.camssf.Rows
 import org.camssf.Rules
 import org.camssf.photo.Signals
 import org.camssf.short
@@ -21,11 +22,13 @@ public class Scores internal constructor(
     internal val sharedRmsre: DoubleArray,
     public val deltaE00: Double,
     public val unseen: String,
-    internal val measuredSrgb: DoubleArray,
-    internal val syntheticSrgb: DoubleArray,
+    internal val measuredSrgb: DoubleArray = DoubleArray(0),
+    internal val syntheticSrgb: DoubleArray = DoubleArray(0),
+    /** (3) root mean square error against a known truth; null if there is none. */
+    internal val rmse: Rows? = null,
 ) {
-    /** (3) root mean square relative error of the signals (the paper's Eq. 13), %; a copy. */
-    public fun copyRmsrePercent(): DoubleArray = sharedRmsre.copyOf()
+    /** (3) root mean square relative error of the signals (the paper's Eq. 13), %. */
+    public val rmsrePercent: Rows get() = Rows(sharedRmsre, 3)
 
     override fun toString(): String =
         "Scores(rmsrePercent=${sharedRmsre.joinToString { short(it) }}, deltaE00=${short(deltaE00)})"

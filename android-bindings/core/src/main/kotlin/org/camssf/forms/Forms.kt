@@ -2,8 +2,10 @@ package org.camssf.forms
 
 import org.camssf.CalibrationException
 import org.camssf.InvalidArgument
+import org.camssf.Rows
 import org.camssf.json.JsonText
 import org.camssf.json.NotJson
+import org.camssf.model.Models
 import java.math.BigDecimal
 import java.math.BigInteger
 import java.math.MathContext
@@ -18,29 +20,9 @@ internal fun need(right: Boolean, place: String, what: () -> String) {
     if (!right) throw BrokenDocument(place, what())
 }
 
-/**
- * Numbers of an array in a document, row by row.
- *
- * @property sides lengths of the array's axes.
- */
-internal class Numbers(val values: DoubleArray, vararg val sides: Int) {
-    /** As nested lists; with `whole` of whole numbers, with `gaps` null in place of a row of NaN. */
-    fun nested(whole: Boolean = false, gaps: Boolean = false): Any? = nested(0, 0, values.size, whole, gaps)
-
-    private fun nested(axis: Int, from: Int, until: Int, whole: Boolean, gaps: Boolean): Any? {
-        val count = sides[axis]
-        if (axis < sides.size - 1) {
-            val size = if (count == 0) 0 else (until - from) / count
-            return List(count) { nested(axis + 1, from + it * size, from + (it + 1) * size, whole, gaps) }
-        }
-        if (gaps && (from until until).any { values[it].isNaN() }) return null
-        return List(count) { if (whole) values[from + it].toLong() else values[from + it] }
-    }
-}
-
 /** A part of a document that was read and checked: its fields by name, with their defaults. */
 internal class Fields(private val values: Map<String, Any?>) {
-    /** A field's value; of an array [Numbers], of a part [Fields], of a whole number a Long. */
+    /** A field's value; of an array [Rows], of a part [Fields], of a whole number a Long. */
     operator fun get(name: String): Any? = values.getValue(name)
 
     fun text(name: String): String = this[name] as String
@@ -53,7 +35,7 @@ internal class Fields(private val values: Map<String, Any?>) {
 
     fun whole(name: String): Int = (this[name] as Long).toInt()
 
-    fun array(name: String): DoubleArray = (this[name] as Numbers).values
+    fun array(name: String): DoubleArray = (this[name] as Rows).values
 
     fun maybe(name: String): Fields? = this[name] as Fields?
 
@@ -67,7 +49,7 @@ internal class Fields(private val values: Map<String, Any?>) {
 }
 
 /**
- * Reads and writes documents, "camssf/2", by the table of their parts ([FORM_TABLE]). Python's `documents.forms` has
+ * Reads and writes documents, "camssf/2", by the table of their parts, forms.json. Python's `documents.forms` has
  * the same rules and words.
  *
  * @param own readers of parts that have a form of their own, by name; they get the plain value and its place.
@@ -246,12 +228,12 @@ internal class Forms(
         private var values = DoubleArray(72)
         private var size = 0
 
-        fun read(value: Any?): Numbers {
+        fun read(value: Any?): Rows {
             if (mayBeEmpty && value is List<*> && value.isEmpty()) {
-                return Numbers(DoubleArray(0), *sides.also { it[0] = 0 })
+                return Rows(DoubleArray(0), *sides.also { it[0] = 0 })
             }
             rows(value, 0)
-            return Numbers(values.copyOf(size), *sides)
+            return Rows(values.copyOf(size), *sides)
         }
 
         private fun add(number: Double) {
@@ -302,13 +284,15 @@ internal class Forms(
         private val OLDER = setOf("camssf-result", "camssf-patches", "camssf-shot")
 
         @Suppress("UNCHECKED_CAST")
-        private val PARTS by lazy { JsonText.parse(FORM_TABLE) as Map<String, Map<String, Map<String, Any?>>> }
+        private val PARTS by lazy {
+            JsonText.parse(Models.read("forms.json").decodeToString()) as Map<String, Map<String, Map<String, Any?>>>
+        }
 
         /**
          * A part in plain values, its fields in the table's order, without those that have their default.
          *
          * @param values of all fields but those that have their default; an array as its numbers row by row, or as
-         *   [Numbers] where its sides do not follow from how many there are.
+         *   [Rows] where its sides do not follow from how many there are.
          */
         fun plain(part: String, vararg values: Pair<String, Any?>): Map<String, Any?> {
             val given = mapOf(*values)
@@ -331,7 +315,7 @@ internal class Forms(
             is DoubleArray -> plain(form, numbers(form, value))
             is LongArray -> plain(form, numbers(form, DoubleArray(value.size) { value[it].toDouble() }))
             is IntArray -> plain(form, numbers(form, DoubleArray(value.size) { value[it].toDouble() }))
-            is Numbers -> value.nested(form["whole"] == true, form["gaps"] == true)
+            is Rows -> value.nested(form["whole"] == true, form["gaps"] == true)
             is Int -> value.toLong()
             is List<*> -> value.map { plain(form, it) }
             is Map<*, *> -> if (form["is"] == "map") sorted(value) else value
@@ -341,11 +325,11 @@ internal class Forms(
         private fun sorted(value: Map<*, *>) =
             value.entries.sortedBy { it.key as String }.associate { it.key to it.value }
 
-        /** Numbers in one row, as the array of this form; at most one of its sides is open. */
-        private fun numbers(form: Map<String, Any?>, values: DoubleArray): Numbers {
+        /** Rows in one row, as the array of this form; at most one of its sides is open. */
+        private fun numbers(form: Map<String, Any?>, values: DoubleArray): Rows {
             val sides = form.list("sides").map { (it as Long?)?.toInt() ?: ANY }.toIntArray()
             val known = sides.filter { it != ANY }.fold(1) { all, side -> all * side }
-            return Numbers(values, *IntArray(sides.size) { if (sides[it] == ANY) values.size / known else sides[it] })
+            return Rows(values, *IntArray(sides.size) { if (sides[it] == ANY) values.size / known else sides[it] })
         }
 
         @Suppress("UNCHECKED_CAST")

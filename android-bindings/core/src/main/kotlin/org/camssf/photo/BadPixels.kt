@@ -1,5 +1,6 @@
 package org.camssf.photo
 
+import org.camssf.Rows
 import org.camssf.frozen
 
 /**
@@ -16,14 +17,12 @@ public class BadPixels(
     points: IntArray,
     areas: List<Region>,
 ) {
-    private val ownPoints = points.copyOf()
-
-    /** Opcode 5: (n, 2) row and column of single samples; empty for opcode 4; a copy. */
-    public fun copyPoints(): IntArray = ownPoints.copyOf()
+    /** Opcode 5: (n, 2) row and column of single samples; empty for opcode 4. */
+    public val points: Rows = Rows(DoubleArray(points.size) { points[it].toDouble() }, points.size / 2, 2)
 
     /** Opcode 5: rectangles. */
     public val areas: List<Region> = areas.frozen()
 
     override fun toString(): String =
-        "BadPixels(list=$list, constant=$constant, ${ownPoints.size / 2} points, ${areas.size} areas)"
+        "BadPixels(list=$list, constant=$constant, ${this.points.size / 2} points, ${areas.size} areas)"
 }

@@ -2,10 +2,10 @@ package org.camssf.photo
 
 import org.camssf.Camssf
 import org.camssf.Grid
+import org.camssf.Rows
 import org.camssf.flatten
 import org.camssf.forms.Fields
 import org.camssf.forms.Forms
-import org.camssf.forms.Numbers
 import org.camssf.spectra.ChartLayout
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
@@ -25,153 +25,109 @@ internal object CaptureForm {
     fun plain(capture: PartialCapture, identifying: Boolean = false): Map<String, Any?> {
         val last = capture.unfinished
         return Forms.plain(
-            "Capture",
-            "shots" to capture.shots.map { plain(it, identifying) },
-            "chart" to plain(capture.chart),
-            "white_reflectance" to capture.whiteReflectance,
-            "files" to capture.files,
+            "Capture", "shots" to capture.shots.map { plain(it, identifying) }, "chart" to plain(capture.chart),
+            "white_reflectance" to capture.whiteReflectance, "files" to capture.files,
             "unfinished" to last?.let {
                 Forms.plain(
-                    "UnfinishedShot",
-                    "lamp" to plain(capture.lamps[capture.shots.size]),
-                    "photo" to last.photo?.let { plain(it, identifying) },
-                    "black" to last.black,
-                    "saturation" to last.saturation,
-                    "pose" to last.pose?.let { plain(it) },
+                    "UnfinishedShot", "lamp" to plain(capture.lamps[capture.shots.size]),
+                    "photo" to last.photo?.let { plain(it, identifying) }, "black" to last.black,
+                    "saturation" to last.saturation, "pose" to last.pose?.let { plain(it) },
                 )
             },
         )
     }
 
     private fun plain(shot: MeasuredShot, identifying: Boolean) = Forms.plain(
-        "MeasuredShot",
-        "lamp" to plain(shot.lamp),
-        "photo" to plain(shot.photo, identifying),
-        "white" to shot.white?.let { plain(it, identifying) },
-        "dark" to shot.dark?.let { plain(it, identifying) },
-        "pose" to plain(shot.pose),
-        "means" to plain(shot.means),
-        "lens_shading" to shot.lensShading.word,
+        "MeasuredShot", "lamp" to plain(shot.lamp), "photo" to plain(shot.photo, identifying),
+        "white" to shot.white?.let { plain(it, identifying) }, "dark" to shot.dark?.let { plain(it, identifying) },
+        "pose" to plain(shot.pose), "means" to plain(shot.means), "lens_shading" to shot.lensShading.word,
     )
 
     private fun plain(lamp: Lamp): Map<String, Any?> {
         if (lamp.unnamed) return mapOf(Forms.KIND to "unnamed", "name" to lamp.name)
         return mapOf(Forms.KIND to "named") + Forms.plain(
-            "Lamp",
-            "name" to lamp.name,
-            "values" to lamp.sharedValues,
-            "tolerance" to lamp.tolerance,
-            "modes" to Numbers(lamp.sharedModes.flatten(), lamp.sharedModes.size, Grid.SIZE),
-            "source" to lamp.source,
+            "Lamp", "name" to lamp.name, "values" to lamp.sharedValues, "tolerance" to lamp.tolerance,
+            "modes" to Rows(lamp.sharedModes.flatten(), lamp.sharedModes.size, Grid.SIZE), "source" to lamp.source,
             "tolerance_kelvin" to lamp.toleranceKelvin,
         )
     }
 
     private fun plain(photo: Photo, identifying: Boolean) = Forms.plain(
-        "Photo",
-        "name" to photo.name,
-        "width" to photo.width,
-        "height" to photo.height,
-        "orientation" to photo.orientation,
-        "exposure" to photo.exposure,
-        "iso" to photo.iso,
-        "gain_map" to photo.gainMap,
-        "make" to photo.make,
-        "model" to photo.model,
-        "sha256" to photo.sha256,
+        "Photo", "name" to photo.name, "width" to photo.width, "height" to photo.height,
+        "orientation" to photo.orientation, "exposure" to photo.exposure, "iso" to photo.iso,
+        "gain_map" to photo.gainMap, "make" to photo.make, "model" to photo.model, "sha256" to photo.sha256,
         "colour_matrices" to photo.colourMatrices.map {
             Forms.plain("ColourMatrix", "light" to it.light, "values" to it.sharedValues.toList())
         },
         "unit" to unit(photo.camera, identifying),
         "active_area" to photo.camera.activeArea?.let { listOf(it.top, it.left, it.bottom, it.right) },
-        "levels" to photo.levels,
-        "unique_model" to photo.uniqueModel,
-        "matrices_left_out" to photo.matricesLeftOut,
+        "levels" to photo.levels, "unique_model" to photo.uniqueModel, "matrices_left_out" to photo.matricesLeftOut,
         "time" to if (identifying) photo.captured else "",
     )
 
     private fun unit(camera: PhysicalCamera, identifying: Boolean) = Forms.plain(
-        "Unit",
-        "camera_id" to camera.id,
-        "serial" to if (identifying) camera.serial else "",
-        "serial_check" to camera.serialCheck,
-        "lens" to camera.lens,
-        "focal_length" to camera.focalLength,
+        "Unit", "camera_id" to camera.id, "serial" to if (identifying) camera.serial else "",
+        "serial_check" to camera.serialCheck, "lens" to camera.lens, "focal_length" to camera.focalLength,
         "aperture" to camera.aperture,
     )
 
     private fun plain(pose: ChartPose) = Forms.plain(
-        "Pose",
-        "layout" to pose.layout,
-        "corners" to pose.sharedCorners,
-        "patches" to pose.sharedQuads,
-        "quarter_turns" to pose.quarterTurns,
-        "method" to pose.method,
-        "score" to pose.score,
-        "notes" to pose.notes,
+        "Pose", "layout" to pose.layout, "corners" to pose.sharedCorners, "patches" to pose.sharedQuads,
+        "quarter_turns" to pose.quarterTurns, "method" to pose.method, "score" to pose.score, "notes" to pose.notes,
     )
 
     private fun plain(means: PatchMeans) = Forms.plain(
-        "PatchMeans",
-        "chart" to plain(means.chart),
-        "white" to means.white?.let { plain(it) },
-        "dark" to means.dark?.let { plain(it) },
-        "black" to means.sharedBlack,
-        "saturation" to means.saturation,
+        "PatchMeans", "chart" to plain(means.chart), "white" to means.white?.let { plain(it) },
+        "dark" to means.dark?.let { plain(it) }, "black" to means.sharedBlack, "saturation" to means.saturation,
         "evened" to means.evened,
     )
 
     private fun plain(frame: FrameMeans) = Forms.plain(
-        "FrameMeans",
-        "mean" to frame.sharedMean,
-        "standard_error" to frame.sharedError,
-        "count" to frame.sharedCount,
-        "clipped" to frame.sharedClipped,
-        "dead" to frame.sharedDead,
-        "gradient" to frame.sharedGradient,
-        "greens" to frame.sharedGreens,
+        "FrameMeans", "mean" to frame.sharedMean, "standard_error" to frame.sharedError,
+        "count" to frame.sharedCount, "clipped" to frame.sharedClipped, "dead" to frame.sharedDead,
+        "gradient" to frame.sharedGradient, "greens" to frame.sharedGreens,
     )
 
     private fun plain(chart: ChartTable) = Forms.plain(
-        "ChartTable",
-        "name" to chart.name,
-        "table" to chart.table,
-        "layout" to chart.layout.plain(),
-        "patches" to chart.patches,
-        "wavelengths" to chart.wavelengths,
-        "reflectance" to Numbers(chart.reflectance, chart.patches.size, chart.wavelengths.size),
-        "tolerance" to chart.sharedTolerance,
-        "white" to chart.white,
-        "source" to chart.source,
+        "ChartTable", "name" to chart.name, "table" to chart.table, "layout" to chart.layout.plain(),
+        "patches" to chart.patches, "wavelengths" to chart.wavelengths,
+        "reflectance" to Rows(chart.reflectance, chart.patches.size, chart.wavelengths.size),
+        "tolerance" to chart.sharedTolerance, "white" to chart.white, "source" to chart.source,
         "fading" to chart.fading,
     )
 
     // Reading
 
-    /** The capture of a document's part; without the shot at which measuring ended. */
-    fun capture(part: Fields): MeasuredCapture {
+    /** The capture of a document's part. */
+    fun capture(part: Fields): PartialCapture {
         val files = part.map<String>("files")
         val shots = part.list<Fields>("shots")
         val chart = chart(part.part("chart"), files)
         val measured = shots.mapIndexed { j, shot -> shot(shot, FileRoles.file(FileRoles.lamp(j), files)) }
-        val known = PartialCapture(chart, measured.map { it.lamp }, measured).files
-        return MeasuredCapture(measured, chart, part.maybeNumber("white_reflectance"), files - known.keys)
+        val last = part.maybe("unfinished")
+        val next = last?.let { lamp(it["lamp"], FileRoles.file(FileRoles.lamp(shots.size), files)) }
+        val lamps = measured.map { it.lamp } + listOfNotNull(next)
+        val known = PartialCapture(chart, lamps, measured).files
+        val unfinished = last?.let {
+            PartialShot(
+                it.maybe("photo")?.let { photo(it) }, (it["black"] as Rows?)?.values, it.number("saturation"),
+                it.maybe("pose")?.let { pose(it) },
+            )
+        }
+        val white = part.maybeNumber("white_reflectance")
+        return PartialCapture(chart, lamps, measured, unfinished, white, files - known.keys)
     }
 
     private fun shot(part: Fields, lampFile: SourceFile?): MeasuredShot = MeasuredShot(
-        lamp(part["lamp"], lampFile),
-        photo(part.part("photo")),
-        part.maybe("white")?.let { photo(it) },
-        part.maybe("dark")?.let { photo(it) },
-        pose(part.part("pose")),
-        means(part.part("means")),
+        lamp(part["lamp"], lampFile), photo(part.part("photo")), part.maybe("white")?.let { photo(it) },
+        part.maybe("dark")?.let { photo(it) }, pose(part.part("pose")), means(part.part("means")),
         LensShading.of(part.text("lens_shading")),
     )
 
     /** A named lamp's part, or an unnamed light, which is read already. */
     private fun lamp(part: Any?, file: SourceFile?): Lamp {
         if (part !is Fields) return part as Lamp
-        val modes = part["modes"] as Numbers
+        val modes = part["modes"] as Rows
         val size = modes.sides[1]
         return Lamp(
             part.text("name"), part.array("values"), part.number("tolerance"),
@@ -196,9 +152,7 @@ internal object CaptureForm {
         return PhysicalCamera(
             unit.text("camera_id"), unit.text("serial"), unit.text("lens"), unit.maybeNumber("focal_length"),
             unit.maybeNumber("aperture"),
-            sides?.let { (top, left, bottom, right) ->
-                Region(left, top, right, bottom)
-            },
+            sides?.let { (top, left, bottom, right) -> Region(left, top, right, bottom) },
             unit.text("serial_check"),
         )
     }

@@ -1,5 +1,6 @@
 package org.camssf.photo
 
+import org.camssf.Rows
 import org.camssf.Rules
 import org.camssf.fixed
 import org.camssf.spectra.Chromaticity
@@ -11,16 +12,14 @@ import org.camssf.spectra.correlatedTemperature
  * @property light the CIE illuminant: "A", "B", "C", "D50", "D55", "D65" or "D75".
  */
 public class ColourMatrix internal constructor(public val light: String, internal val sharedValues: DoubleArray) {
-    /** (3, 3) row-major: analogue gains · calibration · colour matrix; a copy. */
-    public fun copyValues(): DoubleArray = sharedValues.copyOf()
+    /** (3, 3) row-major: analogue gains · calibration · colour matrix. */
+    public val values: Rows get() = Rows(sharedValues, 3, 3)
 
     /** The camera's white (3) under [light], green 1. */
-    public fun copyWhite(): DoubleArray = whiteOf(light, sharedValues).let { white ->
-        DoubleArray(3) {
-            white[it] /
-                white[1]
-        }
-    }
+    public val white: Rows get() = Rows(sharedWhite, 3)
+
+    internal val sharedWhite: DoubleArray
+        get() = whiteOf(light, sharedValues).let { white -> DoubleArray(3) { white[it] / white[1] } }
 
     /** Correlated colour temperature of [light], K. */
     internal val kelvin: Double get() = correlatedTemperature(xyz(light))
@@ -53,25 +52,22 @@ public class ColourMatrix internal constructor(public val light: String, interna
         /** Ratio of an AsShotNeutral's numbers below which they count as equal. */
         private const val EQUAL = 1.02
 
+        /** As the other `of`, without calibration. */
+        @JvmStatic
+        public fun of(illuminant: Int, matrix: DoubleArray): ColourMatrix? = of(illuminant, matrix, null)
+
         /**
-         * A colour matrix with the calibration of the individual camera and its gains. Null if no camera can have it, or
+         * A colour matrix with the calibration of the individual camera. Null if no camera can have it, or
          * for an illuminant whose spectrum is not known.
          *
          * @param illuminant an Exif LightSource code: 1 daylight, 4 flash and 9 fine weather count as D55, 3 tungsten
          *   as A, 10 cloudy as D65, 11 shade as D75; 17 A, 18 B, 19 C, 20 D55, 21 D65, 22 D75, 23 D50.
          * @param matrix (3, 3) row-major XYZ to camera; copied.
          * @param calibration (3, 3) row-major calibration matrix of the individual camera; null for the identity.
-         * @param gains (3) analogue gains.
          */
         @JvmStatic
-        @JvmOverloads
-        public fun of(
-            illuminant: Int,
-            matrix: DoubleArray,
-            calibration: DoubleArray? = null,
-            gains: DoubleArray = doubleArrayOf(1.0, 1.0, 1.0),
-        ): ColourMatrix? = try {
-            checked(illuminant.toLong(), matrix, calibration, gains)
+        public fun of(illuminant: Int, matrix: DoubleArray, calibration: DoubleArray?): ColourMatrix? = try {
+            checked(illuminant.toLong(), matrix, calibration, doubleArrayOf(1.0, 1.0, 1.0))
         } catch (_: IllegalArgumentException) {
             null
         }

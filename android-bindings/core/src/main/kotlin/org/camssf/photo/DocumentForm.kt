@@ -2,10 +2,10 @@ package org.camssf.photo
 
 import org.camssf.CalibrationException
 import org.camssf.InvalidArgument
+import org.camssf.Rows
 import org.camssf.forms.BrokenDocument
 import org.camssf.forms.Fields
 import org.camssf.forms.Forms
-import org.camssf.forms.Numbers
 import org.camssf.forms.need
 import org.camssf.spectra.ChartLayout
 import org.camssf.spectra.Lamp
@@ -18,23 +18,24 @@ import kotlin.math.sqrt
  * `documents.document` has the same rules.
  *
  * @property version of the camssf that wrote it.
- * @property capture what was measured; null if a calibration was refused before its chart was read.
- * @property unfinished whether measuring ended before the capture was whole.
+ * @property partial what was measured; null if a calibration was refused before its chart was read.
  * @property answer the curves; null when refused, or not solved.
  * @property verdict null for a capture that was not solved.
  * @property assumptions fallbacks and choices on which the result relies.
  */
 internal class DocumentForm private constructor(
     val version: String,
-    val capture: MeasuredCapture?,
-    val unfinished: Boolean,
+    val partial: PartialCapture?,
     val answer: Fields?,
     val verdict: Fields?,
     val assumptions: List<Fields>,
 ) {
+    /** The capture; null if it was refused before all its shots were measured. */
+    val capture: MeasuredCapture? = partial?.whole()
+
     /** @throws InvalidArgument the capture was refused while it was measured. */
     fun wholeCapture(name: String): MeasuredCapture {
-        if (capture != null && !unfinished && capture.shots.isNotEmpty()) return capture
+        if (capture != null) return capture
         throw InvalidArgument(
             "The capture of $name was refused before all its photos were measured.", "Measure it anew.",
         )
@@ -55,17 +56,15 @@ internal class DocumentForm private constructor(
          */
         fun read(text: String, name: String): DocumentForm {
             val fields = FORMS.read(text, name, ADVICE)
-            val part = fields.maybe("capture")
             val verdict = fields.maybe("verdict")
-            val capture = part?.let { CaptureForm.capture(it) }
+            val capture = fields.maybe("capture")?.let { CaptureForm.capture(it) }
             if (capture != null && verdict?.text("status") != "refused") checkAlike(capture, name)
             return DocumentForm(
-                fields.text("version"), capture, part?.get("unfinished") != null, fields.maybe("answer"), verdict,
-                fields.list("assumptions"),
+                fields.text("version"), capture, fields.maybe("answer"), verdict, fields.list("assumptions"),
             )
         }
 
-        private fun checkAlike(capture: MeasuredCapture, name: String) = try {
+        private fun checkAlike(capture: PartialCapture, name: String) = try {
             Measuring.agree(capture.shots, capture.whiteReflectance)
         } catch (error: CalibrationException) {
             val words = "$name: the document does not fit together: ${error.message.trimEnd('.')}."
@@ -112,7 +111,7 @@ internal class DocumentForm private constructor(
             val count = layout.columns * layout.rows
             need(n == count, "chart.patches") { "must hold the $count of its layout, holds $n" }
             val size = table.array("wavelengths").size
-            need((table["reflectance"] as Numbers).sides.toList() == listOf(n, size), "chart.reflectance") {
+            need((table["reflectance"] as Rows).sides.toList() == listOf(n, size), "chart.reflectance") {
                 "must hold $n rows of $size, as chart.patches and chart.wavelengths"
             }
             need(table.array("tolerance").size == n, "chart.tolerance") { "must hold $n entries, one a patch" }
@@ -131,7 +130,7 @@ internal class DocumentForm private constructor(
                     "must not be 0 at all wavelengths"
                 }
                 need(pose.text("layout") == layout.name, "$at.pose.layout") { "must be the chart's" }
-                need((pose["patches"] as Numbers).sides[0] == n, "$at.pose.patches") {
+                need((pose["patches"] as Rows).sides[0] == n, "$at.pose.patches") {
                     "must hold $n entries, one a patch"
                 }
                 checkMeans(shot, at, n)
@@ -151,7 +150,7 @@ internal class DocumentForm private constructor(
             for (role in listOf("chart", "white", "dark")) {
                 val frame = means.maybe(role) ?: continue
                 for (name in FRAME) {
-                    need((frame[name] as Numbers).sides[0] == n, "$at.means.$role.$name") {
+                    need((frame[name] as Rows).sides[0] == n, "$at.means.$role.$name") {
                         "must hold $n rows, one a patch"
                     }
                 }
@@ -179,7 +178,7 @@ internal class DocumentForm private constructor(
             need(problems in setOf(1, 3) && proof.array("finish_steps").size == problems, "proof") {
                 "must hold one number a problem, 1 or 3 of them"
             }
-            (answer["code_covariance"] as Numbers?)?.let { checkTriangle(it.values) }
+            (answer["code_covariance"] as Rows?)?.let { checkTriangle(it.values) }
         }
 
         private fun checkTriangle(triangle: DoubleArray) {
@@ -199,7 +198,7 @@ internal class DocumentForm private constructor(
             val used = answer.list<List<Boolean>>("used")
             need(used.size == k && used.all { it.size == n }, "answer.used") { "must hold $n patches of $k shots" }
             for (name in listOf("level", "predicted", "unseen", "predicted_std", "unseen_std")) {
-                val rows = answer[name] as Numbers? ?: continue
+                val rows = answer[name] as Rows? ?: continue
                 need(rows.sides[0] == k && rows.sides[1] == n, "answer.$name") { "must hold $n patches of $k shots" }
             }
             val lights = answer.list<Fields?>("lights").size

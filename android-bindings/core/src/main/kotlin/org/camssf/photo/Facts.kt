@@ -15,8 +15,7 @@ internal class Facts(
     val area: Region get() = Region(0, 0, width, height)
 
     /** The part of `region` that lies in the photo. */
-    fun clipped(region: Region): Region =
-        Region(maxOf(region.left, 0), maxOf(region.top, 0), minOf(region.right, width), minOf(region.bottom, height))
+    fun clipped(region: Region): Region = region.within(width, height)
 
     /** A mosaic with this metadata and these samples. */
     fun mosaic(region: Region, samples: ShortArray): Mosaic =

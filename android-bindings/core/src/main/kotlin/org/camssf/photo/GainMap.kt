@@ -1,5 +1,7 @@
 package org.camssf.photo
 
+import org.camssf.Rows
+
 /**
  * A lens-shading map (DNG opcode 9): gains on a grid over one or more planes or CFA positions.
  *
@@ -50,8 +52,9 @@ public class GainMap(
 
         override fun toString(): String = "Net($pointsV × $pointsH points, $mapPlanes planes)"
 
-        /** (pointsV, pointsH, mapPlanes) row-major; a copy. */
-        public fun copyGains(): FloatArray = sharedGains.copyOf()
+        /** (pointsV, pointsH, mapPlanes). */
+        public val gains: Rows
+            get() = Rows(DoubleArray(sharedGains.size) { sharedGains[it].toDouble() }, pointsV, pointsH, mapPlanes)
     }
 
     /** Rows of the grid. */
@@ -75,8 +78,8 @@ public class GainMap(
     /** Gains per point. */
     public val mapPlanes: Int get() = net.mapPlanes
 
-    /** (pointsV, pointsH, mapPlanes) row-major; a copy. */
-    public fun copyGains(): FloatArray = net.copyGains()
+    /** (pointsV, pointsH, mapPlanes). */
+    public val gains: Rows get() = net.gains
 
     override fun toString(): String =
         "GainMap(list=$list, plane=$plane, $area, ${net.pointsV} × ${net.pointsH} points)"

@@ -6,7 +6,8 @@ import org.camssf.spectra.Lamp
 import org.camssf.spectra.SourceFile
 
 /**
- * k measured shots of one chart with one camera: the input of `SsfCalibrator.solve`.
+ * k measured shots of one chart with one camera: the input of `SsfCalibrator.solve`. Immutable; safe to pass between
+ * threads. Its functions take 0.1 s, so any thread but the main one.
  *
  * @property chart the chart's table.
  * @property whiteReflectance reflectance of the white frame's target, one number; null for a perfect diffuser.
@@ -27,6 +28,9 @@ public class MeasuredCapture internal constructor(
     internal fun with(shots: List<MeasuredShot> = this.shots, chart: ChartTable = this.chart): MeasuredCapture =
         MeasuredCapture(shots, chart, whiteReflectance, files)
 
+    /** [toJson] without serial numbers and times. */
+    public fun toJson(): String = toJson(false)
+
     /**
      * The capture as a document, "camssf/2", on one line: for a file, for an activity's saved state (20 kB a shot, up to
      * 100 kB under a lamp known only by kind), or for `camssf solve` and `camssf patches` on a desktop. [fromJson] and
@@ -35,10 +39,13 @@ public class MeasuredCapture internal constructor(
      * @param identifying whether it holds the cameras' serial numbers and the photos' times. Without, it holds four
      *   digits of the serial number's hash, which tell two units apart.
      */
-    @JvmOverloads
-    public fun toJson(identifying: Boolean = false): String = CaptureForm.write(PartialCapture(this), identifying)
+    public fun toJson(identifying: Boolean): String = CaptureForm.write(PartialCapture(this), identifying)
 
     public companion object {
+        /** As the other `of`, with no card before the white frames but a perfect diffuser. */
+        @JvmStatic
+        public fun of(shots: List<MeasuredShot>, chart: ChartTable): MeasuredCapture = of(shots, chart, null)
+
         /**
          * Joins shots that were measured one by one, perhaps restored by [fromJson].
          *
@@ -48,12 +55,12 @@ public class MeasuredCapture internal constructor(
          * @throws org.camssf.UnitDiffers they are of different units or lenses.
          */
         @JvmStatic
-        @JvmOverloads
-        public fun of(
-            shots: List<MeasuredShot>,
-            chart: ChartTable,
-            whiteReflectance: Double? = null,
-        ): MeasuredCapture = Measuring.joined(shots, chart, whiteReflectance)
+        public fun of(shots: List<MeasuredShot>, chart: ChartTable, whiteReflectance: Double?): MeasuredCapture =
+            Measuring.joined(shots, chart, whiteReflectance)
+
+        /** As the other `fromJson`, of a source without a name. */
+        @JvmStatic
+        public fun fromJson(text: String): MeasuredCapture = fromJson(text, "(given)")
 
         /**
          * Reads the capture of a document, "camssf/2": one that [toJson] wrote, a result, or what `camssf patches`
@@ -64,8 +71,7 @@ public class MeasuredCapture internal constructor(
          *   before all photos were measured; the message names the place.
          */
         @JvmStatic
-        @JvmOverloads
-        public fun fromJson(text: String, name: String = "(given)"): MeasuredCapture =
+        public fun fromJson(text: String, name: String): MeasuredCapture =
             DocumentForm.read(text, name).wholeCapture(name)
     }
 }
@@ -98,6 +104,10 @@ internal class PartialCapture(
     constructor(capture: MeasuredCapture) : this(
         capture.chart, capture.shots.map { it.lamp }, capture.shots, null, capture.whiteReflectance, capture.files,
     )
+
+    /** The finished capture; null if measuring ended before. */
+    fun whole(): MeasuredCapture? = MeasuredCapture(shots, chart, whiteReflectance, others)
+        .takeIf { unfinished == null && shots.isNotEmpty() }
 
     /** SHA-256 of the lamp and chart files, by role and name. */
     val files: Map<String, String>

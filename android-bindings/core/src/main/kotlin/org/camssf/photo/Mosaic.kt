@@ -1,6 +1,7 @@
 package org.camssf.photo
 
 import org.camssf.InvalidArgument
+import org.camssf.Rows
 import org.camssf.frozen
 
 /**
@@ -83,15 +84,14 @@ public class Mosaic(
         maskedAreas: List<Region> = emptyList(),
     ) {
         internal val sharedBlack: DoubleArray = black.copyOf()
-        private val ownProfile = noiseProfile?.copyOf()
 
         override fun toString(): String = "Sensor($cfa, black=${sharedBlack.joinToString()}, white=$white)"
 
-        /** (2, 2) row-major black level of each position of the cell, DN; a copy. */
-        public fun copyBlack(): DoubleArray = sharedBlack.copyOf()
+        /** (2, 2) row-major black level of each position of the cell, DN. */
+        public val black: Rows get() = Rows(sharedBlack, 2, 2)
 
-        /** Pairs (S, O), or null; a copy. */
-        public fun copyNoiseProfile(): DoubleArray? = ownProfile?.copyOf()
+        /** Pairs (S, O), or null. */
+        public val noiseProfile: Rows? = noiseProfile?.let { Rows(it.copyOf(), it.size / 2, 2) }
 
         /** Shielded parts of the sensor, in samples of the stored picture. */
         public val maskedAreas: List<Region> = maskedAreas.frozen()
@@ -134,24 +134,20 @@ public class Mosaic(
         colourMatrices: List<ColourMatrix> = emptyList(),
         matricesLeftOut: String = "",
     ) {
-        private val ownMatrices = listOf(colorMatrix1?.copyOf(), colorMatrix2?.copyOf())
-        private val ownNeutral = asShotNeutral?.copyOf()
-        private val ownWhite = asShotWhiteXY?.copyOf()
-
         override fun toString(): String =
-            "Colours(asShotNeutral=${ownNeutral?.joinToString()}, colourMatrices=${this.colourMatrices})"
+            "Colours(asShotNeutral=${this.asShotNeutral?.joinToString()}, colourMatrices=${this.colourMatrices})"
 
-        /** (3, 3) row-major XYZ to camera, or null; a copy. */
-        public fun copyColorMatrix1(): DoubleArray? = ownMatrices[0]?.copyOf()
+        /** (3, 3) row-major XYZ to camera, or null. */
+        public val colorMatrix1: Rows? = colorMatrix1?.let { Rows(it.copyOf(), 3, 3) }
 
-        /** (3, 3) row-major XYZ to camera, or null; a copy. */
-        public fun copyColorMatrix2(): DoubleArray? = ownMatrices[1]?.copyOf()
+        /** (3, 3) row-major XYZ to camera, or null. */
+        public val colorMatrix2: Rows? = colorMatrix2?.let { Rows(it.copyOf(), 3, 3) }
 
-        /** (3) the camera's white, or null; a copy. */
-        public fun copyAsShotNeutral(): DoubleArray? = ownNeutral?.copyOf()
+        /** (3) the camera's white, or null. */
+        public val asShotNeutral: Rows? = asShotNeutral?.let { Rows(it.copyOf(), 3) }
 
-        /** (2) the same as chromaticity x, y, or null; a copy. */
-        public fun copyAsShotWhiteXY(): DoubleArray? = ownWhite?.copyOf()
+        /** (2) the same as chromaticity x, y, or null. */
+        public val asShotWhiteXY: Rows? = asShotWhiteXY?.let { Rows(it.copyOf(), 2) }
 
         private val contradicted =
             asShotNeutral != null && asShotNeutral.all { it > 0 } &&

@@ -3,6 +3,7 @@ package org.camssf.photo
 import org.camssf.ChartNotFound
 import org.camssf.FramesDiffer
 import org.camssf.InvalidArgument
+import org.camssf.Rows
 import org.camssf.UnsupportedRaw
 
 /**
@@ -22,15 +23,22 @@ public class PatchMeans internal constructor(
     public val saturation: Double,
     internal val evened: Boolean = false,
 ) {
-    /** (3) the file's black level of R, G, B, DN; a copy. */
-    public fun copyBlack(): DoubleArray = sharedBlack.copyOf()
+    /** (3) the file's black level of R, G, B, DN. */
+    public val black: Rows get() = Rows(sharedBlack, 3)
 
     override fun toString(): String = "PatchMeans(chart=$chart, white=$white, dark=$dark)"
 
     public companion object {
+        /** As the other `measure`, without white and dark frame, shading as stored. */
+        @JvmStatic
+        public fun measure(chart: Mosaic, pose: ChartPose): PatchMeans =
+            measure(chart, pose, null, null, LensShading.AS_STORED)
+
         /**
          * Measures the same samples of every patch in all frames of one shot, by the numbered rules of
          * docs/patches.md. The sums are of whole numbers, so Python's and Kotlin's results are equal bit for bit.
+         *
+         * Threads: any but the main one.
          *
          * @param chart the photo of the chart; its region must hold the patches, and so must the other frames'.
          * @param pose the chart's position in it.
@@ -43,13 +51,12 @@ public class PatchMeans internal constructor(
          * @throws ChartNotFound a patch leaves the photo, or holds fewer than 16 samples of a colour.
          */
         @JvmStatic
-        @JvmOverloads
         public fun measure(
             chart: Mosaic,
             pose: ChartPose,
-            white: Mosaic? = null,
-            dark: Mosaic? = null,
-            lensShading: LensShading = LensShading.AS_STORED,
+            white: Mosaic?,
+            dark: Mosaic?,
+            lensShading: LensShading,
         ): PatchMeans = measure(Whole(chart), pose, white?.let { Whole(it) }, dark?.let { Whole(it) }, lensShading)
 
         /** As above, for frames that are read part by part. */

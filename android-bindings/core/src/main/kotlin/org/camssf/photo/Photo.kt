@@ -47,6 +47,8 @@ public class Photo internal constructor(
         /**
          * Reads the metadata of a DNG, not its samples.
          *
+         * Threads: any but the main one.
+         *
          * @param source stays open; the caller closes it. It is read by one thread.
          * @throws org.camssf.UnreadableRaw truncated, damaged, or not a raw file at all.
          * @throws org.camssf.UnsupportedRaw a form of raw file that camssf does not read.
@@ -62,10 +64,7 @@ public class Photo internal constructor(
         private fun of(facts: Facts, sha256: String): Photo = Photo(
             facts.name, facts.width, facts.height, facts.origin.orientation, facts.origin.exposure, facts.origin.iso,
             facts.corrections.gainMaps.isNotEmpty(), facts.origin.make, facts.origin.model, sha256,
-            facts.colours.colourMatrices,
-            facts.origin.camera,
-            facts.origin.captured,
-            facts.origin.uniqueModel,
+            facts.colours.colourMatrices, facts.origin.camera, facts.origin.captured, facts.origin.uniqueModel,
             facts.colours.matricesLeftOut,
         )
     }

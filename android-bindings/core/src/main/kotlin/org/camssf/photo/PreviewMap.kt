@@ -148,6 +148,11 @@ public class PreviewMap private constructor(
         }
 
     public companion object {
+        /** As the other `ofView`, of a view that the picture fills ([PreviewFit.FILL]). */
+        @JvmStatic
+        public fun ofView(crop: PreviewCrop, rotation: Int, mirrored: Boolean, width: Int, height: Int): PreviewMap =
+            ofView(crop, rotation, mirrored, width, height, PreviewFit.FILL)
+
         /**
          * Creates a map to a view. Its coordinates are 0 at the view's left and top border, as in `MotionEvent`.
          *
@@ -161,15 +166,19 @@ public class PreviewMap private constructor(
          * @throws InvalidArgument another rotation, or a view without an area.
          */
         @JvmStatic
-        @JvmOverloads
         public fun ofView(
             crop: PreviewCrop,
             rotation: Int,
             mirrored: Boolean,
             width: Int,
             height: Int,
-            fit: PreviewFit = PreviewFit.FILL,
+            fit: PreviewFit,
         ): PreviewMap = of(crop, rotation, mirrored, width, height, fit, 0.0)
+
+        /** As the other `ofPicture`, of a camera's frame: neither rotated nor mirrored. */
+        @JvmStatic
+        public fun ofPicture(crop: PreviewCrop, width: Int, height: Int): PreviewMap =
+            ofPicture(crop, width, height, 0, false)
 
         /**
          * Creates a map to a picture that shows exactly the crop. The centre of its first pixel is 0, as in a mosaic.
@@ -182,13 +191,12 @@ public class PreviewMap private constructor(
          * @throws InvalidArgument another rotation, or a picture without an area.
          */
         @JvmStatic
-        @JvmOverloads
         public fun ofPicture(
             crop: PreviewCrop,
             width: Int,
             height: Int,
-            rotation: Int = 0,
-            mirrored: Boolean = false,
+            rotation: Int,
+            mirrored: Boolean,
         ): PreviewMap = of(crop, rotation, mirrored, width, height, PreviewFit.STRETCH, -0.5)
 
         /**

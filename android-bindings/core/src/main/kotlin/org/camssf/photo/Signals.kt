@@ -1,5 +1,6 @@
 package org.camssf.photo
 
+import org.camssf.Rows
 import org.camssf.frozen
 
 /**
@@ -19,8 +20,7 @@ public class Assumption(public val code: String, public val message: String) {
 /**
  * Signals y of k shots of n patches: the paper's Eq. (5), (chart - dark) / (white - dark).
  *
- * Arrays are (k, n, 3) row-major, columns R, G, B. Each call copies one (0.6 kB per shot of 24 patches), so the
- * caller may modify it; keep the array instead of calling in a loop. Safe to pass between threads.
+ * Rows are (k, n, 3), columns R, G, B. Safe to pass between threads.
  *
  * @property shots number of shots k.
  * @property patches number of patches n.
@@ -37,24 +37,24 @@ public class Signals internal constructor(
     assumptions: List<Assumption>,
 ) {
     /** y, 1. */
-    public fun copyValues(): DoubleArray = sharedValues.copyOf()
+    public val values: Rows get() = rows(sharedValues)
 
     /** Standard error of y, 1, propagated from the frames' standard errors. */
-    public fun copyStandardError(): DoubleArray = sharedError.copyOf()
+    public val standardError: Rows get() = rows(sharedError)
 
     /** Mean of the chart photo, DN. */
-    public fun copyChart(): DoubleArray = sharedChart.copyOf()
+    public val chart: Rows get() = rows(sharedChart)
 
     /** White level W of Eq. (5), DN, dark level included, with fallbacks filled in. */
-    public fun copyWhite(): DoubleArray = sharedWhite.copyOf()
+    public val white: Rows get() = rows(sharedWhite)
 
     /** Dark level D of Eq. (5), DN, with fallbacks filled in. */
-    public fun copyDark(): DoubleArray = sharedDark.copyOf()
+    public val dark: Rows get() = rows(sharedDark)
 
-    /**
-     * (k, n) false where a patch must not enter the fit (clipped, lost in noise, not selected, or the white itself).
-     */
-    public fun copyUsed(): BooleanArray = sharedUsed.copyOf()
+    /** False if a patch must not enter the fit (clipped, lost in noise, not selected, or the white itself). */
+    public fun isUsed(shot: Int, patch: Int): Boolean = sharedUsed[shot * patches + patch]
+
+    private fun rows(values: DoubleArray) = Rows(values, shots, patches, 3)
 
     /** The fallbacks used. */
     public val assumptions: List<Assumption> = assumptions.frozen()
@@ -63,43 +63,26 @@ public class Signals internal constructor(
 
     /** The signals under even illumination: each is multiplied by the light correction `level` (k, n). */
     internal fun levelled(level: DoubleArray): Signals = Signals(
-        shots,
-        patches,
-        DoubleArray(sharedValues.size) { sharedValues[it] * level[it / 3] },
-        DoubleArray(sharedError.size) { sharedError[it] * level[it / 3] },
-        sharedChart,
-        sharedWhite,
-        sharedDark,
-        sharedUsed,
-        assumptions,
+        shots, patches, DoubleArray(sharedValues.size) { sharedValues[it] * level[it / 3] },
+        DoubleArray(sharedError.size) { sharedError[it] * level[it / 3] }, sharedChart, sharedWhite, sharedDark,
+        sharedUsed, assumptions,
     )
 
     /** The signals of shot j alone. */
     internal fun only(j: Int): Signals {
         fun part(all: DoubleArray) = all.copyOfRange(3 * patches * j, 3 * patches * (j + 1))
         return Signals(
-            1,
-            patches,
-            part(sharedValues),
-            part(sharedError),
-            part(sharedChart),
-            part(sharedWhite),
-            part(sharedDark),
-            sharedUsed.copyOfRange(patches * j, patches * (j + 1)),
-            assumptions,
+            1, patches, part(sharedValues), part(sharedError), part(sharedChart), part(sharedWhite), part(sharedDark),
+            sharedUsed.copyOfRange(patches * j, patches * (j + 1)), assumptions,
         )
     }
 
     /** The same signals; only the selected patches (n) enter the fit. */
-    internal fun restrictedTo(allowed: BooleanArray): Signals = Signals(
-        shots,
-        patches,
-        sharedValues,
-        sharedError,
-        sharedChart,
-        sharedWhite,
-        sharedDark,
-        BooleanArray(sharedUsed.size) { sharedUsed[it] && allowed[it % patches] },
-        assumptions,
+    internal fun restrictedTo(allowed: BooleanArray): Signals =
+        using(BooleanArray(sharedUsed.size) { sharedUsed[it] && allowed[it % patches] })
+
+    /** The same signals, of which these (k, n) enter the fit. */
+    internal fun using(used: BooleanArray): Signals = Signals(
+        shots, patches, sharedValues, sharedError, sharedChart, sharedWhite, sharedDark, used, assumptions,
     )
 }

@@ -298,7 +298,8 @@ internal object Recover {
             IntArray(steps.size) { steps[it].roundToInt() },
             found["evidence"][0].takeIf { prior },
         )
-        return Ssf(curves, proof, found["channel_gain"], penalties.gamma!!, penalties.l2!!, basis, priorScale)
+        val family = Ssf.Family(priorScale)
+        return Ssf(curves, proof, found["channel_gain"], penalties.gamma!!, penalties.l2!!, basis, family)
     }
 
     private fun checkPenalties(l2: Double, gamma: DoubleArray?, basis: String) {

@@ -41,6 +41,11 @@ internal object Bundled {
         found
     }
 
+    /** Parses the tables, which the first use of one does otherwise. */
+    fun load() {
+        file
+    }
+
     val lamps: Set<String> get() = file.part("lamps").keys
     val families: Set<String> get() = file.part("families").keys
     val charts: List<String> get() = file.part("charts").texts("names")

@@ -3,6 +3,7 @@ package org.camssf.spectra
 import org.camssf.ChartUnfit
 import org.camssf.Grid
 import org.camssf.InvalidArgument
+import org.camssf.Rows
 import org.camssf.flatten
 import org.camssf.frozen
 import org.camssf.short
@@ -49,7 +50,7 @@ public class ChartTable internal constructor(
     public val patches: List<String> = patches.frozen()
 
     internal val sharedValues: DoubleArray by lazy {
-        val values = if (wavelengths.contentEquals(Grid.wavelengths)) reflectance else onGrid()
+        val values = if (wavelengths.contentEquals(Grid.wavelengths.values)) reflectance else onGrid()
         if (fading == 0.0) values else faded(values, fading)
     }
 
@@ -59,8 +60,8 @@ public class ChartTable internal constructor(
 
     override fun toString(): String = "ChartTable($name, $table)"
 
-    /** (n, 681) reflectance on [Grid], row-major, 0 to 1; a copy (130 kB for 24 patches), so keep it. */
-    public fun copyValues(): DoubleArray = sharedValues.copyOf()
+    /** (n, 681) reflectance on [Grid], 0 to 1. */
+    public val values: Rows get() = Rows(sharedValues, patches.size, Grid.SIZE)
 
     /**
      * (n, 3) signals of a generic camera (Gaussian curves at 600, 540 and 455 nm, FWHM 90 nm) under a flat lamp,
@@ -84,8 +85,8 @@ public class ChartTable internal constructor(
         }
     }
 
-    /** (n) one standard deviation of the table's relative error for an individual chart, 1; a copy. */
-    public fun copyTolerance(): DoubleArray = sharedTolerance.copyOf()
+    /** (n) one standard deviation of the table's relative error for an individual chart, 1. */
+    public val tolerance: Rows get() = Rows(sharedTolerance, patches.size)
 
     /**
      * The table with another relative error of an individual chart, one standard deviation: 0.01 for 1 %.
@@ -137,6 +138,8 @@ public class ChartTable internal constructor(
          * average of 30 charts, or Ohta's table where the signals clearly speak for it; `:babelcolor` or `:ohta` fixes
          * the table. The tolerance is 3 %.
          *
+         * Threads: any once an `SsfCalibrator` was opened, which loads the tables; before, any but the main one.
+         *
          * @throws InvalidArgument an unknown name.
          */
         @JvmStatic
@@ -160,21 +163,26 @@ public class ChartTable internal constructor(
             return Bundled.chart(table, text, ChartLayout.of(chart)!!)
         }
 
+        /** As the other `parse`, with the usual layout of so many patches. */
+        @JvmStatic
+        public fun parse(name: String, content: ByteArray): ChartTable = parse(name, content, null as String?)
+
         /**
          * Parses measured reflectances of an individual chart (CSV or CGATS): 24 or 140 patches in reading order,
          * unless the file names them by position (A1 ...). Values are read as percent if any exceeds 2. Outside the
          * file's wavelengths reflectance is held constant; the file must cover 400 to 700 nm in steps of 20 nm at
          * most. The tolerance is 1 %.
          *
+         * Threads: any but the main one.
+         *
          * @param name of the file, for messages and the result.
-         * @param layout for example "nano24"; needed only if it is not the default for this number of patches.
+         * @param layout for example "nano24"; null for the default of this number of patches.
          * @throws InvalidArgument the content is not such a table, or has a wrong number of patches.
          * @throws ChartUnfit too few wavelengths, a reflectance outside 0 to 1.2 or not finite, no neutral patch, or
          *   24 colours that are not in reading order.
          */
         @JvmStatic
-        @JvmOverloads
-        public fun parse(name: String, content: ByteArray, layout: String? = null): ChartTable {
+        public fun parse(name: String, content: ByteArray, layout: String?): ChartTable {
             val printed = layout?.let {
                 ChartLayout.of(it) ?: throw InvalidArgument("There is no chart layout '$it'.", MENU)
             }
@@ -312,7 +320,7 @@ public class ChartTable internal constructor(
                     "Give its name in the table as \"white\" of the layout, or leave \"white\" out.",
                 )
             }
-            val visible = Grid.wavelengths.indices.filter { Grid.wavelengths[it] in 430.0..700.0 }
+            val visible = (0 until Grid.SIZE).filter { Grid.wavelengths[it] in 430.0..700.0 }
             val brightness = values.map { row ->
                 val level = visible.sumOf { row[it] } / visible.size
                 val spread = sqrt(visible.sumOf { (row[it] - level) * (row[it] - level) } / visible.size)

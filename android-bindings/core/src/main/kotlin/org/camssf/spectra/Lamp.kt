@@ -1,9 +1,11 @@
 package org.camssf.spectra
 
+import org.camssf.Curve
 import org.camssf.Grid
 import org.camssf.InvalidArgument
 import org.camssf.LampUnfit
 import org.camssf.Rules
+import org.camssf.frozen
 import org.camssf.short
 import kotlin.math.hypot
 import kotlin.math.ln
@@ -17,7 +19,7 @@ import kotlin.math.ln
  * @property tolerance one standard deviation of its smooth relative error, 1 (0.02 = 2 %); NaN for an unnamed light.
  * @property source its table, formula or file, in words for the report.
  * @property file name and SHA-256 of its file, or null.
- * @property toleranceKelvin one standard deviation of its colour temperature, K, part of [copyModes]; null if not given.
+ * @property toleranceKelvin one standard deviation of its colour temperature, K, part of [modes]; null if not given.
  * @property kinds the possible kinds of an unnamed light, each a lamp known only by kind; empty for a named lamp.
  */
 public class Lamp internal constructor(
@@ -40,14 +42,14 @@ public class Lamp internal constructor(
     internal val sharedValues: DoubleArray get() = given ?: throw nameless()
 
     /**
-     * (681) relative power on [Grid], any scale, none negative; a copy (5 kB).
+     * Relative power, any scale, none negative.
      *
      * @throws InvalidArgument the light is unnamed.
      */
-    public fun copyValues(): DoubleArray = sharedValues.copyOf()
+    public val values: Curve get() = Curve(sharedValues)
 
-    /** Directions (681) of the relative error of L, each one standard deviation long; copies. */
-    public fun copyModes(): List<DoubleArray> = sharedModes.map { it.copyOf() }
+    /** Directions of the relative error of L, each one standard deviation long. */
+    public val modes: List<Curve> by lazy { sharedModes.map { Curve(it) }.frozen() }
 
     /** The same lamp, whatever file it is from. */
     internal fun withoutFile(): Lamp =
@@ -185,6 +187,8 @@ public class Lamp internal constructor(
          *
          * `auto` is not accepted, because it has no spectrum; use [auto].
          *
+         * Threads: any once an `SsfCalibrator` was opened, which loads the tables; before, any but the main one.
+         *
          * @throws InvalidArgument no lamp, an unknown name, or a temperature out of range.
          */
         @JvmStatic
@@ -225,6 +229,8 @@ public class Lamp internal constructor(
          * Outside its range the power is held constant, which `source` states. If its steps are finer than the
          * grid's, power is averaged over each step of the grid. Negative noise, down to 0.5 % of the peak from 380
          * to 720 nm, is set to 0. The tolerance is 1 %.
+         *
+         * Threads: any but the main one.
          *
          * @param name of the file, for messages and the result.
          * @throws InvalidArgument the content is not such a table.

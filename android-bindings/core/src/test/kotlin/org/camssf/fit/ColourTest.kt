@@ -58,7 +58,7 @@ class ColourTest {
     @Test
     fun `white under any lamp is white`() {
         for (lamp in listOf("D65", "A", "FL2", "LED-B3")) {
-            val white = Colour.white(Lamp.read(lamp).copyValues())
+            val white = Colour.white(Lamp.read(lamp).sharedValues)
             val adapted = Colour.adapted(white, white)
             val lab = Colour.lab(adapted)
             assertEquals(100.0, lab[0], 1e-9)
@@ -72,7 +72,7 @@ class ColourTest {
     @Test
     fun `chromaticity of two lamps`() {
         for ((lamp, x, y) in listOf(Triple("D65", 0.3127, 0.3290), Triple("A", 0.4476, 0.4074))) {
-            val xyz = Colour.white(Lamp.read(lamp).copyValues())
+            val xyz = Colour.white(Lamp.read(lamp).sharedValues)
             assertEquals(x, xyz[0] / xyz.sum(), 5e-4)
             assertEquals(y, xyz[1] / xyz.sum(), 5e-4)
         }
@@ -118,7 +118,7 @@ class ColourTest {
 
     @Test
     fun `XYZ of a grey is that part of the white's, whose Y is 1`() {
-        val lamp = Lamp.read("A").copyValues()
+        val lamp = Lamp.read("A").sharedValues
         val white = Colour.white(lamp)
         assertEquals(1.0, white[1], 1e-12)
         val greys = Colour.xyz(DoubleArray(2 * Grid.SIZE) { if (it < Grid.SIZE) 0.5 else 0.2 }, lamp)
@@ -137,7 +137,7 @@ class ColourTest {
     /** By von Kries a grey stays a grey; what the lamp gives nothing to see is black, not a number without sense. */
     @Test
     fun `a grey under any lamp is seen grey`() {
-        val white = Colour.white(Lamp.read("A").copyValues())
+        val white = Colour.white(Lamp.read("A").sharedValues)
         val seen = Colour.adapted(DoubleArray(6) { white[it % 3] * if (it < 3) 0.3 else 0.6 }, white)
         for (i in 0..5) assertEquals(d65[i % 3] * if (i < 3) 0.3 else 0.6, seen[i], 1e-9)
         assertArrayEquals(DoubleArray(3), Colour.adapted(DoubleArray(3), DoubleArray(3)))

@@ -41,7 +41,7 @@ class ScoresTest {
     @Test
     fun `what is predicted rightly is off by nothing, and has the table's colours`() {
         val found = scores(y)
-        assertArrayEquals(DoubleArray(3), found.copyRmsrePercent(), 1e-12)
+        assertArrayEquals(DoubleArray(3), found.sharedRmsre, 1e-12)
         assertEquals(0.0, found.deltaE00, 1e-6)
         assertEquals("told", found.unseen)
         for ((j, lamp) in lamps.withIndex()) {
@@ -60,9 +60,9 @@ class ScoresTest {
             y[it] * if (it / 3 % 3 == 0) 1.0 else factor
         }
         val part = sqrt(2.0 / 3)
-        assertArrayEquals(doubleArrayOf(10 * part, 10 * part, 5 * part), scores(predicted).copyRmsrePercent(), 1e-9)
+        assertArrayEquals(doubleArrayOf(10 * part, 10 * part, 5 * part), scores(predicted).sharedRmsre, 1e-9)
         val counts = BooleanArray(2 * n) { it == 1 || it == n + 3 }
-        assertEquals(10 / sqrt(2.0), scores(predicted, counts).copyRmsrePercent()[0], 1e-9)
+        assertEquals(10 / sqrt(2.0), scores(predicted, counts).sharedRmsre[0], 1e-9)
     }
 
     @Test
@@ -89,9 +89,9 @@ class ScoresTest {
             return values to DoubleArray(6 * n) { if (it == 3) 2 * faint else y[it] }
         }
         val (dark, wrong) = with(1e-6)
-        assertEquals(0.0, scores(wrong, values = dark).copyRmsrePercent()[0], 1e-12)
+        assertEquals(0.0, scores(wrong, values = dark).sharedRmsre[0], 1e-12)
         val (light, off) = with(2e-6)
-        assertEquals(100 / sqrt(48.0), scores(off, values = light).copyRmsrePercent()[0], 1e-9)
+        assertEquals(100 / sqrt(48.0), scores(off, values = light).sharedRmsre[0], 1e-9)
         val error = assertThrows(InvalidArgument::class.java) { scores(y, BooleanArray(2 * n)) }
         assertEquals("No patch is left for validation.", error.message)
     }

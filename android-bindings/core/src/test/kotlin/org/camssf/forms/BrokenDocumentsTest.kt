@@ -1,8 +1,8 @@
 package org.camssf.forms
 
 import org.camssf.InvalidArgument
-import org.camssf.SsfCalibrator
 import org.camssf.json.JsonText
+import org.camssf.opened
 import org.camssf.photo.Corners
 import org.camssf.photo.DocumentForm
 import org.camssf.photo.PhotoSource
@@ -26,7 +26,9 @@ class BrokenDocumentsTest {
         val corners = Corners.of(22.44, 17.44, 156.56, 22.44, 162.56, 116.56, 16.44, 109.56)
         val shot = Shot(PhotoSource.of(File(root, "golden/dng/chart-turned-0.dng")), Lamp.read("E"), corners)
         val chart = ChartTable.read("classic24")
-        SsfCalibrator.open("phones").use { it.solve(listOf(it.measure(shot, chart)), chart).toJson() }
+        opened("phones").use {
+            it.solveBlocking(listOf(it.measureBlocking(shot, chart)), chart).toJson()
+        }
     }
 
     /** The keys of a place, as a.b[2]; of a list numbers. */

@@ -1,6 +1,6 @@
 package org.camssf.photo
 
-import org.camssf.Calibrated
+import org.camssf.Recovered
 import org.camssf.SsfCalibrator
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
@@ -105,14 +105,14 @@ internal object LargePhotos {
         val words = arguments.filter { it != BY_REGION }
         val (width, height) = words.take(2).map { it.toInt() }
         val shot = shot(words.drop(2).map { File(it) }, width, height, BY_REGION in arguments)
-        SsfCalibrator.open().use { calibrator ->
+        SsfCalibrator.openBlocking().use { calibrator ->
             val start = System.nanoTime()
             val found = calibrator.calibrateBlocking(Capture(shot, chart))
             val memory = Runtime.getRuntime().maxMemory() shr 20
             println("${found.verdict.outcome} of $memory MB in ${(System.nanoTime() - start) / 1_000_000} ms")
             found.verdict.reasons.forEach { println("${it.code}: ${it.message}") }
-            if (found is Calibrated) println(found.capture.shots[0].means.chart.copyMean().joinToString())
-            exitProcess(if (found is Calibrated) 0 else 1)
+            if (found is Recovered) println(found.capture.shots[0].means.chart.sharedMean.joinToString())
+            exitProcess(if (found is Recovered) 0 else 1)
         }
     }
 }

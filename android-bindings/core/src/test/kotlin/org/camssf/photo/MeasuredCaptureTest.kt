@@ -1,9 +1,9 @@
 package org.camssf.photo
 
-import org.camssf.Calibrated
 import org.camssf.InvalidArgument
-import org.camssf.SsfCalibrator
+import org.camssf.Recovered
 import org.camssf.UnitDiffers
+import org.camssf.opened
 import org.camssf.photo.dng.DngReader
 import org.camssf.photo.dng.DngSource
 import org.camssf.spectra.ChartTable
@@ -39,14 +39,15 @@ class MeasuredCaptureTest {
 
     @Test
     fun `it comes back to the last bit, and is solved to the same result`() {
-        SsfCalibrator.open("phones").use { calibrator ->
+        opened("phones").use { calibrator ->
             for (shot in shots) {
-                val measured = calibrator.measure(shot, chart)
+                val measured = calibrator.measureBlocking(shot, chart)
                 val text = MeasuredCapture.of(listOf(measured), chart).toJson()
                 val again = MeasuredCapture.fromJson(text)
                 assertEquals(text, again.toJson())
                 val results = listOf(
-                    calibrator.solve(listOf(measured), chart), calibrator.solve(again.shots, again.chart),
+                    calibrator.solveBlocking(listOf(measured), chart),
+                    calibrator.solveBlocking(again.shots, again.chart),
                 ).map { it.toJson() }
                 assertEquals(results[0], results[1])
                 assertEquals(text, MeasuredCapture.fromJson(results[0]).toJson())
@@ -63,8 +64,8 @@ class MeasuredCaptureTest {
             Mosaic.Origin(name, make, model, camera = camera, captured = TIME, uniqueModel = "A B")
         val samples = whole.samples.copyOf().also { it[0] = sample.toShort() }
         val mosaic = Mosaic(origin, whole.width, whole.height, whole.region, samples, whole.sensor)
-        return SsfCalibrator.open("phones").use {
-            it.measure(Shot(PhotoSource.of(mosaic), Lamp.read("D55"), shots[0].corners), chart)
+        return opened("phones").use {
+            it.measureBlocking(Shot(PhotoSource.of(mosaic), Lamp.read("D55"), shots[0].corners), chart)
         }
     }
 
@@ -79,8 +80,10 @@ class MeasuredCaptureTest {
         assertEquals(listOf("", "", "wide"), listOf(bare.camera.serial, bare.captured, bare.camera.lens))
         assertTrue("S1" !in capture.toJson() && TIME !in capture.toJson())
         assertEquals(shot.photo.camera.serialCheck, bare.camera.serialCheck)
-        val result = SsfCalibrator.open("phones").use { it.solve(listOf(shot), chart) }
-        assertTrue(result is Calibrated && "S1" !in result.toJson() && TIME !in result.toJson())
+        val result = opened("phones").use {
+            it.solveBlocking(listOf(shot), chart)
+        }
+        assertTrue(result is Recovered && "S1" !in result.toJson() && TIME !in result.toJson())
     }
 
     @Test
@@ -99,9 +102,9 @@ class MeasuredCaptureTest {
     fun `files of lamp and chart keep their hashes in their roles`() {
         val table = (380..730 step 10).joinToString("\n") { "$it,${it / 10}" }.toByteArray()
         val lamp = Lamp.parse("bulb.csv", table)
-        val one = SsfCalibrator.open("phones").use { calibrator ->
+        val one = opened("phones").use { calibrator ->
             listOf(shots[0], shots[2]).map {
-                calibrator.measure(Shot(it.photo, lamp, it.corners), chart)
+                calibrator.measureBlocking(Shot(it.photo, lamp, it.corners), chart)
             }
         }
         val texts = one.map { MeasuredCapture.of(listOf(it), chart).toJson() }
@@ -114,7 +117,7 @@ class MeasuredCaptureTest {
 
     @Test
     fun `what is no whole capture is refused`() {
-        val refused = SsfCalibrator.open("phones").use { calibrator ->
+        val refused = opened("phones").use { calibrator ->
             calibrator.calibrateBlocking(Capture(Shot(dng("bits-12"), Lamp.read("D55"), flat), chart))
         }
         assertEquals("refused", refused.verdict.outcome.word)

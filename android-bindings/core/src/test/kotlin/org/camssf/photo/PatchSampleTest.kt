@@ -72,10 +72,13 @@ class PatchSampleTest {
         val pose = ChartPose("classic24", DoubleArray(8), quad, 0, "by hand", 1.0, emptyList())
         val (one, other) = mosaic(100.0) to mosaic(200.0)
         for ((word, white, dark) in listOf(Triple("white", other, one), Triple("dark", one, other))) {
-            val error = assertThrows(FramesDiffer::class.java) { PatchMeans.measure(one, pose, white, dark) }
+            val error =
+                assertThrows(FramesDiffer::class.java) {
+                    PatchMeans.measure(one, pose, white, dark, LensShading.AS_STORED)
+                }
             assertTrue(error.message.startsWith("The $word frame iso200.0 differs"), error.message)
         }
-        val found = PatchMeans.measure(one, pose, null, one)
-        assertEquals(null to 100.0, found.white to found.dark!!.copyMean()[0])
+        val found = PatchMeans.measure(one, pose, null, one, LensShading.AS_STORED)
+        assertEquals(null to 100.0, found.white to found.dark!!.sharedMean[0])
     }
 }

@@ -1,8 +1,8 @@
 package org.camssf.photo
 
 import org.camssf.Refused
-import org.camssf.SsfCalibrator
 import org.camssf.UnitDiffers
+import org.camssf.opened
 import org.camssf.photo.dng.DngReader
 import org.camssf.photo.dng.DngSource
 import org.camssf.photo.dng.DngWriter
@@ -104,13 +104,13 @@ class PhysicalCameraTest {
         )
         val one = Shot(frame("a", wide), Lamp.read("E"), corners)
         val two = Shot(frame("b", wide(id = "2", serial = "S2")), Lamp.read("E"), corners)
-        SsfCalibrator.open("phones").use { calibrator ->
+        opened("phones").use { calibrator ->
             val found = calibrator.calibrateBlocking(Capture(listOf(one, two), chart)) as Refused
             assertEquals("unit_differs", found.error.code)
             assertTrue(found.error.message.startsWith("b was taken by another camera or lens than a: camera '2'"))
             assertFalse("S2" in found.toJson())
             val framed = Shot(frame("a", wide), Lamp.read("E"), corners, frame("w", wide(lens = "tele")))
-            val error = assertThrows(UnitDiffers::class.java) { calibrator.measure(framed, chart) }
+            val error = assertThrows(UnitDiffers::class.java) { calibrator.measureBlocking(framed, chart) }
             val words = "The white frame w was taken by another camera or lens than the chart photo a"
             assertTrue(error.message.startsWith(words), error.message)
         }

@@ -156,7 +156,7 @@ class PoseTest {
 
     /** A chart of one patch, of this reflectance on the grid. */
     private fun table(reflectance: DoubleArray) =
-        ChartTable("one", "one", layout, listOf("a"), Grid.wavelengths, reflectance, DoubleArray(1), 0, "test")
+        ChartTable("one", "one", layout, listOf("a"), Grid.wavelengths.values, reflectance, DoubleArray(1), 0, "test")
 
     @Test
     fun `the plain camera's channels fall to a half 45 nm from their middles`() {
@@ -285,7 +285,7 @@ class PoseTest {
         val pose = ChartPose("classic24", leaning, quads, 3, "by hand", 0.9, listOf("a note"))
         assertEquals(Corners.of(*leaning), pose.corners)
         assertEquals(listOf(Corners.of(*quads.copyOf(8)), Corners.of(*quads.copyOfRange(8, 16))), pose.patches)
-        assertArrayEquals(quads, pose.copyQuads())
+        assertArrayEquals(quads, pose.sharedQuads)
         assertEquals(listOf("a note"), pose.notes)
     }
 }

@@ -61,17 +61,17 @@ class ReadingTest {
         val source = PhotoSource.of(photo)
         for (reading in listOf((source as ByRows).rows(region), Banded(source, region, true, 500))) {
             val found = ChartPose.refine(reading, corners, chart)
-            assertArrayEquals(pose.copyQuads(), found.copyQuads())
+            assertArrayEquals(pose.sharedQuads, found.sharedQuads)
             for (together in listOf(1L, 400L, 8L shl 20)) {
                 val frames = ArrayList<Triple<Int, Int, Double>>()
-                val quads = List(24) { found.copyQuads().copyOfRange(8 * it, 8 * it + 8) }
+                val quads = List(24) { found.sharedQuads.copyOfRange(8 * it, 8 * it + 8) }
                 PatchFrames(listOf(reading), quads, together).each { patch, position, sample ->
                     frames += Triple(patch, position, sample[0].mean)
                 }
                 assertEquals(96, frames.map { it.first to it.second }.toSet().size)
                 for ((patch, position, mean) in frames) {
-                    if (position == 0) assertEquals(means.chart.copyMean()[3 * patch], mean)
-                    if (position == 3) assertEquals(means.chart.copyMean()[3 * patch + 2], mean)
+                    if (position == 0) assertEquals(means.chart.sharedMean[3 * patch], mean)
+                    if (position == 3) assertEquals(means.chart.sharedMean[3 * patch + 2], mean)
                 }
             }
         }
@@ -147,7 +147,7 @@ class ReadingTest {
     fun `the first patch that fails is named, whatever the order of reading`() {
         val whole = Whole(DngReader.read(DngSource.of(photo)))
         val pose = ChartPose.refine(whole, corners, chart)
-        val quads = List(24) { pose.copyQuads().copyOfRange(8 * it, 8 * it + 8) }.toMutableList()
+        val quads = List(24) { pose.sharedQuads.copyOfRange(8 * it, 8 * it + 8) }.toMutableList()
         quads[20] = doubleArrayOf(4.0, 4.0, 5.0, 4.0, 5.0, 5.0, 4.0, 5.0) // read first, as it stands above the others
         quads[7] = DoubleArray(8) { quads[7][it % 2] + it / 4.0 }
         quads[22] = DoubleArray(8) { -5.0 }

@@ -44,7 +44,7 @@ class ShadingTest {
         val h = min(max(((x + 0.5) / width - 0.05) / 0.15, 0.0), 3.0)
         return (0..2).sumOf { i ->
             (0..3).sumOf { j ->
-                val own = of.copyGains()[(4 * i + j) * of.mapPlanes + entry].toDouble()
+                val own = of.gains[i, j, entry]
                 max(0.0, 1 - abs(v - i)) * max(0.0, 1 - abs(h - j)) * own
             }
         }

@@ -50,17 +50,17 @@ class SignalsTest {
     fun `every patch is divided by the white at its place, and errors add as variances`() {
         val found = signals(means(chart, flat, dark))
         for (i in 0 until 3 * n) {
-            val range = flat.copyMean()[i] - dark.copyMean()[i]
-            val y = (chart.copyMean()[i] - dark.copyMean()[i]) / range
-            assertEquals(y, found.copyValues()[i], 1e-15)
-            val (c, w, d) = listOf(chart, flat, dark).map { it.copyStandardError()[i] }
+            val range = flat.sharedMean[i] - dark.sharedMean[i]
+            val y = (chart.sharedMean[i] - dark.sharedMean[i]) / range
+            assertEquals(y, found.sharedValues[i], 1e-15)
+            val (c, w, d) = listOf(chart, flat, dark).map { it.sharedError[i] }
             val variance = c * c + y * y * w * w + (y - 1) * (y - 1) * d * d
-            assertEquals(sqrt(variance) / range, found.copyStandardError()[i], 1e-15)
+            assertEquals(sqrt(variance) / range, found.sharedError[i], 1e-15)
         }
-        assertArrayEquals(chart.copyMean(), found.copyChart())
-        assertArrayEquals(flat.copyMean(), found.copyWhite())
-        assertArrayEquals(dark.copyMean(), found.copyDark())
-        assertArrayEquals(BooleanArray(n) { true }, found.copyUsed())
+        assertArrayEquals(chart.sharedMean, found.sharedChart)
+        assertArrayEquals(flat.sharedMean, found.sharedWhite)
+        assertArrayEquals(dark.sharedMean, found.sharedDark)
+        assertArrayEquals(BooleanArray(n) { true }, found.sharedUsed)
         assertEquals(emptyList<String>(), found.assumptions.map { it.code })
     }
 
@@ -69,16 +69,16 @@ class SignalsTest {
         val found = signals(means(chart, null, dark))
         for (i in 0 until 3 * n) {
             val at = 3 * white + i % 3
-            val range = chart.copyMean()[at] - dark.copyMean()[at]
-            val y = (chart.copyMean()[i] - dark.copyMean()[i]) / range
-            assertEquals(y, found.copyValues()[i], 1e-15)
-            assertEquals(range + dark.copyMean()[i], found.copyWhite()[i], 1e-12)
-            val (c, w) = chart.copyStandardError()[i] to chart.copyStandardError()[at]
-            val (d, e) = dark.copyStandardError()[i] to dark.copyStandardError()[at]
+            val range = chart.sharedMean[at] - dark.sharedMean[at]
+            val y = (chart.sharedMean[i] - dark.sharedMean[i]) / range
+            assertEquals(y, found.sharedValues[i], 1e-15)
+            assertEquals(range + dark.sharedMean[i], found.sharedWhite[i], 1e-12)
+            val (c, w) = chart.sharedError[i] to chart.sharedError[at]
+            val (d, e) = dark.sharedError[i] to dark.sharedError[at]
             val variance = c * c + d * d + y * y * (w * w + e * e)
-            assertEquals(sqrt(variance) / range, found.copyStandardError()[i], 1e-15)
+            assertEquals(sqrt(variance) / range, found.sharedError[i], 1e-15)
         }
-        assertArrayEquals(BooleanArray(n) { it != white }, found.copyUsed())
+        assertArrayEquals(BooleanArray(n) { it != white }, found.sharedUsed)
         val said = found.assumptions.single()
         assertEquals("white_from_patch", said.code)
         assertEquals(
@@ -90,10 +90,10 @@ class SignalsTest {
     @Test
     fun `the file's black level stands in for a dark frame, without error`() {
         val found = signals(means(chart, flat, null))
-        for (i in 0 until 3 * n) assertEquals(black[i % 3], found.copyDark()[i])
-        val (c, w) = chart.copyStandardError()[5] to flat.copyStandardError()[5]
-        val (y, range) = found.copyValues()[5] to flat.copyMean()[5] - black[2]
-        assertEquals(sqrt(c * c + y * y * w * w) / range, found.copyStandardError()[5], 1e-15)
+        for (i in 0 until 3 * n) assertEquals(black[i % 3], found.sharedDark[i])
+        val (c, w) = chart.sharedError[5] to flat.sharedError[5]
+        val (y, range) = found.sharedValues[5] to flat.sharedMean[5] - black[2]
+        assertEquals(sqrt(c * c + y * y * w * w) / range, found.sharedError[5], 1e-15)
         val said = found.assumptions.single()
         assertEquals("dark_from_black_level", said.code)
         assertEquals("shot 1: no dark frame: the file's black level is used.", said.message)
@@ -109,12 +109,12 @@ class SignalsTest {
             frame({ if (it == 4) 2.0 else 0.1 }, { if (it == 13) 0.01 else 0.0 }) { if (it == 4) 6.0 else 3.0 },
             frame({ if (it == 6) 0.25 else 0.0 }, { if (it == 10) 0.01 else 0.0 }) { 5.0 },
         )
-        assertArrayEquals(BooleanArray(n) { true }, signals(atLimits).copyUsed())
+        assertArrayEquals(BooleanArray(n) { true }, signals(atLimits).sharedUsed)
         val beyond = shares(
             frame({ if (it == 4) 2.01 else 0.1 }, { if (it == 13) 0.0101 else 0.0 }) { if (it == 4) 6.0 else 3.0 },
             frame { 5.0 },
         )
-        assertArrayEquals(BooleanArray(n) { it != 1 && it != 4 }, signals(beyond).copyUsed())
+        assertArrayEquals(BooleanArray(n) { it != 1 && it != 4 }, signals(beyond).sharedUsed)
         for (at in listOf(0, 7)) {
             val faint = shares(frame { 3.0 }, frame { if (it == at) 4.99 else 5.0 })
             val found = refused(Underexposed::class.java, faint)
@@ -172,7 +172,7 @@ class SignalsTest {
         val patch = shares(frame({ 0.0 }, { if (it == 3 * white + 1) 0.5 else 0.0 }) { 500.0 }, null)
         assertTrue("in the white patch" in refused(Overexposed::class.java, patch).message)
         val other = shares(frame({ 0.0 }, { if (it == 3 * white + 3) 0.5 else 0.0 }) { 500.0 }, null)
-        assertArrayEquals(BooleanArray(n) { it != white && it != white + 1 }, signals(other).copyUsed())
+        assertArrayEquals(BooleanArray(n) { it != white && it != white + 1 }, signals(other).sharedUsed)
     }
 
     @Test
@@ -182,7 +182,7 @@ class SignalsTest {
             frame({ if (it >= 3 * (n - lost)) 2.0 else 0.1 }, { if (it < 3 * clipped) 1.0 else 0.0 }) { 5.0 },
             frame { 900.0 },
         )
-        assertEquals(6, signals(taken(1, 1)).copyUsed().count { it })
+        assertEquals(6, signals(taken(1, 1)).sharedUsed.count { it })
         val even = refused(Overexposed::class.java, taken(2, 2))
         assertEquals(
             "Shot 1: only 4 of 8 patches are usable (2 clipped, 2 lost in noise), 6 are needed.",
@@ -212,34 +212,34 @@ class SignalsTest {
             val one = two.only(j)
             val own = 3 * n * j until 3 * n * (j + 1)
             assertEquals(1 to n, one.shots to one.patches)
-            assertEquals(two.copyValues().slice(own), one.copyValues().toList())
-            assertEquals(two.copyStandardError().slice(own), one.copyStandardError().toList())
-            assertEquals(two.copyChart().slice(own), one.copyChart().toList())
-            assertEquals(two.copyWhite().slice(own), one.copyWhite().toList())
-            assertEquals(two.copyDark().slice(own), one.copyDark().toList())
-            assertEquals(two.copyUsed().slice(n * j until n * (j + 1)), one.copyUsed().toList())
+            assertEquals(two.sharedValues.slice(own), one.sharedValues.toList())
+            assertEquals(two.sharedError.slice(own), one.sharedError.toList())
+            assertEquals(two.sharedChart.slice(own), one.sharedChart.toList())
+            assertEquals(two.sharedWhite.slice(own), one.sharedWhite.toList())
+            assertEquals(two.sharedDark.slice(own), one.sharedDark.toList())
+            assertEquals(two.sharedUsed.slice(n * j until n * (j + 1)), one.sharedUsed.toList())
         }
         val odd = two.restrictedTo(BooleanArray(n) { it == 1 })
-        assertEquals(listOf(1, n + 1), odd.copyUsed().indices.filter { odd.copyUsed()[it] })
-        assertEquals(listOf(1), odd.only(1).copyUsed().indices.filter { odd.only(1).copyUsed()[it] })
+        assertEquals(listOf(1, n + 1), odd.sharedUsed.indices.filter { odd.sharedUsed[it] })
+        assertEquals(listOf(1), odd.only(1).sharedUsed.indices.filter { odd.only(1).sharedUsed[it] })
     }
 
     @Test
     fun `levels multiply the signals of a patch, and their errors`() {
         val level = DoubleArray(2 * n) { 0.5 + 0.1 * it }
         val found = two.levelled(level)
-        for (i in found.copyValues().indices) {
-            assertEquals(two.copyValues()[i] * level[i / 3], found.copyValues()[i])
-            assertEquals(two.copyStandardError()[i] * level[i / 3], found.copyStandardError()[i])
+        for (i in found.sharedValues.indices) {
+            assertEquals(two.sharedValues[i] * level[i / 3], found.sharedValues[i])
+            assertEquals(two.sharedError[i] * level[i / 3], found.sharedError[i])
         }
-        assertArrayEquals(two.copyChart(), found.copyChart())
+        assertArrayEquals(two.sharedChart, found.sharedChart)
     }
 
     @Test
     fun `a patch that was not usable is not asked for`() {
         val lost = means(frame({ if (it / 3 == 5) 500.0 else 0.0 }) { 300.0 }, flat, dark)
         val found = signals(lost).restrictedTo(BooleanArray(n) { it >= 4 })
-        assertEquals(listOf(4, 6, 7), found.copyUsed().indices.filter { found.copyUsed()[it] })
+        assertEquals(listOf(4, 6, 7), found.sharedUsed.indices.filter { found.sharedUsed[it] })
     }
 
     @Test

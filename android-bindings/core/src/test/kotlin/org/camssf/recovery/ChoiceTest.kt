@@ -16,8 +16,8 @@ import kotlin.math.sqrt
 /** Which basis answers, and how answers are mixed. */
 class ChoiceTest {
     private val table = ChartTable.read("classic24")
-    private val lamp = Lamp.read("D55").copyValues()
-    private val grid = Grid.copyWavelengths()
+    private val lamp = Lamp.read("D55").sharedValues
+    private val grid = Grid.wavelengths.values
     private val rho = DoubleArray(Grid.SIZE) { 0.9 - 1e-4 * it }
 
     /** A camera of three bells. */
@@ -27,7 +27,7 @@ class ChoiceTest {
     }
 
     private fun known(tolerance: Double) = Known(
-        Tensor(table.copyValues(), 24, Grid.SIZE),
+        Tensor(table.sharedValues, 24, Grid.SIZE),
         Tensor.full(tolerance, 24),
         Tensor(rho, Grid.SIZE),
         0.01,
@@ -43,7 +43,7 @@ class ChoiceTest {
         val curves = Ssf.Curves(values, std, DoubleArray(72) { shift }, null, DoubleArray(72), light)
         val steps = IntArray(1) { shift.toInt() }
         val proof = Ssf.Proof(DoubleArray(3) { shift / 10 + it }, DoubleArray(1) { shift }, steps, observation)
-        return Ssf(curves, proof, DoubleArray(3) { 1.0 }, DoubleArray(3), 1.0, basis, scale)
+        return Ssf(curves, proof, DoubleArray(3) { 1.0 }, DoubleArray(3), 1.0, basis, Ssf.Family(scale))
     }
 
     /** Of phones and cameras at both scales, all believed alike. */
@@ -72,8 +72,8 @@ class ChoiceTest {
             val c = it % 3
             values[it] / (0 until Grid.SIZE).maxOf { m -> peaks[3 * m + c] }
         }
-        val curves = of.map { peaked(it.copyValues(), it.copyValues()) }
-        val bands = of.map { peaked(it.copyStd()!!, it.copyValues()) }
+        val curves = of.map { peaked(it.sharedValues, it.sharedValues) }
+        val bands = of.map { peaked(it.sharedStd!!, it.sharedValues) }
         val mean = DoubleArray(3 * Grid.SIZE) { at -> weights.indices.sumOf { weights[it] * curves[it][at] } }
         val std = DoubleArray(mean.size) { at ->
             val second = weights.indices.sumOf {
@@ -90,21 +90,21 @@ class ChoiceTest {
             (0 until Grid.SIZE).sumOf { rho[it] * lamp[it] * mean[3 * it + c] } * Grid.STEP
         }
         for (at in mean.indices) {
-            assertEquals(mean[at] / scale[at % 3], found.copyValues()[at], 1e-12 / scale[at % 3])
-            assertEquals(std[at] / scale[at % 3], found.copyStd()!![at], 1e-7 / scale[at % 3])
+            assertEquals(mean[at] / scale[at % 3], found.sharedValues[at], 1e-12 / scale[at % 3])
+            assertEquals(std[at] / scale[at % 3], found.sharedStd!![at], 1e-7 / scale[at % 3])
         }
-        val light = DoubleArray(lamp.size) { m -> of.indices.sumOf { weights[it] * of[it].copyLamp()[m] } }
-        assertArrayEquals(light, found.copyLamp(), 1e-12 * light.max())
+        val light = DoubleArray(lamp.size) { m -> of.indices.sumOf { weights[it] * of[it].sharedLamp[m] } }
+        assertArrayEquals(light, found.sharedLamp, 1e-12 * light.max())
         for (c in 0..2) {
-            val seen = DoubleArray(Grid.SIZE) { light[it] * found.copyValues()[3 * it + c] }
+            val seen = DoubleArray(Grid.SIZE) { light[it] * found.sharedValues[3 * it + c] }
             val white = dot(rho, seen)
             for (i in listOf(0, 7, 23)) {
-                assertEquals(dot(table.reflectance(i), seen) / white, found.copyPredicted()[3 * i + c], 1e-12)
+                assertEquals(dot(table.reflectance(i), seen) / white, found.sharedPredicted[3 * i + c], 1e-12)
             }
-            assertEquals(of.maxOf { it.copyGap()[c] }, found.copyGap()[c])
+            assertEquals(of.maxOf { it.sharedGap[c] }, found.sharedGap[c])
         }
-        assertEquals(of.maxOf { it.copyLayersGap()[0] }, found.copyLayersGap()[0])
-        assertEquals(of.maxOf { it.copyFinishSteps()[0] }, found.copyFinishSteps()[0])
+        assertEquals(of.maxOf { it.sharedLayersGap[0] }, found.sharedLayersGap[0])
+        assertEquals(of.maxOf { it.sharedFinishSteps[0] }, found.sharedFinishSteps[0])
     }
 
     @Test
@@ -113,7 +113,7 @@ class ChoiceTest {
         val found = Choice.choose(known(0.03), answers, even)
         checkMixed(found, answers, found.choice.map { it.probability })
         assertEquals("phones" to 1.0, found.basis to found.priorScale)
-        assertEquals(10.0, found.copyCode()[0])
+        assertEquals(10.0, found.sharedCode[0])
         assertEquals(5.0, found.logEvidence)
     }
 
@@ -137,7 +137,7 @@ class ChoiceTest {
     fun `what weighs less than a millionth is left out`() {
         val answers = four(20.0, 4.0, 0.0, 0.0)
         val found = Choice.choose(known(0.03), answers, even)
-        assertArrayEquals(answers[0].copyValues(), found.copyValues())
+        assertArrayEquals(answers[0].sharedValues, found.sharedValues)
         assertSame(answers[0].sharedStd, found.sharedStd)
         assertEquals(4, found.choice.size)
     }

@@ -19,8 +19,8 @@ import kotlin.math.sqrt
 
 class RecoverTest {
     private val table = ChartTable.read("classic24")
-    private val lamp = Lamp.read("D55").copyValues()
-    private val grid = Grid.copyWavelengths()
+    private val lamp = Lamp.read("D55").sharedValues
+    private val grid = Grid.wavelengths.values
 
     /** Signals of a camera of three bells. */
     private val signals = DoubleArray(72) { at ->
@@ -33,7 +33,7 @@ class RecoverTest {
         Tensor(signals, 1, 24, 3),
         Tensor.full(error, 1, 24, 3),
         Known(
-            Tensor(table.copyValues(), 24, Grid.SIZE),
+            Tensor(table.sharedValues, 24, Grid.SIZE),
             Tensor.full(tolerance, 24),
             Tensor.full(1.0, Grid.SIZE),
             0.01,
@@ -78,7 +78,7 @@ class RecoverTest {
     /** Σ ρ_w L s dλ / Σ ρ_w L dλ of the code as solved. */
     private fun scale(ssf: Ssf, c: Int): Double {
         val atoms = Discrepancy.atoms()
-        val code = DoubleArray(Discrepancy.ATOMS) { ssf.copyCode()[3 * it + c] }
+        val code = DoubleArray(Discrepancy.ATOMS) { ssf.sharedCode[3 * it + c] }
         val curve = DoubleArray(Grid.SIZE) { m -> code.indices.sumOf { code[it] * atoms[it][m] } }
         return dot(curve, lamp) / lamp.sum()
     }
@@ -86,8 +86,8 @@ class RecoverTest {
     @Test
     fun `more noise, larger penalty`() {
         OnnxEngine.load("gaussian").use { engine ->
-            val low = Recover.recover(engine, observation(0.002), null, defaults).copyGamma()
-            val high = Recover.recover(engine, observation(0.02), null, defaults).copyGamma()
+            val low = Recover.recover(engine, observation(0.002), null, defaults).sharedGamma
+            val high = Recover.recover(engine, observation(0.02), null, defaults).sharedGamma
             // Σ⁻¹ grows with 1 / se²: compare γ in the unit of the problem.
             for (c in 0..2) assertTrue(high[c] * 100 > low[c])
         }
@@ -101,13 +101,13 @@ class RecoverTest {
             val mixed = gamma(20.0, 50.0, 200.0)
             val single = listOf(gamma(20.0), gamma(50.0), gamma(200.0))
             for (c in 0..2) {
-                val (one, all) = single[c].copyValues() to mixed.copyValues()
+                val (one, all) = single[c].sharedValues to mixed.sharedValues
                 for (m in 0 until Grid.SIZE) assertEquals(one[3 * m + c], all[3 * m + c])
-                assertEquals(single[c].copyGap()[c], mixed.copyGap()[c])
-                assertEquals(single[c].copyLayersGap()[c], mixed.copyLayersGap()[c])
-                assertEquals(single[c].copyFinishSteps()[c], mixed.copyFinishSteps()[c])
+                assertEquals(single[c].sharedGap[c], mixed.sharedGap[c])
+                assertEquals(single[c].sharedLayersGap[c], mixed.sharedLayersGap[c])
+                assertEquals(single[c].sharedFinishSteps[c], mixed.sharedFinishSteps[c])
             }
-            assertNotEquals(single[0].copyValues()[900], single[2].copyValues()[900])
+            assertNotEquals(single[0].sharedValues[900], single[2].sharedValues[900])
         }
     }
 
@@ -123,7 +123,7 @@ class RecoverTest {
                 error.message,
             )
             assertEquals("Give one number.", error.advice)
-            assertTrue(gamma(0.1, 0.1, 0.1).copyValues().contentEquals(gamma(0.1).copyValues()))
+            assertTrue(gamma(0.1, 0.1, 0.1).sharedValues.contentEquals(gamma(0.1).sharedValues))
         }
     }
 
@@ -132,8 +132,8 @@ class RecoverTest {
         OnnxEngine.load("cameras").use { engine ->
             val observed = observation(0.002, 0.03)
             val ssf = Recover.recover(engine, observed, null, defaults)
-            val size = ssf.copyCode().size
-            val spread = ssf.copyCodeCovariance()!!
+            val size = ssf.sharedCode.size
+            val spread = ssf.sharedCodeCovariance!!
             assertEquals(72 to 72 * 72, size to spread.size)
             for (i in 0 until size) {
                 // The prior's variance is 1, and signals only take from it.
@@ -145,9 +145,9 @@ class RecoverTest {
             }
             // What is shared by the channels binds them to each other.
             assertTrue((0..23).maxOf { i -> (24..47).maxOf { j -> abs(spread[i * size + j]) } } > 1e-3)
-            assertEquals(1, ssf.copyLayersGap().size)
-            assertTrue(ssf.copyLayersGap()[0] <= 1e-10 && ssf.copyFinishSteps().contentEquals(intArrayOf(0)))
-            assertTrue(ssf.copyGap().all { it == ssf.copyGap()[0] })
+            assertEquals(1, ssf.sharedLayersGap.size)
+            assertTrue(ssf.sharedLayersGap[0] <= 1e-10 && ssf.sharedFinishSteps.contentEquals(intArrayOf(0)))
+            assertTrue(ssf.sharedGap.all { it == ssf.sharedGap[0] })
             // A patch that is a fifth too dark speaks against all that was observed.
             val dark = DoubleArray(72) { if (it / 3 == 7) 0.8 * signals[it] else signals[it] }
             val wrong = Observation(Tensor(dark, 1, 24, 3), observed.standardError, observed.known)
@@ -186,7 +186,7 @@ class RecoverTest {
         OnnxEngine.load("gaussian").use { engine ->
             fun least(nonnegative: Boolean?): Double {
                 val penalties = Penalties(1.0, doubleArrayOf(0.0), nonnegative)
-                return Recover.recover(engine, observation(0.002), null, penalties).copyCode().min()
+                return Recover.recover(engine, observation(0.002), null, penalties).sharedCode.min()
             }
             val signed = least(false)
             assertTrue(signed < -1e-6, "$signed")
@@ -200,8 +200,8 @@ class RecoverTest {
     fun `the paper's basis has three problems and no prior`() {
         OnnxEngine.load("gaussian").use { engine ->
             val ssf = Recover.recover(engine, observation(0.004), null, defaults)
-            assertEquals(3 to 3, ssf.copyLayersGap().size to ssf.copyFinishSteps().size)
-            assertEquals(listOf(null, null, null), listOf(ssf.copyStd(), ssf.copyCodeCovariance(), ssf.logEvidence))
+            assertEquals(3 to 3, ssf.sharedLayersGap.size to ssf.sharedFinishSteps.size)
+            assertEquals(listOf(null, null, null), listOf(ssf.sharedStd, ssf.sharedCodeCovariance, ssf.logEvidence))
         }
     }
 
@@ -210,7 +210,7 @@ class RecoverTest {
         val engine = OnnxEngine.load("cameras")
         val first = Recover.recover(engine, observation(0.002, 0.03), null, defaults)
         val again = Recover.recover(engine, observation(0.002, 0.03), null, defaults)
-        assertTrue(first.copyValues().contentEquals(again.copyValues()))
+        assertTrue(first.sharedValues.contentEquals(again.sharedValues))
         engine.close()
         engine.close()
         assertThrows(IllegalStateException::class.java) {
@@ -227,11 +227,11 @@ class RecoverTest {
         phones.close()
         phones.close()
         val again = Recover.recover(cameras, observation(0.002, 0.03), null, defaults)
-        assertTrue(first.copyValues().contentEquals(again.copyValues()))
+        assertTrue(first.sharedValues.contentEquals(again.sharedValues))
         cameras.close()
         OnnxEngine.load("cameras").use { anew ->
             val found = Recover.recover(anew, observation(0.002, 0.03), null, defaults)
-            assertTrue(first.copyValues().contentEquals(found.copyValues()))
+            assertTrue(first.sharedValues.contentEquals(found.sharedValues))
         }
     }
 

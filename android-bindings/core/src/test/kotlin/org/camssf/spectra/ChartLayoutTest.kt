@@ -101,7 +101,7 @@ class ChartLayoutTest {
         val layout = parse("white" to null)
         val byColumn = ChartTable.parse("mine.csv", csv(35) { "${'A' + it % 7}${1 + it / 7}" }, layout)
         val byRow = ChartTable.parse("mine.csv", csv(35) { "${'A' + it / 7}${1 + it % 7}" }, layout)
-        assertArrayEquals(byColumn.copyValues(), byRow.copyValues())
+        assertArrayEquals(byColumn.sharedValues, byRow.sharedValues)
         val shuffled = ChartTable.parse("mine.csv", csv(35) { "${'A' + it / 5}${1 + it % 5}" }, layout)
         assertEquals(listOf("A1", "B1", "C1"), shuffled.patches.take(3))
     }

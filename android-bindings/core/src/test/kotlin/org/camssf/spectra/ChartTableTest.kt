@@ -27,9 +27,9 @@ class ChartTableTest {
         assertEquals(8, ChartTable.names().size)
         for (name in ChartTable.names()) {
             val table = ChartTable.read(name)
-            assertEquals(24 * Grid.SIZE, table.copyValues().size)
+            assertEquals(24 * Grid.SIZE, table.sharedValues.size)
             assertEquals("white 9.5 (.05 D)", table.patches[table.white])
-            assertTrue(table.copyValues().all { it in 0.0..1.0 } && table.copyTolerance().all { it == 0.03 })
+            assertTrue(table.sharedValues.all { it in 0.0..1.0 } && table.sharedTolerance.all { it == 0.03 })
         }
         assertThrows(InvalidArgument::class.java) { ChartTable.read("sg140") }
         assertThrows(InvalidArgument::class.java) { ChartTable.read("classic24:mine") }
@@ -39,9 +39,9 @@ class ChartTableTest {
     fun `a measured table, also in percent`() {
         for (scale in listOf(1.0, 100.0)) {
             val table = ChartTable.parse("mine.csv", csv((0..23).toList(), scale = scale))
-            for (i in table.copyValues().indices) assertEquals(known.copyValues()[i], table.copyValues()[i], 1e-3)
+            for (i in table.sharedValues.indices) assertEquals(known.sharedValues[i], table.sharedValues[i], 1e-3)
             assertEquals(18, table.white)
-            assertEquals(0.01, table.copyTolerance()[0])
+            assertEquals(0.01, table.sharedTolerance[0])
             assertEquals("mine.csv", table.file!!.name)
         }
         assertEquals("nano24", ChartTable.parse("mine.csv", csv((0..23).toList()), "nano24").layout.name)
@@ -51,7 +51,7 @@ class ChartTableTest {
     fun `positions order the patches`() {
         val shuffled = (0..23).sortedBy { (7 * it) % 24 }
         val named = ChartTable.parse("mine.csv", csv(shuffled, { "${'A' + it % 6}${1 + it / 6}" }))
-        assertArrayEquals(ChartTable.parse("mine.csv", csv((0..23).toList())).copyValues(), named.copyValues())
+        assertArrayEquals(ChartTable.parse("mine.csv", csv((0..23).toList())).sharedValues, named.sharedValues)
         assertEquals("B1", named.patches[1])
     }
 

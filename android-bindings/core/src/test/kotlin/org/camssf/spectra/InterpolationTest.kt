@@ -9,7 +9,7 @@ import kotlin.math.abs
 import kotlin.math.pow
 
 class InterpolationTest {
-    private val grid = Grid.copyWavelengths()
+    private val grid = Grid.wavelengths.values
 
     private fun polynomial(degree: Int): (Double) -> Double = { x ->
         (0..degree).sumOf { (it + 1) * ((x - 550) / 170).pow(it) }

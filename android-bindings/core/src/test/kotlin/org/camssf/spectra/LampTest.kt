@@ -24,19 +24,19 @@ class LampTest {
         assertTrue(names.size >= 57)
         for (name in names) {
             val lamp = Lamp.read(name)
-            assertEquals(Grid.SIZE, lamp.copyValues().size)
-            assertEquals(1.0, lamp.copyValues().average(), 1e-12, name)
-            assertTrue(lamp.copyValues().all { it >= 0 } && lamp.copyModes().all { it.size == Grid.SIZE })
+            assertEquals(Grid.SIZE, lamp.sharedValues.size)
+            assertEquals(1.0, lamp.sharedValues.average(), 1e-12, name)
+            assertTrue(lamp.sharedValues.all { it >= 0 } && lamp.sharedModes.all { it.size == Grid.SIZE })
         }
     }
 
     @Test
     fun `an unnamed light has kinds and no spectrum`() {
         val light = Lamp.auto()
-        assertTrue(light.unnamed && light.tolerance.isNaN() && light.copyModes().isEmpty())
+        assertTrue(light.unnamed && light.tolerance.isNaN() && light.sharedModes.isEmpty())
         assertEquals(listOf("daylight", "bulb", "white-led", "fluorescent"), light.kinds.map { it.name })
-        for (kind in light.kinds) assertArrayEquals(Lamp.read(kind.name).copyValues(), kind.copyValues())
-        for (wrong in listOf({ light.copyValues() }, { light.withTolerance("2%") }, { Lamp.read(" Auto ") })) {
+        for (kind in light.kinds) assertArrayEquals(Lamp.read(kind.name).sharedValues, kind.sharedValues)
+        for (wrong in listOf({ light.sharedValues }, { light.withTolerance("2%") }, { Lamp.read(" Auto ") })) {
             val error = assertThrows(InvalidArgument::class.java) { wrong() }
             assertTrue("is not named" in error.message && error.advice.isNotEmpty(), error.message)
         }
@@ -46,28 +46,28 @@ class LampTest {
     @Test
     fun `names are free of case, blanks and hyphens`() {
         for ((said, meant) in listOf("cie d65" to "D65", "f2" to "FL2", "led b3" to "LED-B3", "fl 3.1" to "FL3.1")) {
-            assertArrayEquals(Lamp.read(meant).copyValues(), Lamp.read(said).copyValues())
+            assertArrayEquals(Lamp.read(meant).sharedValues, Lamp.read(said).sharedValues)
         }
     }
 
     @Test
     fun `a bulb is Planck's, and A is 2856 K`() {
-        val lamp = Lamp.read("3000K").copyValues()
-        val grid = Grid.copyWavelengths()
+        val lamp = Lamp.read("3000K").sharedValues
+        val grid = Grid.wavelengths.values
         fun planck(nm: Double) = nm.pow(-5) / (exp(1.4388e7 / (nm * 3000)) - 1)
         for (m in 0 until Grid.SIZE step 40) {
             assertEquals(planck(grid[m]) / planck(550.0), lamp[m] / lamp[340], 1e-12)
         }
-        val a = Lamp.read("A").copyValues()
-        val hot = Lamp.read("2856K").copyValues()
+        val a = Lamp.read("A").sharedValues
+        val hot = Lamp.read("2856K").sharedValues
         // The table was made for 2848 K and c₂ = 1.4350e-2 m K, which is 2855.5 K on today's scale: 1e-3 at 380 nm.
         for (m in 0 until Grid.SIZE step 40) assertEquals(1.0, hot[m] / a[m], 1e-3)
     }
 
     @Test
     fun `daylight's formula gives the tables`() {
-        val table = Lamp.read("D65").copyValues()
-        val formula = Lamp.read("D:6504").copyValues()
+        val table = Lamp.read("D65").sharedValues
+        val formula = Lamp.read("D:6504").sharedValues
         for (m in table.indices) assertEquals(table[m], formula[m], 2e-3)
     }
 
@@ -91,12 +91,12 @@ class LampTest {
         assertEquals(300.0, lamp.toleranceKelvin)
         assertEquals(500.0, lamp.withTolerance("400K").withTolerance("2%").toleranceKelvin)
         assertNull(Lamp.read("D55").toleranceKelvin)
-        assertEquals(1, lamp.copyModes().size)
+        assertEquals(1, lamp.sharedModes.size)
         val high = Bundled.daylight(5803.0)
         val low = Bundled.daylight(5203.0)
         // Half of the change of ln L, less its mean: blue against red.
         val wanted = 0.5 * (kotlin.math.ln(high[100] / low[100]) - kotlin.math.ln(high[600] / low[600]))
-        assertEquals(wanted, lamp.copyModes()[0][100] - lamp.copyModes()[0][600], 1e-12)
+        assertEquals(wanted, lamp.sharedModes[0][100] - lamp.sharedModes[0][600], 1e-12)
         for (text in listOf("60%", "2000K", "much", "-1%", "0K")) {
             assertThrows(InvalidArgument::class.java, { Lamp.read("D55").withTolerance(text) }, text)
         }
@@ -108,13 +108,13 @@ class LampTest {
         val plain = Lamp.parse("lamp.csv", csv(*flat()))
         assertEquals(0.01, plain.tolerance)
         assertEquals("file lamp.csv", plain.source)
-        for (value in plain.copyValues()) assertEquals(1.0, value, 1e-12)
+        for (value in plain.sharedValues) assertEquals(1.0, value, 1e-12)
         val rows = flat().joinToString("\n") { "${it.first};2,0" }
-        assertArrayEquals(plain.copyValues(), Lamp.parse("lamp.csv", "nm;power\n$rows".toByteArray()).copyValues())
+        assertArrayEquals(plain.sharedValues, Lamp.parse("lamp.csv", "nm;power\n$rows".toByteArray()).sharedValues)
         val fields = flat().joinToString(" ") { "SPEC_${it.first}" }
         val cgats = "CGATS.17\nBEGIN_DATA_FORMAT\n$fields\nEND_DATA_FORMAT\nBEGIN_DATA\n" +
             flat().joinToString(" ") { "2.0" } + "\nEND_DATA\n"
-        assertArrayEquals(plain.copyValues(), Lamp.parse("lamp.sp", cgats.toByteArray()).copyValues())
+        assertArrayEquals(plain.sharedValues, Lamp.parse("lamp.sp", cgats.toByteArray()).sharedValues)
     }
 
     @Test
@@ -191,7 +191,7 @@ class LampTest {
             val error = assertThrows(InvalidArgument::class.java, { Lamp.parse("x.csv", rows(value, mark)) }, value)
             assertTrue(error.message.startsWith("x.csv, line 3: '${value.trim('"')}' "), error.message)
         }
-        assertTrue(Lamp.parse("x.csv", rows("0,95", ';')).copyValues()[20] < 0.01)
+        assertTrue(Lamp.parse("x.csv", rows("0,95", ';')).sharedValues[20] < 0.01)
     }
 
     @Test
@@ -206,7 +206,7 @@ class LampTest {
             "name;$fields\nlamp;${flat().joinToString(";") { "2,0" }}\n",
             """{"spectral_data": {"index": {"main": ["power"]}, "data": {"main": {$main}}}}""",
         )) {
-            assertArrayEquals(plain.copyValues(), Lamp.parse("lamp.csv", text.toByteArray()).copyValues())
+            assertArrayEquals(plain.sharedValues, Lamp.parse("lamp.csv", text.toByteArray()).sharedValues)
         }
         for (text in listOf("{", "[[1]]", """{"spectral_data": {}}""", "{\"a\":".repeat(5000))) {
             assertThrows(InvalidArgument::class.java) { Lamp.parse("x.json", text.toByteArray()) }
@@ -216,7 +216,7 @@ class LampTest {
     @Test
     fun `noise below zero counts inside the grid only, and units are named`() {
         val noisy = csv(*flat(340, 760).map { (nm, _) -> nm to if (nm in 380..720) 2.0 else -1.0 }.toTypedArray())
-        assertArrayEquals(Lamp.parse("x.csv", csv(*flat())).copyValues(), Lamp.parse("x.csv", noisy).copyValues())
+        assertArrayEquals(Lamp.parse("x.csv", csv(*flat())).sharedValues, Lamp.parse("x.csv", noisy).sharedValues)
         val micrometres = flat().joinToString("\n") { "${it.first / 1000.0},1" }.toByteArray()
         val error = assertThrows(InvalidArgument::class.java) { Lamp.parse("x.csv", micrometres) }
         assertTrue("as in micrometres" in error.message, error.message)

@@ -24,7 +24,7 @@ import kotlin.random.Random
 class GoodnessOfFitTest {
     private val engine = OnnxEngine.load("cameras")
     private val table = ChartTable.read("classic24")
-    private val grid = Grid.copyWavelengths()
+    private val grid = Grid.wavelengths.values
     private val n = 24
     private val white = DoubleArray(Grid.SIZE) { 0.95 - 1e-4 * it }
     private val curves = DoubleArray(3 * Grid.SIZE) {
@@ -111,7 +111,7 @@ class GoodnessOfFitTest {
         val clean = inputs(lamps.take(1), BooleanArray(24) { true }, noise = 0.0)
         fun spoiled(dark: Boolean = true, value: (Int, Double) -> Double): GoodnessOfFit {
             val old = clean.signals
-            val y = DoubleArray(72) { value(it, old.copyValues()[it]) }
+            val y = DoubleArray(72) { value(it, old.sharedValues[it]) }
             val signals = Signals(
                 1, n, y, old.sharedError, old.sharedChart, old.sharedWhite, old.sharedDark, old.sharedUsed,
                 emptyList(),

@@ -68,7 +68,7 @@ class JudgeTest {
         val (chart, flat, dark) = listOf(y, DoubleArray(3 * n) { 1.0 }, DoubleArray(3 * n)).map { frame(it) }
         val error = DoubleArray(3 * n) { 0.003 }
         val used = BooleanArray(n) { true }
-        val signals = Signals(1, n, y, error, chart.copyMean(), flat.copyMean(), dark.copyMean(), used, emptyList())
+        val signals = Signals(1, n, y, error, chart.sharedMean, flat.sharedMean, dark.sharedMean, used, emptyList())
         val std = DoubleArray(3 * Grid.SIZE) { 0.01 }
         val ssf = Ssf(
             Ssf.Curves(curves, std, DoubleArray(72) { 0.1 }, null, predicted, lamp.sharedValues),

@@ -10,7 +10,12 @@ import kotlin.math.min
  * Finds the chart in a small picture: its corners, orientation and confidence.
  *
  * Python's `camssf.photo.find` has the same algorithm; docs/finder.md describes it. A finder reuses its buffers from
- * picture to picture, so use one finder per thread. It holds nothing that must be closed.
+ * picture to picture, so use one finder per thread, not the main one. It holds nothing that must be closed.
+ *
+ * ```kotlin
+ * fun corners(luma: ByteBuffer, width: Int, height: Int): Corners? =
+ *     ChartFinder().find(Picture.luma(Plane(luma, width), width, height)).candidate?.corners
+ * ```
  */
 public class ChartFinder private constructor(private val kinds: List<ChartKind>) {
     /** A finder of the shipped charts. */

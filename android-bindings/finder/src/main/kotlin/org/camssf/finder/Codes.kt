@@ -163,7 +163,7 @@ internal class Codes {
         shape(cells / factor, lines / factor, 3, 2 * factor)
         clear()
         val size = width * height
-        val black = mosaic.sensor.copyBlack()
+        val black = mosaic.sensor.sharedBlack
         val samples = mosaic.samples
         val stride = mosaic.region.width
         for (place in 0..3) {

@@ -26,8 +26,8 @@ internal class Reference private constructor(
     companion object {
         private val classic: Reference by lazy {
             val table = ChartTable.read("classic24")
-            val values = table.copyValues()
-            val grid = Grid.copyWavelengths()
+            val values = table.sharedValues
+            val grid = Grid.wavelengths.values
             fun seen(patch: Int, centre: Double, width: Double): Double {
                 var (sum, total) = 0.0 to 0.0
                 for (i in 0 until Grid.SIZE) {

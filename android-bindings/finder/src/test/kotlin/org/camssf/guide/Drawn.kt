@@ -225,8 +225,8 @@ internal data class Drawn(
 
         /** (24, 3) reflectance in red, green, blue. */
         val PATCHES: DoubleArray = ChartTable.read("classic24").let { table ->
-            val values = table.copyValues()
-            val grid = Grid.copyWavelengths()
+            val values = table.sharedValues
+            val grid = Grid.wavelengths.values
             DoubleArray(72) { i ->
                 val centre = listOf(605.0, 545.0, 455.0)[i % 3]
                 val weights = DoubleArray(Grid.SIZE) { exp(-0.5 * ((grid[it] - centre) / 30).pow(2)) }

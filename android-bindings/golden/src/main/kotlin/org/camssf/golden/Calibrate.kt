@@ -1,9 +1,9 @@
 package org.camssf.golden
 
 import org.camssf.CalibrationException
-import org.camssf.PreviousResult
+import org.camssf.CalibrationOptions
 import org.camssf.Refused
-import org.camssf.Settings
+import org.camssf.SavedResult
 import org.camssf.SsfCalibrator
 import org.camssf.photo.Capture
 import org.camssf.photo.Corners
@@ -34,7 +34,9 @@ public class Calibrate private constructor() : Closeable {
     private fun serve(words: List<String>): String {
         val start = System.nanoTime()
         if (words[0] == "--open") {
-            return SsfCalibrator.open(words[1]).use { "0 ${(System.nanoTime() - start) / NANO}" }
+            return SsfCalibrator.Builder().basis(words[1]).openBlocking().use {
+                "0 ${(System.nanoTime() - start) / NANO}"
+            }
         }
         val status = run(words)
         return "$status ${(System.nanoTime() - start) / NANO} ${toJson / NANO}"
@@ -55,21 +57,19 @@ public class Calibrate private constructor() : Closeable {
         val output = File(requireNotNull(given.one("-o")) { "-o is missing" })
         val basis = given.one("--basis") ?: "auto"
         val capture = Capture(given.shots(), chart(given), given.one("--white-reflectance")?.toDouble())
-        val calibrator = calibrators.getOrPut(basis) { SsfCalibrator.open(basis) }
+        val calibrator = calibrators.getOrPut(basis) { SsfCalibrator.Builder().basis(basis).openBlocking() }
         if (given.one("--write") == "capture") {
-            val shots = capture.shots.map { restored(calibrator.measure(it, capture.chart), capture.chart) }
+            val shots = capture.shots.map { restored(calibrator.measureBlocking(it, capture.chart), capture.chart) }
             write(output, MeasuredCapture.of(shots, capture.chart, capture.whiteReflectance).toJson())
             return 0
         }
-        val settings = Settings(
-            given.one("--fit")?.split("-")?.let { (first, last) -> (first.toInt()..last.toInt()).toList() },
-            given.one("--l2")?.toDouble(),
-            given.one("--gamma")?.toDouble(),
-            previous = given.one("--previous")?.let {
-                File(it)
-            }?.let { PreviousResult.parse(it.readText(), it.name) },
-        )
-        val found = calibrator.calibrateBlocking(capture, settings)
+        val options = CalibrationOptions.Builder()
+            .fit(given.one("--fit")?.split("-")?.let { (first, last) -> (first.toInt()..last.toInt()).toList() })
+            .l2(given.one("--l2")?.toDouble())
+            .gamma(given.one("--gamma")?.toDouble())
+            .previous(given.one("--previous")?.let { File(it) }?.let { SavedResult.read(it.readText(), it.name) })
+            .build()
+        val found = calibrator.calibrateBlocking(capture, options)
         val start = System.nanoTime()
         val text = found.toJson()
         toJson = System.nanoTime() - start

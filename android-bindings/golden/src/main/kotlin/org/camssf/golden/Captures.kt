@@ -10,11 +10,11 @@ import kotlinx.serialization.json.int
 import kotlinx.serialization.json.jsonArray
 import kotlinx.serialization.json.jsonObject
 import kotlinx.serialization.json.jsonPrimitive
+import org.camssf.CalibrationOptions
 import org.camssf.CaptureFit
 import org.camssf.Grid
 import org.camssf.ProgressReporter
 import org.camssf.Rivals
-import org.camssf.Settings
 import org.camssf.Solve
 import org.camssf.photo.ChartPose
 import org.camssf.photo.ColourMatrix
@@ -48,14 +48,14 @@ internal class Captures(private val forms: Forms, private val frames: Statistics
         }
         val (k, n) = capture.shots.size to capture.chart.patches.size
         return mapOf(
-            "signals" to Tensor(done.signals.copyValues(), k, n, 3),
+            "signals" to Tensor(done.signals.sharedValues, k, n, 3),
             "used" to usedOf(done.signals),
             "ssf" to columns { ssf.curve(it) },
             "ssf_std" to if (ssf.sharedStd == null) null else onNodes { ssf.deviation(it)!! },
-            "predicted" to Tensor(ssf.copyPredicted(), k, n, 3),
-            "gap" to Tensor(ssf.copyGap(), 3),
-            "channel_gain" to Tensor(ssf.copyChannelGain(), 3),
-            "rmsre_percent" to Tensor(done.scores.copyRmsrePercent(), 3),
+            "predicted" to Tensor(ssf.sharedPredicted, k, n, 3),
+            "gap" to Tensor(ssf.sharedGap, 3),
+            "channel_gain" to Tensor(ssf.sharedGain, 3),
+            "rmsre_percent" to Tensor(done.scores.sharedRmsre, 3),
             "codes" to JsonArray(done.verdict.reasons.map { JsonPrimitive(it.code) }),
         )
     }
@@ -86,12 +86,12 @@ internal class Captures(private val forms: Forms, private val frames: Statistics
             "likeliest" to words(ssf.kinds),
             "ssf" to onNodes { ssf.curve(it) },
             "ssf_std" to onNodes { ssf.deviation(it)!! },
-            "predicted" to Tensor(ssf.copyPredicted(), capture.shots.size, capture.chart.patches.size, 3),
-            "gap" to Tensor(ssf.copyGap(), 3),
-            "rmsre_percent" to Tensor(done.scores.copyRmsrePercent(), 3),
+            "predicted" to Tensor(ssf.sharedPredicted, capture.shots.size, capture.chart.patches.size, 3),
+            "gap" to Tensor(ssf.sharedGap, 3),
+            "rmsre_percent" to Tensor(done.scores.sharedRmsre, 3),
             "kinds" to Tensor(kinds, lights.size, kinds.size / lights.size),
-            "power" to powers { it.copyPower() },
-            "power_std" to powers { it.copyStd() },
+            "power" to powers { it.sharedPower },
+            "power_std" to powers { it.sharedStd },
             "kelvin" to numbers(lights.map { it.kelvin }),
             "kelvin_std" to numbers(lights.map { it.kelvinStd }),
             "status" to done.verdict.outcome.word,
@@ -110,7 +110,7 @@ internal class Captures(private val forms: Forms, private val frames: Statistics
         val signals = Normalise.all(capture.shots.map { it.means }, table.patches, table.white)
         val fit = CaptureFit(engines, capture, signals, settings(case))
         val k = capture.shots.size
-        val used = PatchMask(k, table.patches.size, signals.copyUsed())
+        val used = PatchMask(k, table.patches.size, signals.sharedUsed)
         val ssf = fit.curves(used, settings(case).gamma?.let { doubleArrayOf(it) })
         val found = Rivals.of(fit, ssf, used) { }
         return mapOf("gains" to Tensor(found.map { it.gain }.toDoubleArray(), k, found.size / k))
@@ -118,10 +118,11 @@ internal class Captures(private val forms: Forms, private val frames: Statistics
 
     private fun maybe(case: GoldenCase, name: String): Double? = number(case.inputs.getValue(name))
 
-    private fun settings(case: GoldenCase): Settings {
+    private fun settings(case: GoldenCase): CalibrationOptions {
         val nonnegative = (case.inputs.getValue("nonnegative") as JsonPrimitive).takeIf { it !is JsonNull }
         val differs = case.inputs["light_per_patch"]?.let { number(it) }
-        return Settings(null, maybe(case, "l2"), maybe(case, "gamma"), nonnegative?.boolean, differs)
+        return CalibrationOptions.Builder().l2(maybe(case, "l2")).gamma(maybe(case, "gamma"))
+            .nonnegative(nonnegative?.boolean).lightPerPatch(differs).build()
     }
 
     private fun capture(case: GoldenCase): MeasuredCapture {
@@ -133,7 +134,7 @@ internal class Captures(private val forms: Forms, private val frames: Statistics
             "golden",
             ChartTable.read("classic24").layout,
             List(n) { "patch ${it + 1}" },
-            Grid.wavelengths,
+            Grid.wavelengths.values,
             reflectance.values,
             DoubleArray(n) { maybe(case, "chart_tolerance")!! },
             case.inputs.getValue("white").jsonPrimitive.int,
@@ -194,7 +195,7 @@ internal fun onNodes(of: (Int) -> DoubleArray): Tensor {
 
 /** (k, n) as nested lists. */
 internal fun usedOf(signals: Signals): JsonElement {
-    val used = signals.copyUsed()
+    val used = signals.sharedUsed
     return JsonArray(
         List(signals.shots) { j ->
             JsonArray(List(signals.patches) { JsonPrimitive(used[j * signals.patches + it]) })

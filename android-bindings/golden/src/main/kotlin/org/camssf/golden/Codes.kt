@@ -21,8 +21,8 @@ internal object Codes {
             println(
                 outcome {
                     when (line.substringBefore('\t', "")) {
-                        "lamp" -> table(Lamp.parse(file.name, file.readBytes()).copyValues())
-                        "chart" -> table(ChartTable.parse(file.name, file.readBytes()).copyValues())
+                        "lamp" -> table(Lamp.parse(file.name, file.readBytes()).sharedValues)
+                        "chart" -> table(ChartTable.parse(file.name, file.readBytes()).sharedValues)
                         else -> photo(file)
                     }
                 },
@@ -48,6 +48,6 @@ internal object Codes {
         val digest = MessageDigest.getInstance("SHA-256").digest(bytes)
         val hash = digest.joinToString("") { (it.toInt() and 0xff).toString(16).padStart(2, '0') }
         val sensor = mosaic.sensor
-        return (listOf("read", hash, sensor.cfa, sensor.white) + sensor.copyBlack().toList()).joinToString("\t")
+        return (listOf("read", hash, sensor.cfa, sensor.white) + sensor.sharedBlack.toList()).joinToString("\t")
     }
 }

@@ -60,19 +60,19 @@ internal class Colours(private val files: GoldenFiles, private val forms: Forms,
         fun each(size: Int, of: (Int) -> DoubleArray) = DoubleArray(m * size) { of(it / size)[it % size] }
         val far = found.map { it.reach > SurfaceDistance.FARTHEST }
         val distances = found.map { it.reach }.filter { it > SurfaceDistance.FARTHEST }.toDoubleArray()
-        val parts = Part.values().map { part -> each(3) { found[it].deviation(part) } }
+        val parts = Part.values().map { part -> each(3) { found[it].deviation(part).values } }
         return mapOf(
-            "xyz" to Tensor(each(3) { found[it].copyXyz() }, m, 3),
-            "lab" to Tensor(each(3) { found[it].copyLab() }, m, 3),
-            "xyz_covariance" to Tensor(each(9) { found[it].copyXyzCovariance() }, m, 3, 3),
-            "lab_covariance" to Tensor(each(9) { found[it].copyLabCovariance() }, m, 3, 3),
+            "xyz" to Tensor(each(3) { found[it].xyz.values }, m, 3),
+            "lab" to Tensor(each(3) { found[it].lab.values }, m, 3),
+            "xyz_covariance" to Tensor(each(9) { found[it].xyzCovariance.values }, m, 3, 3),
+            "lab_covariance" to Tensor(each(9) { found[it].labCovariance.values }, m, 3, 3),
             "parts" to Tensor(
                 DoubleArray(parts.size * 3 * m) {
                     parts[it / (3 * m)][it % (3 * m)]
                 },
                 parts.size, m, 3,
             ),
-            "white" to Tensor(standardiser.copyWhite(), 3),
+            "white" to Tensor(standardiser.white.values, 3),
             "lamps" to words(standardiser.lamps.map { it.name }),
             "weights" to Tensor(standardiser.lamps.map { it.weight }.toDoubleArray(), standardiser.lamps.size),
             "chi_squared" to standardiser.chiSquared?.let { Tensor.scalar(it) },
@@ -104,7 +104,7 @@ internal class Colours(private val files: GoldenFiles, private val forms: Forms,
             DoubleArray(m * size) { of(found[it / size])[it % size] }
         val n = SurfaceNodes.SIZE
         val sums = each(n) { one ->
-            val covariance = one.copyCovariance()
+            val covariance = one.covariance.values
             DoubleArray(n) { row -> covariance.copyOfRange(n * row, n * row + n).sum() }
         }
         val parts = Part.values().flatMap { part ->
@@ -114,15 +114,15 @@ internal class Colours(private val files: GoldenFiles, private val forms: Forms,
             found.map { it.index(index) }.flatMap { listOf(it.value, it.standardDeviation) }
         }
         return mapOf(
-            "reflectance" to Tensor(each(n) { it.copyReflectance() }, m, n),
+            "reflectance" to Tensor(each(n) { it.reflectance.values }, m, n),
             "covariance_sums" to Tensor(sums, m, n),
             "parts" to Tensor(parts.toDoubleArray(), Part.values().size, m),
             "indices" to Tensor(indices.toDoubleArray(), SkinIndex.values().size, m, 2),
-            "xyz" to Tensor(each(3) { it.copyXyz() }, m, 3),
-            "lab" to Tensor(each(3) { it.copyLab() }, m, 3),
-            "xyz_covariance" to Tensor(each(9) { it.copyXyzCovariance() }, m, 3, 3),
-            "lab_covariance" to Tensor(each(9) { it.copyLabCovariance() }, m, 3, 3),
-            "white" to Tensor(estimator.copyWhite(), 3),
+            "xyz" to Tensor(each(3) { it.xyz.values }, m, 3),
+            "lab" to Tensor(each(3) { it.lab.values }, m, 3),
+            "xyz_covariance" to Tensor(each(9) { it.xyzCovariance.values }, m, 3, 3),
+            "lab_covariance" to Tensor(each(9) { it.labCovariance.values }, m, 3, 3),
+            "white" to Tensor(estimator.white.values, 3),
             "distance" to Tensor(each(1) { doubleArrayOf(it.distance) }, m),
             "from_photo" to Tensor(each(1) { doubleArrayOf(it.fromPhoto) }, m),
             "lamps" to JsonArray(estimator.lamps.map { words(it.names) }),
@@ -206,6 +206,6 @@ internal class Colours(private val files: GoldenFiles, private val forms: Forms,
             found.size,
             3,
         )
-        return mapOf("raw" to all { it.copyRaw() }, "standard_error" to all { it.copyStandardError() })
+        return mapOf("raw" to all { it.raw.values }, "standard_error" to all { it.sharedError })
     }
 }

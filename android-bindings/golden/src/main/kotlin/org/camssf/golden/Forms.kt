@@ -104,7 +104,7 @@ internal class Forms(private val files: GoldenFiles) {
         Tensor(DoubleArray(rows.size * Grid.SIZE) { rows[it / Grid.SIZE][it % Grid.SIZE] }, rows.size, Grid.SIZE)
 
     private fun polynomials(shots: JsonArray): Tensor {
-        val grid = Grid.copyWavelengths()
+        val grid = Grid.wavelengths.values
         val modes = shots.map { shot -> shot.jsonArray.map { numbers(it.jsonArray) } }
         val q = modes.maxOf { it.size }
         val values = DoubleArray(modes.size * q * Grid.SIZE)
@@ -142,14 +142,14 @@ internal class Forms(private val files: GoldenFiles) {
 
     /** On the grid what is known every 5 nm, straight between. */
     private fun straight(nodes: DoubleArray): DoubleArray {
-        val grid = Grid.copyWavelengths()
+        val grid = Grid.wavelengths.values
         return DoubleArray(Grid.SIZE) { m ->
             nodes.indices.sumOf { max(0.0, 1.0 - abs(grid[m] - (380.0 + 5 * it)) / 5.0) * nodes[it] }
         }
     }
 
     private fun bells(channels: JsonArray): Tensor {
-        val grid = Grid.copyWavelengths()
+        val grid = Grid.wavelengths.values
         val known = channels.map { channel -> channel.jsonArray.map { numbers(it.jsonArray) } }
         return Tensor(
             DoubleArray(3 * Grid.SIZE) { at ->

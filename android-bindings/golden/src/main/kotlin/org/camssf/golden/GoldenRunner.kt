@@ -182,8 +182,8 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         val shots = case.inputs.getValue("shots").jsonArray.map { frames.means(it.jsonObject) }
         val found = Normalise.all(shots, List(n) { "patch ${it + 1}" }, white)
         return mapOf(
-            "signals" to Tensor(found.copyValues(), shots.size, n, 3),
-            "standard_error" to Tensor(found.copyStandardError(), shots.size, n, 3),
+            "signals" to Tensor(found.sharedValues, shots.size, n, 3),
+            "standard_error" to Tensor(found.sharedError, shots.size, n, 3),
             "used" to usedOf(found),
             "assumptions" to JsonArray(found.assumptions.map { JsonPrimitive(it.code) }),
         )
@@ -286,8 +286,8 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
             "chart_fading" to Tensor.scalar(ssf.chartFading),
             "ssf" to onNodes { ssf.curve(it) },
             "ssf_std" to onNodes { ssf.deviation(it)!! },
-            "predicted" to Tensor(ssf.copyPredicted(), *chart.shape),
-            "gap" to Tensor(ssf.copyGap(), 3),
+            "predicted" to Tensor(ssf.sharedPredicted, *chart.shape),
+            "gap" to Tensor(ssf.sharedGap, 3),
         )
     }
 

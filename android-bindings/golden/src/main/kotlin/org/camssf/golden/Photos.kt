@@ -32,26 +32,26 @@ internal class Photos(private val files: GoldenFiles, private val forms: Forms) 
             "height" to found.height,
             "samples_sha256" to hash(found.samples),
             "cfa" to found.sensor.cfa,
-            "black" to tensor(found.sensor.copyBlack()),
+            "black" to tensor(found.sensor.sharedBlack),
             "white" to found.sensor.white,
             "make" to found.origin.make,
             "model" to found.origin.model,
             "exposure" to found.origin.exposure,
             "iso" to found.origin.iso,
             "orientation" to found.origin.orientation,
-            "color_matrix1" to tensor(found.colours.copyColorMatrix1()),
-            "color_matrix2" to tensor(found.colours.copyColorMatrix2()),
-            "as_shot_neutral" to tensor(found.colours.copyAsShotNeutral()),
+            "color_matrix1" to tensor(found.colours.colorMatrix1?.values),
+            "color_matrix2" to tensor(found.colours.colorMatrix2?.values),
+            "as_shot_neutral" to tensor(found.colours.asShotNeutral?.values),
             "gain_maps" to JsonArray(found.corrections.gainMaps.map { gainMap(it) }),
-            "as_shot_white_xy" to tensor(found.colours.copyAsShotWhiteXY()),
-            "noise_profile" to tensor(found.sensor.copyNoiseProfile()),
+            "as_shot_white_xy" to tensor(found.colours.asShotWhiteXY?.values),
+            "noise_profile" to tensor(found.sensor.noiseProfile?.values),
             "masked_areas" to JsonArray(found.sensor.maskedAreas.map { area(it) }),
             "bad_pixels" to JsonArray(
                 found.corrections.badPixels.map { each ->
                     buildJsonObject {
                         put("list", JsonPrimitive(each.list))
                         put("constant", each.constant?.let { JsonPrimitive(it) } ?: JsonNull)
-                        put("points", JsonArray(each.copyPoints().toList().chunked(2) { whole(it) }))
+                        put("points", JsonArray(each.points.map { it.toInt() }.chunked(2) { whole(it) }))
                         put("areas", JsonArray(each.areas.map { area(it) }))
                     }
                 },
@@ -72,7 +72,7 @@ internal class Photos(private val files: GoldenFiles, private val forms: Forms) 
         put("column_pitch", JsonPrimitive(map.columnPitch))
         put("spacing", JsonArray(listOf(JsonPrimitive(map.spacingV), JsonPrimitive(map.spacingH))))
         put("origin", JsonArray(listOf(JsonPrimitive(map.originV), JsonPrimitive(map.originH))))
-        val gains = map.copyGains().map { JsonPrimitive(it.toDouble()) }
+        val gains = map.gains.map { JsonPrimitive(it) }
         val points = gains.chunked(map.mapPlanes) { JsonArray(it.toList()) }
         put("gains", JsonArray(points.chunked(map.pointsH) { JsonArray(it.toList()) }))
     }
@@ -111,16 +111,16 @@ internal class Photos(private val files: GoldenFiles, private val forms: Forms) 
                     it.value
             }
         }
-            .toMap() + mapOf("black" to Tensor(found.copyBlack(), 3), "saturation" to found.saturation)
+            .toMap() + mapOf("black" to Tensor(found.sharedBlack, 3), "saturation" to found.saturation)
     }
 
     private fun statistics(frame: FrameMeans?, n: Int): Map<String, Tensor?> = mapOf(
-        "mean" to frame?.let { Tensor(it.copyMean(), n, 3) },
-        "standard_error" to frame?.let { Tensor(it.copyStandardError(), n, 3) },
+        "mean" to frame?.let { Tensor(it.sharedMean, n, 3) },
+        "standard_error" to frame?.let { Tensor(it.sharedError, n, 3) },
         "count" to frame?.let { found -> Tensor(DoubleArray(3 * n) { found.sharedCount[it].toDouble() }, n, 3) },
-        "clipped" to frame?.let { Tensor(it.copyClipped(), n, 3) },
-        "dead" to frame?.let { Tensor(it.copyDead(), n, 3) },
-        "gradient" to frame?.let { Tensor(it.copyGradient(), n, 3) },
-        "greens" to frame?.let { Tensor(it.copyGreens(), n, 2) },
+        "clipped" to frame?.let { Tensor(it.sharedClipped, n, 3) },
+        "dead" to frame?.let { Tensor(it.sharedDead, n, 3) },
+        "gradient" to frame?.let { Tensor(it.sharedGradient, n, 3) },
+        "greens" to frame?.let { Tensor(it.sharedGreens, n, 2) },
     )
 }

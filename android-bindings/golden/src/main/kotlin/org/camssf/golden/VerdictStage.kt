@@ -62,7 +62,7 @@ internal class VerdictStage(
             "golden",
             ChartTable.read("classic24").layout,
             List(n) { "patch ${it + 1}" },
-            Grid.wavelengths,
+            Grid.wavelengths.values,
             given("reflectance").values,
             given("chart_tolerance").values,
             18,
@@ -92,7 +92,14 @@ internal class VerdictStage(
         fun answer(of: JsonObject): Ssf {
             fun value(name: String) = forms.resolve(of.getValue(name)).values
             val curves = Ssf.Curves(value("ssf"), std, value("code"), spread, value("predicted"), lamp.values)
-            val ssf = Ssf(curves, proof, DoubleArray(3) { 1.0 }, DoubleArray(3), 1.0, basis, 1.0, choice)
+            val ssf =
+                Ssf(
+                    curves, proof,
+                    DoubleArray(3) {
+                        1.0
+                    },
+                    DoubleArray(3), 1.0, basis, comparison = Ssf.Comparison(choice),
+                )
             return test?.let { ssf.withFamilyTest(it, fading) } ?: ssf
         }
         val verdictInputs = VerdictInputs(

@@ -1,7 +1,7 @@
 package org.camssf.packaging
 
 import kotlinx.coroutines.runBlocking
-import org.camssf.Calibrated
+import org.camssf.Recovered
 import org.camssf.SsfCalibrator
 import org.camssf.colour.RawPixels
 import org.camssf.colour.RawRegion
@@ -24,18 +24,18 @@ internal object Suspending {
         val corners = Corners.of(*words[1].split(",").map { it.toDouble() }.toDoubleArray())
         val shot = Shot(PhotoSource.of(File(words[0])), Lamp.read("D55"), corners)
         val capture = Capture(shot, ChartTable.read("classic24"))
-        val found = SsfCalibrator.open().use { runBlocking { it.calibrate(capture) } }
+        val found = runBlocking { SsfCalibrator.open().use { it.calibrate(capture) } }
         File(words[2]).writeText(found.toJson())
-        if (found is Calibrated) colours(found, File(words[0]))
+        if (found is Recovered) colours(found, File(words[0]))
     }
 
     /** The chart's own white beside itself, and a preview of it. */
-    private fun colours(found: Calibrated, photo: File) {
+    private fun colours(found: Recovered, photo: File) {
         val mosaic = PhotoSource.of(photo).read(null)
-        val area = Region(22, 94, 38, 110)
+        val area = Region.ofSize(left = 22, top = 94, width = 16, height = 16)
         val (white, same) = RawRegion.measure(mosaic, listOf(area, area))
         val standardiser = Standardiser.of(found, Lamp.read("D55"), Reference(white))
-        val lightness = standardiser.colourOf(same).copyLab()[0]
+        val lightness = standardiser.colourOf(same).lab[0]
         val pixels = standardiser.standardise(mosaic, RawPixels.of(area))
         check(abs(lightness - 100) < 0.25 && pixels.all { it.isFinite() }) { "L* of white is $lightness" }
     }

@@ -1,8 +1,8 @@
 package org.camssf.passport
 
 import org.camssf.Grid
+import org.camssf.Rows
 import org.camssf.forms.Fields
-import org.camssf.forms.Numbers
 import org.camssf.photo.DocumentForm
 import org.camssf.photo.MeasuredCapture
 import org.camssf.photo.MeasuredShot
@@ -46,7 +46,7 @@ internal object Excerpt {
             "channel_gain" to answer.array("channel_gain").toList(),
             "gap" to proof.array("gap").toList(),
             "layers_gap" to proof.array("layers_gap").toList(),
-            "finish_steps" to (proof["finish_steps"] as Numbers).nested(whole = true)!!,
+            "finish_steps" to (proof["finish_steps"] as Rows).nested(whole = true)!!,
         )
         excerpt += known("evidence", answer.maybeNumber("evidence"))
         excerpt += known("prior_scale", answer.number("prior_scale").takeIf { it != 1.0 })
@@ -59,7 +59,7 @@ internal object Excerpt {
             "scores" to answer.part("scores").let { scores ->
                 mapOf(
                     "rmsre_percent" to scores.array("rmsre_percent").toList(), "unseen" to scores.text("unseen"),
-                    "rmse" to (scores["rmse"] as Numbers?)?.values?.toList(),
+                    "rmse" to (scores["rmse"] as Rows?)?.values?.toList(),
                     "delta_e00" to scores.number("delta_e00"),
                 )
             },
@@ -78,7 +78,7 @@ internal object Excerpt {
 
     private fun curves(part: Fields): Map<String, Any> =
         COLOURS.associateWith { name -> part.array(name).map { rounded(it) } } +
-            ("wavelength_nm" to Grid.copyWavelengths().toList())
+            ("wavelength_nm" to Grid.wavelengths.values.toList())
 
     private fun rounded(value: Double): Double =
         BigDecimal(value).setScale(DECIMALS, RoundingMode.HALF_EVEN).toDouble()

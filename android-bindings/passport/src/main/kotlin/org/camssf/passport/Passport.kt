@@ -23,7 +23,14 @@ import kotlin.time.Instant
  *
  * Python's `camssf passport` signs and verifies the same documents (docs/passport.md). A signed passport is a compact
  * JWS with ES256; the received bytes are verified without being decoded and written again. Instances are immutable
- * and may be passed between threads.
+ * and may be passed between threads; creating, signing and verifying block, so any thread but the main one.
+ *
+ * ```kotlin
+ * fun sign(result: ByteArray, serial: String, keys: KeyPair): ByteArray =
+ *     Passport.create(result, PassportRequest(CameraUnit(serial = serial), days = 90.0)).sign(keys)
+ *
+ * fun curves(received: ByteArray, signer: PublicKey): String = Passport.verify(received, listOf(signer)).result
+ * ```
  *
  * @property id 32 random hexadecimal digits.
  * @property issued time of issue, in whole seconds like [begins] and [ends].
@@ -164,10 +171,10 @@ public class Passport internal constructor(
         /**
          * Creates an unsigned passport of a result.
          *
-         * @param result the bytes of the file that was written from `Calibrated.toJson`.
+         * @param result the bytes of the file that was written from `Recovered.toJson`.
          * @param said what the signer states in addition to the result; it must not contradict the photos.
          * @param now time of issue.
-         * @param photos photos that the result was made from, of `Calibrated.capture.shots` or from `Photo.read`;
+         * @param photos photos that the result was made from, of `Recovered.capture.shots` or from `Photo.read`;
          *   their metadata give the unit and the time.
          * @throws InvalidArgument the result is invalid or was refused, a statement is impossible, a photo does not
          *   belong to the result, or a photo is from another unit.

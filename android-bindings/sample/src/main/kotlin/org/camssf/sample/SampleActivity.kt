@@ -15,15 +15,14 @@ import androidx.camera.core.Preview
 import androidx.camera.lifecycle.ProcessCameraProvider
 import androidx.camera.view.PreviewView
 import androidx.lifecycle.lifecycleScope
-import kotlinx.coroutines.Dispatchers
 import kotlinx.coroutines.launch
-import kotlinx.coroutines.withContext
-import org.camssf.Calibrated
-import org.camssf.Calibration
 import org.camssf.CalibrationException
-import org.camssf.CalibrationState
+import org.camssf.CalibrationResult
 import org.camssf.Channel
+import org.camssf.Grid
+import org.camssf.Recovered
 import org.camssf.Refused
+import org.camssf.RunState
 import org.camssf.SsfCalibrator
 import org.camssf.camerax.ChartCamera
 import org.camssf.photo.Capture
@@ -100,7 +99,7 @@ class SampleActivity : ComponentActivity() {
                 val all = shots + Shot(camera.takeDng(capture, file), corners)
                 val found = calibrate(all)
                 shots.clear()
-                val doubtful = found is Calibrated && found.verdict.outcome == Status.DOUBTFUL
+                val doubtful = found is Recovered && found.verdict.outcome == Status.DOUBTFUL
                 if (doubtful && all.size < MOST_SHOTS) {
                     shots += all
                 } else {
@@ -114,33 +113,30 @@ class SampleActivity : ComponentActivity() {
         }
     }
 
-    private suspend fun calibrate(shots: List<Shot>): Calibration {
-        val calibrator = withContext(Dispatchers.Default) { SsfCalibrator.open() }
-        return calibrator.use {
-            lateinit var found: Calibration
-            it.calibrationFlow(Capture(shots, ChartTable.read("classic24"))).collect { state ->
-                when (state) {
-                    is CalibrationState.Running -> text.text = "${(100 * state.progress.part).toInt()} %"
-                    is CalibrationState.Finished -> found = state.calibration
-                }
+    private suspend fun calibrate(shots: List<Shot>): CalibrationResult = SsfCalibrator.open().use {
+        lateinit var found: CalibrationResult
+        it.calibrationFlow(Capture(shots, ChartTable.read("classic24"))).collect { state ->
+            when (state) {
+                is RunState.Running -> text.text = "${(100 * state.progress.part).toInt()} %"
+                is RunState.Finished -> found = state.result
             }
-            found
         }
+        found
     }
 
-    private fun words(found: Calibration): String = when (found) {
-        is Calibrated -> "${found.verdict.outcome.word}\n${peaks(found)}${advice(found)}"
+    private fun words(found: CalibrationResult): String = when (found) {
+        is Recovered -> "${found.verdict.outcome.word}\n${peaks(found)}${advice(found)}"
         is Refused -> "${found.error.message} ${found.error.advice}"
     }
 
-    private fun peaks(found: Calibrated) = Channel.entries.joinToString("\n") { channel ->
-        val curve = found.ssf.curve(channel)
-        val peak = 380 + 0.5 * curve.indices.maxByOrNull { curve[it] }!!
+    private fun peaks(found: Recovered) = Channel.entries.joinToString("\n") { channel ->
+        val curve = found.curve(channel)
+        val peak = Grid.wavelengths.maxByOrNull { curve.at(it) }
         String.format(Locale.ROOT, "%s: peak at %.0f nm", channel.name.lowercase(Locale.ROOT), peak)
     }
 
     /** What to do next, for example one more photo in another light; empty if the answer was accepted. */
-    private fun advice(found: Calibrated) = found.verdict.reasons.joinToString("") { "\n${it.advice}" }
+    private fun advice(found: Recovered) = found.verdict.reasons.joinToString("") { "\n${it.advice}" }
 
     private companion object {
         const val CAMERA = 1

@@ -86,7 +86,7 @@ internal class CornersView(context: Context) : View(context) {
             val (width, height) = mosaic.width / step to mosaic.height / step
             val colors = IntArray(width * height)
             val green = mosaic.sensor.cfa.indexOf('G')
-            val black = mosaic.sensor.copyBlack()[green]
+            val black = mosaic.sensor.black[green / 2, green % 2]
             val range = mosaic.sensor.white - black
             for (y in 0 until height) {
                 for (x in 0 until width) {

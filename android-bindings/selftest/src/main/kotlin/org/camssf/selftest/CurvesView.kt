@@ -7,8 +7,9 @@ import android.graphics.Paint
 import android.graphics.Path
 import android.view.View
 import org.camssf.Channel
+import org.camssf.Curve
 import org.camssf.Grid
-import org.camssf.recovery.Ssf
+import org.camssf.Recovered
 
 /** Draws three curves from 380 to 720 nm, each with peak 1, with their 95 % bands. */
 internal class CurvesView(context: Context) : View(context) {
@@ -16,7 +17,7 @@ internal class CurvesView(context: Context) : View(context) {
     private val path = Path()
 
     /** The curves to draw; null leaves the frame empty. */
-    var ssf: Ssf? = null
+    var result: Recovered? = null
         set(value) {
             field = value
             invalidate()
@@ -36,11 +37,11 @@ internal class CurvesView(context: Context) : View(context) {
             canvas.drawLine(x, 0f, x, height.toFloat(), paint)
         }
         canvas.drawLine(0f, y(0.0), width.toFloat(), y(0.0), paint)
-        val ssf = ssf ?: return
+        val result = result ?: return
         for (channel in Channel.entries) {
             val color = COLORS[channel.ordinal]
-            val curve = ssf.curve(channel)
-            ssf.band(channel)?.let { band -> area(canvas, curve, band, color) }
+            val curve = result.curve(channel)
+            result.band(channel)?.let { band -> area(canvas, curve, band, color) }
             path.reset()
             curve.forEachIndexed { i, value -> line(i, value) }
             paint.style = Paint.Style.STROKE
@@ -50,10 +51,10 @@ internal class CurvesView(context: Context) : View(context) {
         }
     }
 
-    private fun area(canvas: Canvas, curve: DoubleArray, band: DoubleArray, color: Int) {
+    private fun area(canvas: Canvas, curve: Curve, band: Curve, color: Int) {
         path.reset()
-        for (i in curve.indices) line(i, curve[i] + band[i])
-        for (i in curve.indices.reversed()) line(i, curve[i] - band[i])
+        for (i in 0 until curve.size) line(i, curve[i] + band[i])
+        for (i in curve.size - 1 downTo 0) line(i, curve[i] - band[i])
         path.close()
         paint.style = Paint.Style.FILL
         paint.color = color and 0xffffff or (0x30 shl 24)

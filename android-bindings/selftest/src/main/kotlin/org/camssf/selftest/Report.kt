@@ -1,6 +1,6 @@
 package org.camssf.selftest
 
-import org.camssf.Calibration
+import org.camssf.CalibrationResult
 import org.camssf.colour.StandardColour
 import org.camssf.golden.GoldenRunner
 import org.camssf.golden.Outcome
@@ -33,7 +33,7 @@ internal class Report(private val device: Map<String, String>) {
     }
 
     /** Adds a result, the time that it took, ms, and the memory use afterwards, bytes (see [Memory]). */
-    fun calibration(found: Calibration, milliseconds: Long, memory: Map<String, Long>) {
+    fun calibration(found: CalibrationResult, milliseconds: Long, memory: Map<String, Long>) {
         calibration = JSONObject()
             .put("milliseconds", milliseconds)
             .put("memory", JSONObject(memory))
@@ -47,7 +47,7 @@ internal class Report(private val device: Map<String, String>) {
 
     /** Adds the standard colour of a tapped spot, without its position. */
     fun colour(found: StandardColour) {
-        colours.put(JSONObject().put("lab", JSONArray(found.copyLab().toList())))
+        colours.put(JSONObject().put("lab", JSONArray(found.lab.toList())))
     }
 
     /** The report as JSON, "camssf-selftest/1". */

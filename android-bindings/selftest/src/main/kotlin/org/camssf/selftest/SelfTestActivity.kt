@@ -11,9 +11,10 @@ import android.widget.LinearLayout
 import android.widget.ScrollView
 import android.widget.Spinner
 import android.widget.TextView
-import org.camssf.Calibrated
-import org.camssf.Calibration
 import org.camssf.CalibrationException
+import org.camssf.CalibrationOptions
+import org.camssf.CalibrationResult
+import org.camssf.Recovered
 import org.camssf.Refused
 import org.camssf.SsfCalibrator
 import org.camssf.camera2.Photos
@@ -123,13 +124,14 @@ public class SelfTestActivity : Activity() {
             val photo = PhotoSource.dng { Nameless(Photos.open(contentResolver, uri)) }
             val light = if (lamp == UNNAMED) Lamp.auto() else Lamp.read(lamp)
             val capture = Capture(Shot(photo, light, corners), ChartTable.read(chart))
-            val found = SsfCalibrator.open().use { it.calibrateBlocking(capture) { progress -> tell("$progress") } }
+            val options = CalibrationOptions.Builder().progress { tell("$it") }.build()
+            val found = SsfCalibrator.openBlocking().use { it.calibrateBlocking(capture, options) }
             val time = (System.nanoTime() - start) / 1_000_000
             val memory = Memory.now()
-            val spot = (found as? Calibrated)?.let { Spot(mosaic, corners, ChartTable.read(chart), it, lamp) }
+            val spot = (found as? Recovered)?.let { Spot(mosaic, corners, ChartTable.read(chart), it, lamp) }
             post {
                 report.calibration(found, time, memory)
-                curves.ssf = (found as? Calibrated)?.ssf
+                curves.result = found as? Recovered
                 tell(words(found, time))
                 if (spot != null) this.corners.pick { colour(spot, it) }
             }
@@ -144,9 +146,9 @@ public class SelfTestActivity : Activity() {
         }
     }
 
-    private fun words(found: Calibration, time: Long): String {
+    private fun words(found: CalibrationResult, time: Long): String {
         val head = when (found) {
-            is Calibrated -> "${found.verdict.outcome.word}, $time ms"
+            is Recovered -> "${found.verdict.outcome.word}, $time ms"
             is Refused -> "refused, $time ms"
         }
         val reasons = found.verdict.reasons.map { "${it.code}: ${it.message} ${it.advice}" }

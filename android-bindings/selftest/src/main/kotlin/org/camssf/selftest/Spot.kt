@@ -1,7 +1,7 @@
 package org.camssf.selftest
 
-import org.camssf.Calibrated
 import org.camssf.InvalidArgument
+import org.camssf.Recovered
 import org.camssf.colour.RawRegion
 import org.camssf.colour.Reference
 import org.camssf.colour.StandardColour
@@ -23,7 +23,7 @@ internal class Spot(
     private val mosaic: Mosaic,
     corners: Corners,
     chart: ChartTable,
-    found: Calibrated,
+    found: Recovered,
     lamp: String,
 ) {
     private val standardiser: Standardiser
@@ -45,7 +45,7 @@ internal class Spot(
         if (left < 0 || top < 0 || left + SIDE > mosaic.width || top + SIDE > mosaic.height) {
             throw InvalidArgument("The spot reaches beyond the photo.", "Tap further inside.")
         }
-        return Region(left, top, left + SIDE, top + SIDE)
+        return Region.ofSize(left, top, width = SIDE, height = SIDE)
     }
 
     companion object {
@@ -56,7 +56,7 @@ internal class Spot(
 
         /** A colour as one line for the screen. */
         fun words(colour: StandardColour): String {
-            val (l, a, b) = colour.copyLab().map { (10 * it).roundToInt() / 10.0 }
+            val (l, a, b) = colour.lab.map { (10 * it).roundToInt() / 10.0 }
             return "L* $l, a* $a, b* $b, relative to the lamp"
         }
     }

@@ -82,7 +82,7 @@ class SelfTestActivityTest {
             picture.dispatchTouchEvent(up)
         }
         waitFor(views, "accepted, ")
-        assertEquals(681, views.filterIsInstance<CurvesView>().single().ssf!!.curve(Channel.RED).size)
+        assertEquals(681, views.filterIsInstance<CurvesView>().single().result!!.curve(Channel.RED).size)
         // From now on taps are spots: the white patch, itself the reference, has a white's 0.9.
         val white = ChartPose.refine(
             DngReader.read(DngSource.of(photo)),
@@ -224,7 +224,8 @@ class SelfTestActivityTest {
     fun `the picture shows green from black to white`() {
         val samples = ShortArray(16) { if (it % 4 < 2) 64 else 1023 }
         val sensor = Mosaic.Sensor("GRBG", DoubleArray(4) { 64.0 }, 1023.0)
-        val mosaic = Mosaic(Mosaic.Origin("m"), 4, 4, Region(0, 0, 4, 4), samples, sensor)
+        val mosaic =
+            Mosaic(Mosaic.Origin("m"), 4, 4, Region.ofSize(left = 0, top = 0, width = 4, height = 4), samples, sensor)
         val picture = CornersView.thumbnail(mosaic, 2)
         assertEquals(listOf(2, 2), listOf(picture.width, picture.height))
         assertEquals(0xff000000.toInt(), picture.getPixel(0, 0))

@@ -1,15 +1,18 @@
 package org.camssf.testing
 
-import org.camssf.Calibrated
 import org.camssf.CalibrationException
+import org.camssf.Camssf
 import org.camssf.Grid
 import org.camssf.InvalidArgument
 import org.camssf.Nodes
+import org.camssf.Recovered
 import org.camssf.Refused
-import org.camssf.documents.Predictions
+import org.camssf.Rows
+import org.camssf.documents.Provenance
 import org.camssf.documents.Solution
-import org.camssf.documents.Uncertainty
+import org.camssf.fit.Predictions
 import org.camssf.fit.Scores
+import org.camssf.fit.Uncertainty
 import org.camssf.photo.Assumption
 import org.camssf.photo.MeasuredCapture
 import org.camssf.photo.Normalise
@@ -25,7 +28,11 @@ import org.camssf.verdict.Verdict
  * Fake results without a calibration, for an app's own tests of its screens and files: an answer, a doubtful answer
  * and a refusal.
  *
- * No model runs, and ONNX Runtime is not needed. A fake answer states in its assumptions that it is a fake.
+ * ```kotlin
+ * val results = listOf(Fakes.recovered(), Fakes.recovered(listOf("glare")), Fakes.refused(Glare("Too bright.", "Move.")))
+ * ```
+ *
+ * Threads: any. No model runs, and ONNX Runtime is not needed. A fake answer states in its assumptions that it is a fake.
  */
 public object Fakes {
     /** Code of the assumption that every fake answer has. */
@@ -33,25 +40,33 @@ public object Fakes {
 
     private const val BASIS = "phones"
     private const val BAND = 0.02
+    private val NO_HASH = "0".repeat(64)
+
+    /** An accepted answer, of the mean curves of the phones. */
+    @JvmStatic
+    public fun recovered(): Recovered = recovered(emptyList())
+
+    /** The same, doubtful for reasons of these codes. */
+    @JvmStatic
+    public fun recovered(doubts: List<String>): Recovered = recovered(doubts, null)
 
     /**
      * An answer: the mean curves of the phones, with a band of 2 % of the peak, on the signals of [SampleCapture].
      *
      * @param doubts codes of the reasons for which it is doubtful; empty for an accepted answer.
-     * @param curves (681, 3) other curves, row-major, on [Grid], any scale.
+     * @param curves (681, 3) other curves, row-major, on [Grid], any scale; null for these.
      * @throws InvalidArgument the curves have another size, or do not respond to white.
      */
     @JvmStatic
-    @JvmOverloads
-    public fun calibrated(doubts: List<String> = emptyList(), curves: DoubleArray? = null): Calibrated {
+    public fun recovered(doubts: List<String>, curves: DoubleArray?): Recovered {
         val shot = SampleCapture.measured()
         val capture = MeasuredCapture(listOf(shot), SampleCapture.chart(), null)
         val table = capture.chart
         val signals = Normalise.all(listOf(shot.means), table.patches, table.white)
         val white = table.reflectance(table.white)
-        val lamp = shot.lamp.copyValues()
+        val lamp = shot.lamp.sharedValues
         val values = scaled(curves ?: mean(), DoubleArray(Grid.SIZE) { white[it] * lamp[it] * Grid.STEP })
-        val predicted = predictSignals(values, table.copyValues(), lamp, white)
+        val predicted = predictSignals(values, table.sharedValues, lamp, white)
         val r = BasisConstants.of(BASIS)!!.atoms
         val peaks = List(3) { c -> (0 until Grid.SIZE).maxOf { values[3 * it + c] } }
         val ssf = Ssf(
@@ -69,7 +84,9 @@ public object Fakes {
             0.0,
             BASIS,
         )
-        val used = BooleanArray(signals.patches) { true }
+        val n = signals.patches
+        val used = BooleanArray(n) { true }
+        val all = Rows(predicted, 1, n, 3)
         val scores = Scores.of(signals, predicted, table, listOf(shot.lamp), used, "a fake's own patches")
         val reasons = doubts.map {
             Reason(it, "A doubt called $it.", "It is a fake: nothing is to be done.", null, null)
@@ -79,13 +96,14 @@ public object Fakes {
             capture,
             signals,
             ssf,
-            Predictions(DoubleArray(predicted.size / 3) { 1.0 }, null, predicted, null),
+            Predictions(used, Rows(DoubleArray(n) { 1.0 }, 1, n), all, null, all, null),
             scores,
             Verdict(status, reasons),
             signals.assumptions + Assumption(FAKE, "Made by camssf-testing: these are no camera's curves."),
             Uncertainty(ssf.halfWidth, ssf.halfWidthWithoutPhoto, emptyList(), emptyList()),
         )
-        return Calibrated(solution, "0".repeat(64), "0".repeat(64))
+        val provenance = Provenance(Camssf.VERSION, "onnx", NO_HASH, NO_HASH, emptyMap())
+        return Recovered(capture, solution.answer(), solution.verdict, solution.assumptions, provenance)
     }
 
     /**
@@ -98,7 +116,8 @@ public object Fakes {
         val reason = Reason(error.code, error.message, error.advice, error.value, error.threshold, fatal = true)
         val shot = SampleCapture.measured()
         val partial = PartialCapture(SampleCapture.chart(), listOf(shot.lamp), listOf(shot))
-        return Refused(error, Verdict(Status.REFUSED, listOf(reason)), partial)
+        val provenance = Provenance(Camssf.VERSION, null, null, null, emptyMap())
+        return Refused(error, Verdict(Status.REFUSED, listOf(reason)), provenance, partial)
     }
 
     private fun mean(): DoubleArray {

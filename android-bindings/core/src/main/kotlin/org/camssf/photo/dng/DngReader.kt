@@ -30,9 +30,11 @@ public object DngReader {
      * level are on that scale. A black level with a repeat pattern larger than 2 × 2, or with row and column deltas
      * (tags 50713 to 50716), is averaged for each cell position.
      *
+     * Threads: any but the main one.
+     *
      * @param source stays open; the caller closes it. It is read by one thread.
-     * @param region decode only this part of the active area, clipped to it, that is, only the strips and tiles that
-     *   it touches. Damage in others is then not detected.
+     * @param region null for all; else decode only this part of the active area, clipped to it, that is, only the
+     *   strips and tiles that it touches. Damage in others is then not detected.
      * @throws UnreadableRaw truncated, damaged, or not a raw file at all.
      * @throws UnsupportedRaw an intact raw file that is no DNG, or a DNG in a form that camssf does not read.
      * @throws NotSensorRaw LinearRaw, that is, already demosaiced.
@@ -41,14 +43,18 @@ public object DngReader {
      * @throws InterruptedException the thread is interrupted; the flag is cleared.
      */
     @JvmStatic
-    @JvmOverloads
     @Throws(InterruptedException::class)
-    public fun read(source: DngSource, region: Region? = null): Mosaic = bounded(source, region) {
+    public fun read(source: DngSource, region: Region?): Mosaic = bounded(source, region) {
         val head = Head(Tiff(source), region)
         val window = Window(head.wanted, head.table)
         head.decode(window)
         head.facts().mosaic(head.part, window.samples)
     }
+
+    /** As the other `read`: the whole active area. */
+    @JvmStatic
+    @Throws(InterruptedException::class)
+    public fun read(source: DngSource): Mosaic = read(source, null)
 
     /**
      * The metadata that [read] returns, without the samples.

@@ -79,6 +79,10 @@ public interface DngSource : Closeable {
             return ChannelSource(channel, size, name)
         }
 
+        /** As the other `of`, of at most [STREAM_LIMIT] bytes. */
+        @JvmStatic
+        public fun of(stream: InputStream, name: String): DngSource = of(stream, name, STREAM_LIMIT)
+
         /**
          * A source of a stream, which is read to its end here and left open.
          *
@@ -86,9 +90,7 @@ public interface DngSource : Closeable {
          * @throws UnreadableRaw reading the stream fails.
          * @throws UnsupportedRaw the stream is longer than `limit`.
          */
-        @JvmStatic
-        @JvmOverloads
-        public fun of(stream: InputStream, name: String, limit: Long = STREAM_LIMIT): DngSource {
+        internal fun of(stream: InputStream, name: String, limit: Long): DngSource {
             val found = Grown()
             val chunk = ByteArray(1 shl 16)
             try {

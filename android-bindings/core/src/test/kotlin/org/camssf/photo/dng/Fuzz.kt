@@ -105,7 +105,7 @@ internal class Fuzz(private val corpus: List<ByteArray> = Variants.all.map { it.
                 "seed $seed: samples are missing"
             }
             val sensor = found.sensor
-            val levels = sensor.copyBlack() + sensor.white
+            val levels = sensor.sharedBlack + sensor.white
             check(levels.all { it.isFinite() } && sensor.white > 0) { "seed $seed: levels are no numbers" }
             read++
         } catch (error: RawError) {

@@ -81,7 +81,7 @@ class JudgesTest {
             assertEquals(verdict("real", real.name, "libraw"), digest(found))
             assertEquals(listOf(real.width, real.height), listOf(found.width, found.height))
             assertEquals(real.cfa, found.sensor.cfa)
-            assertArrayEquals(DoubleArray(4) { real.black }, found.sensor.copyBlack())
+            assertArrayEquals(DoubleArray(4) { real.black }, found.sensor.sharedBlack)
             assertEquals(real.white, found.sensor.white)
         }
     }

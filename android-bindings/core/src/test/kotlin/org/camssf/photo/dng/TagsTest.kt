@@ -30,16 +30,16 @@ class TagsTest {
     @Test
     fun aSilentFileHasDefaults() {
         val found = read(bits = 10)
-        assertArrayEquals(DoubleArray(4), found.sensor.copyBlack())
+        assertArrayEquals(DoubleArray(4), found.sensor.sharedBlack)
         assertEquals(1023.0, found.sensor.white)
         assertEquals(1, found.origin.orientation)
         assertEquals("Maker", found.origin.make)
         assertEquals("Model 1", found.origin.model)
-        with(found.colours) { listOf(copyColorMatrix1(), copyColorMatrix2(), copyAsShotNeutral()) }
+        with(found.colours) { listOf(colorMatrix1, colorMatrix2, asShotNeutral) }
             .forEach { assertNull(it) }
         assertEquals(null to null, found.origin.exposure to found.origin.iso)
-        assertNull(found.colours.copyAsShotWhiteXY())
-        assertNull(found.sensor.copyNoiseProfile())
+        assertNull(found.colours.asShotWhiteXY?.values)
+        assertNull(found.sensor.noiseProfile?.values)
         val corrections = found.corrections
         assertEquals(emptyList<Any>(), corrections.gainMaps + corrections.badPixels)
         assertTrue(found.sensor.maskedAreas.isEmpty())
@@ -75,13 +75,13 @@ class TagsTest {
     @Test
     fun blackOfEachPosition() {
         val tags: Tags = mapOf(50713 to Value.short(2, 2), 50714 to Value.rational(256, 1, 1025, 4, 2060, 8, 259, 1))
-        assertArrayEquals(doubleArrayOf(256.0, 256.25, 257.5, 259.0), read(tags).sensor.copyBlack())
-        val black = read(tags + area(1, 3, 20, 20)).sensor.copyBlack()
+        assertArrayEquals(doubleArrayOf(256.0, 256.25, 257.5, 259.0), read(tags).sensor.sharedBlack)
+        val black = read(tags + area(1, 3, 20, 20)).sensor.sharedBlack
         assertArrayEquals(doubleArrayOf(256.0, 256.25, 257.5, 259.0), black)
-        assertArrayEquals(DoubleArray(4) { 64.0 }, read(mapOf(50714 to Value.short(64))).sensor.copyBlack())
+        assertArrayEquals(DoubleArray(4) { 64.0 }, read(mapOf(50714 to Value.short(64))).sensor.sharedBlack)
         val rows: Tags = mapOf(50713 to Value.short(2, 1), 50714 to Value.long(60, 70))
         val sensor = read(rows, order = ByteOrder.BIG_ENDIAN).sensor
-        assertArrayEquals(doubleArrayOf(60.0, 60.0, 70.0, 70.0), sensor.copyBlack())
+        assertArrayEquals(doubleArrayOf(60.0, 60.0, 70.0, 70.0), sensor.sharedBlack)
     }
 
     @Test
@@ -91,7 +91,7 @@ class TagsTest {
             val numbers = IntArray(rows * columns) { 500 + (37 * it * it) % 91 }
             val tags: Tags = mapOf(50713 to Value.short(rows, columns), 50714 to Value.short(*numbers))
             val pattern = Array(rows) { y -> DoubleArray(columns) { x -> numbers[y * columns + x].toDouble() } }
-            assertArrayEquals(blackByBruteForce(24, 24, pattern, none, none), read(tags).sensor.copyBlack(), 1e-12)
+            assertArrayEquals(blackByBruteForce(24, 24, pattern, none, none), read(tags).sensor.sharedBlack, 1e-12)
         }
         val across = IntArray(18) { (5 * it) % 7 - 3 }
         val down = IntArray(20) { (3 * it) % 11 - 4 }
@@ -104,7 +104,7 @@ class TagsTest {
         val expected = blackByBruteForce(
             18, 20, hundred, DoubleArray(18) { across[it] / 2.0 }, DoubleArray(20) { down[it] / 4.0 },
         )
-        assertArrayEquals(expected, read(tags).sensor.copyBlack(), 1e-12)
+        assertArrayEquals(expected, read(tags).sensor.sharedBlack, 1e-12)
     }
 
     @Test
@@ -134,11 +134,11 @@ class TagsTest {
             assertEquals("Acme", found.origin.make)
             assertEquals("Fön 7", found.origin.model)
             assertEquals(6, found.origin.orientation)
-            assertArrayEquals(DoubleArray(9) { matrix[it] / 10.0 }, found.colours.copyColorMatrix1())
-            assertArrayEquals(DoubleArray(9) { -matrix[it] / 8.0 }, found.colours.copyColorMatrix2())
-            assertArrayEquals(doubleArrayOf(0.5, 1.0, 0.625), found.colours.copyAsShotNeutral())
-            assertArrayEquals(doubleArrayOf(0.3127, 0.329), found.colours.copyAsShotWhiteXY())
-            assertArrayEquals(doubleArrayOf(2e-4, 1e-6), found.sensor.copyNoiseProfile())
+            assertArrayEquals(DoubleArray(9) { matrix[it] / 10.0 }, found.colours.colorMatrix1?.values)
+            assertArrayEquals(DoubleArray(9) { -matrix[it] / 8.0 }, found.colours.colorMatrix2?.values)
+            assertArrayEquals(doubleArrayOf(0.5, 1.0, 0.625), found.colours.asShotNeutral?.values)
+            assertArrayEquals(doubleArrayOf(0.3127, 0.329), found.colours.asShotWhiteXY?.values)
+            assertArrayEquals(doubleArrayOf(2e-4, 1e-6), found.sensor.noiseProfile?.values)
             assertEquals(1 / 125.0, found.origin.exposure)
             assertEquals(400.0, found.origin.iso)
         }
@@ -162,8 +162,8 @@ class TagsTest {
         )
         val (day, bulb) = read(first = first).colours.colourMatrices
         assertEquals(listOf("D65", "A"), listOf(day.light, bulb.light))
-        assertArrayEquals(doubleArrayOf(0.5 * 0.950430, 1.0, 2 * 1.088806), day.copyWhite(), 1e-5)
-        assertArrayEquals(doubleArrayOf(1.098490, 1.0, 6 * 0.355798), bulb.copyWhite(), 1e-5)
+        assertArrayEquals(doubleArrayOf(0.5 * 0.950430, 1.0, 2 * 1.088806), day.sharedWhite, 1e-5)
+        assertArrayEquals(doubleArrayOf(1.098490, 1.0, 6 * 0.355798), bulb.sharedWhite, 1e-5)
         val other = read(first = first + (50778 to Value.short(255)) + (50779 to Value.short(0)))
         assertTrue(other.colours.colourMatrices.isEmpty())
         assertEquals(
@@ -267,9 +267,9 @@ class TagsTest {
             assertEquals(listOf(2, 3, 1), listOf(shading.pointsV, shading.pointsH, shading.mapPlanes))
             assertEquals(listOf(1.0, 0.5), listOf(shading.spacingV, shading.spacingH))
             assertEquals(listOf(0.0, 0.25), listOf(shading.originV, shading.originH))
-            assertArrayEquals(floatArrayOf(1f, 1.5f, 2f, 1.25f, 1.75f, 2.5f), shading.copyGains())
+            assertArrayEquals(doubleArrayOf(1.0, 1.5, 2.0, 1.25, 1.75, 2.5), shading.gains.values)
             val (listed, valued) = found.corrections.badPixels
-            assertArrayEquals(intArrayOf(3, 4, 5, 6), listed.copyPoints())
+            assertArrayEquals(doubleArrayOf(3.0, 4.0, 5.0, 6.0), listed.points.values)
             assertEquals(listOf(Region(11, 10, 13, 12)), listed.areas)
             assertEquals(1, listed.list)
             assertEquals(77, valued.constant)

@@ -61,11 +61,11 @@ class VariantsTest {
         assertTrue(odd.map { it.writer.cfa }.toSet().size == 4)
         for (variant in odd) {
             val cfa = variant.writer.cfa
-            val (left, top) = variant.area
+            val (left, top) = variant.area.left to variant.area.top
             val shifted = (0..3).map { colour(cfa, left + it % 2, top + it / 2) }.joinToString("")
             assertNotEquals(shifted, read(variant).sensor.cfa, variant.name)
         }
-        val black = Variants.all.filter { it.name.startsWith("talkative") }.map { read(it).sensor.copyBlack() }
+        val black = Variants.all.filter { it.name.startsWith("talkative") }.map { read(it).sensor.sharedBlack }
         assertEquals(2, black.size)
         for (levels in black) {
             assertTrue(levels.all { it > 1 } && levels.toSet().size == 4, levels.joinToString())
