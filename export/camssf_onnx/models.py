@@ -19,8 +19,9 @@ from camssf.recovery.model import M, learned_model, paper_model
 from camssf.recovery.onnx_model import VOCABULARY
 from camssf.recovery.pivoting import finish_steps
 from camssf.spectra.bundled import SURFACE_NODES
-from camssf_colour.posterior import LinearResponse, components_of, posterior_of
+from camssf_colour.posterior import Components, LinearResponse, components_of, means_of, posterior_of
 from camssf_colour.response import SOURCES
+from camssf_colour.surface_prior import SurfacePrior
 from camssf_onnx.graph import Graph, info
 from camssf_onnx.sizes import Dim
 from camssf_onnx.tracer import Array, Tracer
@@ -128,40 +129,76 @@ def build_misfit() -> onnx.ModelProto:
     return traced("camssf-misfit", OF_MISFIT | {"explain": []}, function)
 
 
-OF_SURFACES: dict[str, list[str | int]] = {
-    "y": ["c"],
-    "error": ["c"],
+J = SURFACE_NODES.size
+OF_PRIOR: dict[str, list[str | int]] = {
     "log_weights": ["n"],
-    "shapes": ["n", SURFACE_NODES.size],
-    "covariances": ["n", SURFACE_NODES.size, SURFACE_NODES.size],
-    "signals": ["c", SURFACE_NODES.size],
-    "outputs": ["p", SURFACE_NODES.size],
+    "shapes": ["n", J],
+    "variances": ["n", "v"],
+    "shared": ["v", J, J],
+    "changes": ["q", J],
 }
-"""Shapes of a surface's signals, of the prior and of the response; its errors have inputs of their own by source."""
+"""Shapes of a prior of surfaces."""
+OF_RESPONSE: dict[str, list[str | int]] = {"signals": ["c", J], "outputs": ["p", J]} | {
+    f"{source}_{what}": [source, size, J] for source in SOURCES for what, size in (("signals", "c"), ("outputs", "u"))
+}
+"""Shapes of a linear response; its errors have inputs of their own by source."""
+OF_COMPONENTS: dict[str, list[str | int]] = {
+    "log_weights": ["n"],
+    "scale": ["n"],
+    "variances": ["n", "v"],
+    "shared": ["v", "r", "r"],
+    "changes": ["n", "q", "r"],
+    "expected": ["n", "r"],
+    "of_level": ["n", "r"],
+    "crossed": ["n", "r", "c"],
+    "prior_variance": ["p"],
+} | {source: ["n", "e", "e"] for source in SOURCES}
+"""Shapes of `Components`."""
+COMPONENT = "component "
+"""Before these names, where one model gives them and another takes them."""
+COMPONENTS = {COMPONENT + name: shape for name, shape in OF_COMPONENTS.items()}
 
 
-def build_surfaces() -> onnx.ModelProto:
-    """The model of `camssf_colour.posterior.posterior_of`. It is not shipped before a host runs it."""
-    moves: dict[str, list[str | int]] = {}
-    for source in SOURCES:
-        moves |= {f"{source}_signals": [source, "c", SURFACE_NODES.size]}
-        moves |= {f"{source}_outputs": [source, 6, SURFACE_NODES.size]}
+def build_components() -> onnx.ModelProto:
+    """The model of `camssf_colour.posterior.components_of`: a prior as a response sees it."""
 
     def function(inputs: dict[str, Array]) -> dict[str, Array]:
-        xp, sources = inputs["y"].xp, {}
+        xp, sources = inputs["signals"].xp, {}
         start: Any = 0
         for source in SOURCES:
             stop = start + inputs[f"{source}_signals"].shape[0]
             sources[source], start = slice(start, stop), stop
-        signal_moves, output_moves = (
-            xp.concat([inputs[f"{source}_{what}"] for source in SOURCES], axis=0) for what in ("signals", "outputs")
-        )
-        response = LinearResponse(inputs["signals"], signal_moves, inputs["outputs"], output_moves, sources)
-        components = components_of(inputs["log_weights"], inputs["shapes"], inputs["covariances"], response)
-        outputs = vars(posterior_of(components, response, inputs["y"], inputs["error"])).copy()
-        return outputs | {f"by {name}": part for name, part in outputs.pop("parts").items()}
+        moves = [xp.concat([inputs[f"{source}_{what}"] for source in SOURCES]) for what in ("signals", "outputs")]
+        response = LinearResponse(inputs["signals"], moves[0], inputs["outputs"], moves[1], sources)
+        components = components_of(SurfacePrior("", **{name: inputs[name] for name in OF_PRIOR}), response)
+        outputs = vars(components).copy()
+        return {COMPONENT + name: array for name, array in (outputs | outputs.pop("errors")).items()}
 
-    return traced("camssf-surfaces", OF_SURFACES | moves, function)
+    return traced("camssf-components", OF_PRIOR | OF_RESPONSE, function)
+
+
+def build_surface() -> onnx.ModelProto:
+    """The model of `posterior_of`: one surface."""
+
+    def function(inputs: dict[str, Array]) -> dict[str, Array]:
+        outputs = vars(posterior_of(_components(inputs), inputs["y"], inputs["error"])).copy()
+        return outputs | outputs.pop("parts")
+
+    return traced("camssf-surface", COMPONENTS | {"y": ["c"], "error": ["c"]}, function)
+
+
+def build_pixels() -> onnx.ModelProto:
+    """The model of `means_of`: many exact signals."""
+
+    def function(inputs: dict[str, Array]) -> dict[str, Array]:
+        return {"means": means_of(_components(inputs), inputs["z"])}
+
+    return traced("camssf-pixels", COMPONENTS | {"z": ["b", "m", "c"]}, function)
+
+
+def _components(inputs: dict[str, Array]) -> Components:
+    arrays = {name: inputs[COMPONENT + name] for name in OF_COMPONENTS}
+    return Components(errors={name: arrays.pop(name) for name in SOURCES}, **arrays)
 
 
 def _described(model: onnx.ModelProto, metadata: dict[str, str]) -> onnx.ModelProto:

@@ -102,6 +102,14 @@ def chosen(condition: Array, arrays: Sequence[Array]) -> list[Array]:
     return [x[condition] for x in arrays]
 
 
+def each_block(function: Callable[[Array], Array], x: Array) -> Array:
+    """The function of every entry of the first axis, stacked along it: the model holds one at a time."""
+    xp = namespace(x)
+    if not isinstance(xp, ModuleType):
+        return xp.each_block(function, x)
+    return xp.stack([function(x[i, ...]) for i in range(x.shape[0])])
+
+
 def whiten(sigma: Array, columns: Array, panel: int = 6) -> tuple[Array, Array]:
     """L⁻¹ columns (..., N, p), with Σ = L Lᵀ (..., N, N), and ln det Σ (...); Σ⁻¹ would lose twice the digits.
 
