@@ -19,8 +19,9 @@ from camssf.recovery.model import M, learned_model, paper_model
 from camssf.recovery.onnx_model import VOCABULARY
 from camssf.recovery.pivoting import finish_steps
 from camssf.spectra.bundled import SURFACE_NODES
+from camssf_colour.light import LitCamera, condition
 from camssf_colour.posterior import Components, LinearResponse, components_of, means_of, posterior_of
-from camssf_colour.response import SOURCES
+from camssf_colour.response import SOURCES, Viewed, response_of
 from camssf_colour.surface_prior import SurfacePrior
 from camssf_onnx.graph import Graph, info
 from camssf_onnx.sizes import Dim
@@ -138,10 +139,34 @@ OF_PRIOR: dict[str, list[str | int]] = {
     "changes": ["q", J],
 }
 """Shapes of a prior of surfaces."""
+MOVES = "moves by "
+"""Before the names of the sources where one model gives their errors and another takes them."""
 OF_RESPONSE: dict[str, list[str | int]] = {"signals": ["c", J], "outputs": ["p", J]} | {
-    f"{source}_{what}": [source, size, J] for source in SOURCES for what, size in (("signals", "c"), ("outputs", "u"))
+    f"{MOVES}{source}": [source, "w", J] for source in SOURCES
 }
-"""Shapes of a linear response; its errors have inputs of their own by source."""
+"""Shapes of a linear response; of its errors by source, the w rows are the signals', then those of the last outputs."""
+OF_LIT_CAMERA: dict[str, list[str | int]] = {
+    "curves": [M, 3],
+    "curve_modes": ["q", M, 3],
+    "lamp": ["j", M],
+    "lamp_modes": ["p", M],
+    "of_photo": ["j", "p"],
+    "ratios": ["j", 2],
+    "ratio_error": ["j"],
+    "measured": ["j"],
+    "own_raw": [3],
+    "own_lamp": [M],
+    "own_modes": ["w", M],
+}
+"""Shapes of `LitCamera`."""
+OF_VIEWED: dict[str, list[str | int]] = {
+    "tolerance": ["j"],
+    "smooth": ["s", M],
+    "observer": [M, 3],
+    "aim": [3],
+    "adapted": [],
+}
+"""Shapes of `Viewed`."""
 OF_COMPONENTS: dict[str, list[str | int]] = {
     "log_weights": ["n"],
     "scale": ["n"],
@@ -159,6 +184,19 @@ COMPONENT = "component "
 COMPONENTS = {COMPONENT + name: shape for name, shape in OF_COMPONENTS.items()}
 
 
+def build_lights() -> onnx.ModelProto:
+    """The model of `camssf_colour.light.condition` and, under these lights, `camssf_colour.response.response_of`."""
+
+    def function(inputs: dict[str, Array]) -> dict[str, Array]:
+        light = condition(LitCamera(**{name: inputs[name] for name in OF_LIT_CAMERA}))
+        viewed = Viewed(**{name: inputs[name] for name in OF_VIEWED})
+        outputs = vars(response_of(light, inputs["lamp_modes"].shape[0], viewed)).copy()
+        outputs |= {MOVES + source: moves for source, moves in outputs.pop("moves").items()}
+        return outputs | {"log_evidence": light.log_evidence, "chi_squared": light.chi_squared}
+
+    return traced("surfaces-lights", OF_LIT_CAMERA | OF_VIEWED, function)
+
+
 def build_components() -> onnx.ModelProto:
     """The model of `camssf_colour.posterior.components_of`: a prior as a response sees it."""
 
@@ -166,34 +204,34 @@ def build_components() -> onnx.ModelProto:
         xp, sources = inputs["signals"].xp, {}
         start: Any = 0
         for source in SOURCES:
-            stop = start + inputs[f"{source}_signals"].shape[0]
+            stop = start + inputs[MOVES + source].shape[0]
             sources[source], start = slice(start, stop), stop
-        moves = [xp.concat([inputs[f"{source}_{what}"] for source in SOURCES]) for what in ("signals", "outputs")]
-        response = LinearResponse(inputs["signals"], moves[0], inputs["outputs"], moves[1], sources)
+        moves, c = xp.concat([inputs[MOVES + source] for source in SOURCES]), inputs["signals"].shape[0]
+        response = LinearResponse(inputs["signals"], moves[:, :c, :], inputs["outputs"], moves[:, c:, :], sources)
         components = components_of(SurfacePrior("", **{name: inputs[name] for name in OF_PRIOR}), response)
         outputs = vars(components).copy()
         return {COMPONENT + name: array for name, array in (outputs | outputs.pop("errors")).items()}
 
-    return traced("camssf-components", OF_PRIOR | OF_RESPONSE, function)
+    return traced("surfaces-components", OF_PRIOR | OF_RESPONSE, function)
 
 
-def build_surface() -> onnx.ModelProto:
+def build_posterior() -> onnx.ModelProto:
     """The model of `posterior_of`: one surface."""
 
     def function(inputs: dict[str, Array]) -> dict[str, Array]:
         outputs = vars(posterior_of(_components(inputs), inputs["y"], inputs["error"])).copy()
         return outputs | outputs.pop("parts")
 
-    return traced("camssf-surface", COMPONENTS | {"y": ["c"], "error": ["c"]}, function)
+    return traced("surfaces-posterior", COMPONENTS | {"y": ["c"], "error": ["c"]}, function)
 
 
-def build_pixels() -> onnx.ModelProto:
+def build_means() -> onnx.ModelProto:
     """The model of `means_of`: many exact signals."""
 
     def function(inputs: dict[str, Array]) -> dict[str, Array]:
         return {"means": means_of(_components(inputs), inputs["z"])}
 
-    return traced("camssf-pixels", COMPONENTS | {"z": ["b", "m", "c"]}, function)
+    return traced("surfaces-means", COMPONENTS | {"z": ["b", "m", "c"]}, function)
 
 
 def _components(inputs: dict[str, Array]) -> Components:
@@ -224,5 +262,12 @@ def bases() -> bytes:
 def files() -> dict[str, bytes]:
     """Content of each shipped file by name; the same sources give the same bytes."""
     models = {"learned": build_learned(), "gaussian": build_paper(read_basis("gaussian"))}
-    contents = {f"camssf-{name}.onnx": model.SerializeToString(deterministic=True) for name, model in models.items()}
+    models = {f"camssf-{name}": model for name, model in models.items()} | {
+        f"surfaces-{name}": build()
+        for name, build in (
+            ("lights", build_lights), ("components", build_components), ("posterior", build_posterior),
+            ("means", build_means),
+        )
+    }  # fmt: skip
+    contents = {f"{name}.onnx": model.SerializeToString(deterministic=True) for name, model in models.items()}
     return contents | {"bases.f64": bases()}

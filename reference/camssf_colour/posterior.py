@@ -228,25 +228,27 @@ def posterior_of(components: Components, y: Array, error: Array) -> SurfacePoste
 
 
 def means_of(components: Components, z: Array) -> Array:
-    """Means (b, m, p) of the outputs as of `posterior_of`, of exact signals (b, m, c) of mean 1."""
+    """Means (b, m, 3) of the last three outputs as of `posterior_of`, of exact signals (b, m, c) of mean 1."""
     xp, c = namespace(z), z.shape[2]
     total, inverses, log_dets = _spread(components, components.errors, c)
-    gain, _ = _gain(components, total, inverses)
-    expected, (n, p, _) = components.expected, gain.shape
-    towards = (inverses @ expected[:, :c, None])[:, :, 0]
+    expected, last = components.expected, components.expected.shape[1] - 3
+    gain = _gain(components, total, inverses)[0][:, last - c :, :]
+    (n, p, _), seen = gain.shape, expected[:, :c, None]
+    towards = (inverses @ seen)[:, :, 0]
     constant = components.log_weights - 0.5 * (log_dets + xp.sum(towards * expected[:, :c], axis=1))
     forms = xp.concat([-0.5 * xp.reshape(inverses, (n, c * c)), towards, constant[:, None]], axis=1)
-    base = expected[:, c:] - (gain @ expected[:, :c, None])[:, :, 0]
+    base = expected[:, last:] - (gain @ seen)[:, :, 0]
     maps = xp.reshape(xp.concat([gain, base[:, :, None]], axis=2), (n, p * (c + 1)))
+    maps = xp.concat([maps, xp.ones((n, 1), dtype=xp.float64)], axis=1)  # the last column sums the weights
 
     def of_block(z: Array) -> Array:
         m = z.shape[0]
         line = xp.concat([z, xp.ones((m, 1), dtype=xp.float64)], axis=1)
         products = xp.reshape(z[:, :, None] * z[:, None, :], (m, c * c))
         logarithms = xp.concat([products, line], axis=1) @ forms.mT
-        weights = xp.exp(logarithms - xp.max(logarithms, axis=1, keepdims=True))
-        weights = weights / xp.sum(weights, axis=1, keepdims=True)
-        return xp.sum(xp.reshape(weights @ maps, (m, p, c + 1)) * line[:, None, :], axis=2)
+        mapped = xp.exp(logarithms - xp.max(logarithms, axis=1, keepdims=True)) @ maps
+        summed = xp.sum(xp.reshape(mapped[:, :-1], (m, p, c + 1)) * line[:, None, :], axis=2)
+        return summed / mapped[:, -1:]
 
     return each_block(of_block, z)
 

@@ -16,7 +16,7 @@ import org.camssf.photo.Shot
 import org.camssf.recovery.Choice
 import org.camssf.recovery.Engine
 import org.camssf.recovery.OnnxEngine
-import org.camssf.recovery.OnnxLibrary
+import org.camssf.recovery.withOnnxRuntime
 import org.camssf.recovery.SHIPPED_BASES
 import org.camssf.spectra.ChartTable
 import org.camssf.verdict.Reason
@@ -255,15 +255,8 @@ public class SsfCalibrator private constructor(
          */
         @JvmStatic
         @JvmOverloads
-        public fun open(basis: String = "auto", logger: Logger? = null): SsfCalibrator = try {
+        public fun open(basis: String = "auto", logger: Logger? = null): SsfCalibrator = withOnnxRuntime {
             SsfCalibrator(basis, load(if (basis == Choice.AUTO) Choice.FAMILIES else listOf(basis)), logger)
-        } catch (error: LinkageError) {
-            throw RuntimeUnfit(
-                "ONNX Runtime is missing or cannot load its native library (${error.message}).",
-                "Add com.microsoft.onnxruntime:onnxruntime-android of version ${OnnxLibrary.VERSION}, with the " +
-                    "native library of the device's ABI; on a desktop onnxruntime of the same version.",
-                cause = error,
-            )
         }
 
         private fun load(bases: List<String>): List<Engine> {

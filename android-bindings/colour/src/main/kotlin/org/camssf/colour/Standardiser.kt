@@ -53,16 +53,16 @@ public class Standardiser private constructor(
 
     /** The compared lamps with their weights; a named lamp is the only one. */
     public val lamps: List<WeighedLamp> =
-        contexts.mapIndexed { i, context -> WeighedLamp(context.light.name, weights[i]) }.frozen()
+        contexts.mapIndexed { i, context -> WeighedLamp(context.response.names.single(), weights[i]) }.frozen()
 
     /**
      * χ² of the reference's raw ratios under the most probable lamp, two degrees of freedom; null if they were not
      * used.
      */
-    public val chiSquared: Double? = contexts[weights.indices.maxByOrNull { weights[it] }!!].light.chiSquared
+    public val chiSquared: Double? = contexts[weights.indices.maxByOrNull { weights[it] }!!].response.chiSquared
 
     /** (3) XYZ of the white that Lab is relative to, and that XYZ is adapted to if the view asks for it; a copy. */
-    public fun copyWhite(): DoubleArray = mean(contexts.map { it.white }, weights)
+    public fun copyWhite(): DoubleArray = mean(contexts.map { it.response.white }, weights)
 
     /**
      * The colour of a region, measured in the photo of the reference or in another photo in the same light. Signals of
@@ -277,9 +277,9 @@ public class Standardiser private constructor(
             raw: DoubleArray?,
             error: Double,
         ): Standardiser {
-            val (lights, weights) = PhotoLight.lights(camera, listOf(PhotoLight(lamp, reference, raw, error)))
-            val contexts = lights.map { LampContext(it[0], view, reference.tolerance) }
-            return Standardiser(contexts, weights, reference, camera.camera, view)
+            val photo = PhotoLight(lamp, reference, raw, error)
+            val (responses, weights) = PhotoLight.responses(camera, listOf(photo), view)
+            return Standardiser(responses.map { LampContext(it) }, weights, reference, camera.camera, view)
         }
     }
 }

@@ -63,10 +63,10 @@ class StandardiserTest {
         val exact = Reference(white.copyRaw())
         val still = DoubleArray(3)
         // Surfaces of the library under D55, whose signals lie between the table's nodes.
-        val light = Light.of(ColourCamera.parse(text), listOf(ReferenceRatios(d55, null, 0.0))).single()
-        val response = SurfaceResponse.of(listOf(light), listOf(0.0), View(), reflectance = false).linear
+        val known = listOf(ReferenceRatios(d55, null, 0.0, 0.0))
+        val signals = SurfaceResponse.of(ColourCamera.parse(text), known, View()).signals.rows()
         val pixels = (Tables.library("general").filterIndexed { i, _ -> i % 14 == 0 } + Tables.library("skin"))
-            .map { row -> DoubleArray(3) { 8000 * gains[it] * dot(response.signals[it], row) } }
+            .map { row -> DoubleArray(3) { 8000 * gains[it] * dot(signals[it], row) } }
         val all = pixels.flatten()
         for ((view, lamp) in listOf(View() to d55, View(Observer.CIE_1964, Adapted.D50) to null)) {
             val found = Standardiser.read(text, lamp, exact, view)

@@ -2,15 +2,11 @@ package org.camssf.recovery
 
 import ai.onnxruntime.OnnxTensor
 import ai.onnxruntime.OrtException
-import ai.onnxruntime.OrtLoggingLevel
 import ai.onnxruntime.OrtSession
 import org.camssf.Grid
 import org.camssf.InvalidArgument
 import org.camssf.Nodes
 import org.camssf.model.Models
-import java.nio.ByteBuffer
-import java.nio.ByteOrder
-import java.nio.DoubleBuffer
 import kotlin.math.max
 
 /** Runs a model with ONNX Runtime, with the options of the Python package, so that the numbers are the same. */
@@ -60,13 +56,10 @@ internal class OnnxEngine private constructor(override val basis: String, privat
         }
         val tensors = LinkedHashMap<String, OnnxTensor>()
         try {
-            given.mapValuesTo(tensors) { tensor(it.value) }
+            given.mapValuesTo(tensors) { it.value.onnx(model.environment) }
             val wanted = if (solve) ModelOutputs.NAMES else listOf(ModelOutputs.EVIDENCE)
             model.session.run(tensors, wanted.toSet()).use { result ->
-                return read { name ->
-                    val buffer = (result.get(name).get() as OnnxTensor).doubleBuffer
-                    DoubleArray(buffer.remaining()).also { buffer.get(it) }
-                }
+                return read { name -> tensorOf(result.get(name).get()).values }
             }
         } catch (error: OrtException) {
             throw InvalidArgument("The model of '$basis' does not run: ${error.message}.", ADVICE, cause = error)
@@ -98,14 +91,6 @@ internal class OnnxEngine private constructor(override val basis: String, privat
         return Tensor.full(0.0, shape.getOrElse(0) { 1 }, 1, shape.getOrElse(1) { 1 })
     }
 
-    private fun tensor(value: Tensor): OnnxTensor {
-        val bytes = ByteBuffer.allocateDirect(8 * value.values.size).order(ByteOrder.nativeOrder())
-        val buffer: DoubleBuffer = bytes.asDoubleBuffer()
-        buffer.put(value.values)
-        buffer.rewind()
-        return OnnxTensor.createTensor(model.environment, buffer, LongArray(value.rank) { value.shape[it].toLong() })
-    }
-
     /** A second call does nothing. */
     @Synchronized
     override fun close() {
@@ -117,7 +102,7 @@ internal class OnnxEngine private constructor(override val basis: String, privat
     /** A model's session, which the engines of the learned bases share: the last one that closes closes it. */
     private class LoadedModel(content: ByteArray) {
         val environment = OnnxLibrary.environment()
-        private val options = OrtSession.SessionOptions()
+        private val options = OnnxLibrary.options()
         val session: OrtSession
         val sha256: String = Models.sha256(content)
         val metadata: Map<String, String>
@@ -125,14 +110,6 @@ internal class OnnxEngine private constructor(override val basis: String, privat
 
         init {
             try {
-                options.setIntraOpNumThreads(1)
-                options.setInterOpNumThreads(1)
-                options.setExecutionMode(OrtSession.SessionOptions.ExecutionMode.SEQUENTIAL)
-                // No optimisation: the graph that runs is the one that was checked, and it loads faster.
-                options.setOptimizationLevel(OrtSession.SessionOptions.OptLevel.NO_OPT)
-                options.setSessionLogLevel(OrtLoggingLevel.ORT_LOGGING_LEVEL_ERROR)
-                options.addConfigEntry("session.intra_op.allow_spinning", "0")
-                options.addConfigEntry("mlas.disable_kleidiai", "1")
                 session = environment.createSession(content, options)
             } catch (error: Throwable) {
                 options.close()
