@@ -1,8 +1,9 @@
 """Kotlin's standard colour of a live preview: `python -m benchmarks.kernels.kotlin_colour [--runs 200]`
 
 A mosaic of 200 × 200 samples, a pixel a colour-filter cell: 10,000 pixels, read and turned into Lab by one thread of
-one warm JVM, under a lamp that is named and under one that is weighed among four kinds. Also what the first colour of
-the process, making the standardiser and its tables, and one surface take. Bar: 5 ms for reading and Lab. Needs `mvn -f android-bindings package`.
+one warm JVM, under a lamp that is named and under one that is weighed among four kinds. Also what the process's first
+colour, another standardiser with its tables and the colour of one surface take. Bar: 5 ms for reading and Lab. Needs
+`mvn -f android-bindings package`.
 """
 
 from __future__ import annotations

@@ -141,10 +141,12 @@ OF_PRIOR: dict[str, list[str | int]] = {
 """Shapes of a prior of surfaces."""
 MOVES = "moves by "
 """Before the names of the sources where one model gives their errors and another takes them."""
-OF_RESPONSE: dict[str, list[str | int]] = {"signals": ["c", J], "outputs": ["p", J]} | {
-    f"{MOVES}{source}": [source, "w", J] for source in SOURCES
+OF_RESPONSE: dict[str, list[str | int]] = {
+    "signals": ["c", J],
+    "outputs": ["p", J],
+    **{MOVES + source: [source, "w", J] for source in SOURCES},
 }
-"""Shapes of a linear response; of its errors by source, the w rows are the signals', then those of the last outputs."""
+"""Shapes of a linear response; an error changes w rows: the signals, then the last outputs."""
 OF_LIT_CAMERA: dict[str, list[str | int]] = {
     "curves": [M, 3],
     "curve_modes": ["q", M, 3],
@@ -177,7 +179,8 @@ OF_COMPONENTS: dict[str, list[str | int]] = {
     "of_level": ["n", "r"],
     "crossed": ["n", "r", "c"],
     "prior_variance": ["p"],
-} | {source: ["n", "e", "e"] for source in SOURCES}
+    **{source: ["n", "e", "e"] for source in SOURCES},
+}
 """Shapes of `Components`."""
 COMPONENT = "component "
 """Before these names, where one model gives them and another takes them."""
@@ -208,8 +211,8 @@ def build_components() -> onnx.ModelProto:
             sources[source], start = slice(start, stop), stop
         moves, c = xp.concat([inputs[MOVES + source] for source in SOURCES]), inputs["signals"].shape[0]
         response = LinearResponse(inputs["signals"], moves[:, :c, :], inputs["outputs"], moves[:, c:, :], sources)
-        components = components_of(SurfacePrior("", **{name: inputs[name] for name in OF_PRIOR}), response)
-        outputs = vars(components).copy()
+        prior: dict[str, Any] = {name: inputs[name] for name in OF_PRIOR}
+        outputs = vars(components_of(SurfacePrior("", **prior), response)).copy()
         return {COMPONENT + name: array for name, array in (outputs | outputs.pop("errors")).items()}
 
     return traced("surfaces-components", OF_PRIOR | OF_RESPONSE, function)
@@ -219,8 +222,8 @@ def build_posterior() -> onnx.ModelProto:
     """The model of `posterior_of`: one surface."""
 
     def function(inputs: dict[str, Array]) -> dict[str, Array]:
-        outputs = vars(posterior_of(_components(inputs), inputs["y"], inputs["error"])).copy()
-        return outputs | outputs.pop("parts")
+        outputs: dict[str, Any] = vars(posterior_of(_components(inputs), inputs["y"], inputs["error"])).copy()
+        return {**outputs.pop("parts"), **outputs}
 
     return traced("surfaces-posterior", COMPONENTS | {"y": ["c"], "error": ["c"]}, function)
 

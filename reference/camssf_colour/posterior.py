@@ -210,10 +210,13 @@ def posterior_of(components: Components, y: Array, error: Array) -> SurfacePoste
     slopes = xp.concat([-gain, own_slopes], axis=2)
     means = bright * expected[:, c:] + (gain @ off[:, :, None])[:, :, 0]
     mean = (weights[None, :] @ means)[0, :]
-    both = _weighed(weights, gain, crossed[:, c:])
+    both = _weighed(weights, gain, crossed[:, c:, :])
     apart = (means - mean)[:, :, None]
-    of_gain = _weighed(weights, gain @ crossed[:, :c], gain) + _weighed(weights, apart, apart)
-    parts = {name: _weighed(weights, slopes @ of_one, slopes) for name, of_one in zip(with_noise, errors, strict=True)}
+    of_gain = _weighed(weights, gain @ crossed[:, :c, :], gain) + _weighed(weights, apart, apart)
+    parts = {
+        name: _weighed(weights, slopes @ of_source, slopes)
+        for name, of_source in zip(with_noise, errors, strict=True)
+    }
     parts[METAMERS] = _covariance(kept, weights)[c:, c:] - both - both.mT + of_gain
     # A change of the level moves all signals.
     unit = xp.broadcast_to(eye(xp, c), (off.shape[0], c, c))
@@ -258,7 +261,7 @@ def _spread(components: Components, errors: Mapping[str, Array], c: Any) -> tupl
     xp = namespace(components.expected)
     total = sum(errors.values(), xp.zeros((), dtype=xp.float64))
     # Nothing changes the mean of z, so any variance of it serves.
-    return total, *inverse(components.crossed[:, :c] + total[:, :c, :c] + 1.0)
+    return total, *inverse(components.crossed[:, :c, :] + total[:, :c, :c] + 1.0)
 
 
 def _gain(components: Components, total: Array, inverses: Array) -> tuple[Array, Array]:
@@ -269,7 +272,7 @@ def _gain(components: Components, total: Array, inverses: Array) -> tuple[Array,
     last = xp.concat([xp.zeros((r - c - u, u), dtype=xp.float64), eye(xp, u)], axis=0)
     own = xp.broadcast_to(last, (n, r - c, u))
     own_slopes = xp.concat([-components.expected[:, c:, None], own], axis=2)
-    return (components.crossed[:, c:] + own_slopes @ total[:, c:, :c]) @ inverses, own_slopes
+    return (components.crossed[:, c:, :] + own_slopes @ total[:, c:, :c]) @ inverses, own_slopes
 
 
 def _of_noise(components: Components, variances: Array) -> Array:

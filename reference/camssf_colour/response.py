@@ -112,7 +112,7 @@ def response_of(light: ConditionedLight, p: Any, viewed: Viewed) -> ResponseArra
     places in each photo.
     """
     xp, (j, K, m), hats = namespace(light.power), light.power_modes.shape, _hats(light.power, NODES)
-    c, s = 3 * j, viewed.smooth.shape[0]
+    c = 3 * j
     level = light.power @ light.curves
     share = (light.power[:, :, None] * light.curves / level[:, None, :]).mT  # (j, 3, 681)
     rows = share @ hats

@@ -26,8 +26,7 @@ internal class PixelTable(posterior: SurfacePosterior, private val white: Double
             for (c in at..at + 2) z[c] /= level
         }
         val means = posterior.means(Tensor(z, NODES, NODES, 3)).values
-        val relative = SurfaceResponse.COLOURS - 3 // XYZ over its white comes last
-        for (at in values.indices) values[at] = cbrt(means[at / 3 * SurfaceResponse.COLOURS + relative + at % 3])
+        for (at in values.indices) values[at] = cbrt(means[at])
     }
 
     /** XYZ (3) of the signals at a place, or L*, a*, b*. */

@@ -5,6 +5,7 @@ import org.camssf.Calibration
 import org.camssf.FramesDiffer
 import org.camssf.InvalidArgument
 import org.camssf.LampUnfit
+import org.camssf.RuntimeUnfit
 import org.camssf.UnitDiffers
 import org.camssf.flatten
 import org.camssf.frozen
@@ -20,7 +21,8 @@ import org.camssf.frozen
  * val skin = estimator.spectrumOf(cheek)                // skin.reflectance, skin.index(SkinIndex.ERYTHEMA)
  * ```
  *
- * It holds no native memory and no files and is immutable; safe to share between threads.
+ * It runs small models with ONNX Runtime, as [Standardiser] does; it holds no native memory and no files of its own and
+ * is immutable; safe to share between threads.
  */
 public class SpectrumEstimator private constructor(
     private val photos: List<PhotoLight>,
@@ -174,6 +176,7 @@ public class SpectrumEstimator private constructor(
          * @throws LampUnfit a reference's raw ratios contradict its lamp.
          * @throws FramesDiffer a reference's photo is of another camera than the result.
          * @throws UnitDiffers the same, of two cameras of one model.
+         * @throws RuntimeUnfit ONNX Runtime is missing, or of a version that reports its use.
          */
         @JvmStatic
         @JvmOverloads
@@ -192,6 +195,7 @@ public class SpectrumEstimator private constructor(
          * @throws LampUnfit a reference's raw ratios contradict its lamp.
          * @throws FramesDiffer a reference's photo is of another camera than the result.
          * @throws UnitDiffers the same, of two cameras of one model.
+         * @throws RuntimeUnfit ONNX Runtime is missing, or of a version that reports its use.
          */
         @JvmStatic
         @JvmOverloads

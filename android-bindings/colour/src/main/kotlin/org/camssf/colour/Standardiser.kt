@@ -6,6 +6,7 @@ import org.camssf.ColourOutOfReach
 import org.camssf.FramesDiffer
 import org.camssf.InvalidArgument
 import org.camssf.LampUnfit
+import org.camssf.RuntimeUnfit
 import org.camssf.UnitDiffers
 import org.camssf.fixed
 import org.camssf.frozen
@@ -37,8 +38,8 @@ public enum class Space {
  * ```
  *
  * Create it again if light or reference change, not for each picture. The first picture makes a table for each lamp,
- * four if the lamp is unknown. It holds no native memory and no files and is immutable; safe to share between
- * threads.
+ * four if the lamp is unknown. It runs small models with ONNX Runtime, which the first one opens for the whole process;
+ * it holds no native memory and no files of its own and is immutable; safe to share between threads.
  */
 public class Standardiser private constructor(
     private val contexts: List<LampContext>,
@@ -173,12 +174,7 @@ public class Standardiser private constructor(
         into: FloatArray = FloatArray(raw.size),
         space: Space = Space.LAB,
     ): FloatArray {
-        check(raw.size, into.size)
-        val pixel = Pixel(space)
-        for (i in raw.indices step 3) {
-            pixel.read(raw[i].toDouble(), raw[i + 1].toDouble(), raw[i + 2].toDouble())
-            for (c in 0..2) into[i + c] = pixel.colour[c].toFloat()
-        }
+        convert(raw.size, into.size, space, { raw[it].toDouble() }) { i, value -> into[i] = value.toFloat() }
         return into
     }
 
@@ -189,18 +185,24 @@ public class Standardiser private constructor(
         into: DoubleArray = DoubleArray(raw.size),
         space: Space = Space.LAB,
     ): DoubleArray {
-        check(raw.size, into.size)
-        val pixel = Pixel(space)
-        for (i in raw.indices step 3) {
-            pixel.read(raw[i], raw[i + 1], raw[i + 2])
-            pixel.colour.copyInto(into, i)
-        }
+        convert(raw.size, into.size, space, { raw[it] }) { i, value -> into[i] = value }
         return into
     }
 
-    private fun check(size: Int, into: Int) {
+    private inline fun convert(
+        size: Int,
+        into: Int,
+        space: Space,
+        raw: (Int) -> Double,
+        write: (Int, Double) -> Unit,
+    ) {
         if (size % 3 != 0 || into != size) {
             throw InvalidArgument("$size numbers into $into are no pixels.", "Give three a pixel, in and out.")
+        }
+        val pixel = Pixel(space)
+        for (i in 0 until size step 3) {
+            pixel.read(raw(i), raw(i + 1), raw(i + 2))
+            for (c in 0..2) write(i + c, pixel.colour[c])
         }
     }
 
@@ -235,6 +237,7 @@ public class Standardiser private constructor(
          * @throws LampUnfit the reference's raw ratios contradict the lamp.
          * @throws FramesDiffer the reference's photo is of another camera than the result.
          * @throws UnitDiffers the same, of two cameras of one model.
+         * @throws RuntimeUnfit ONNX Runtime is missing, or of a version that reports its use.
          */
         @JvmStatic
         @JvmOverloads
@@ -254,6 +257,7 @@ public class Standardiser private constructor(
          * @throws LampUnfit the reference's raw ratios contradict the lamp.
          * @throws FramesDiffer the reference's photo is of another camera than the result.
          * @throws UnitDiffers the same, of two cameras of one model.
+         * @throws RuntimeUnfit ONNX Runtime is missing, or of a version that reports its use.
          */
         @JvmStatic
         @JvmOverloads

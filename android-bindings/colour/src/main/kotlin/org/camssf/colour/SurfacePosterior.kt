@@ -49,6 +49,6 @@ internal class SurfacePosterior(prior: SurfacePrior, response: SurfaceResponse, 
         )
     }
 
-    /** Means (b, m, p) of the outputs of exact signals (b, m, c) of mean 1. */
+    /** XYZ over its white, (b, m, 3), of exact signals (b, m, c) of mean 1. */
     fun means(z: Tensor): Tensor = SurfaceModels.means.run(components + ("z" to z)).getValue("means")
 }

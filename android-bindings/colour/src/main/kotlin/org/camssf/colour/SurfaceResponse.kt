@@ -49,9 +49,6 @@ internal class SurfaceResponse private constructor(
     fun moves(): Map<String, Tensor> = arrays.filterKeys { it.startsWith(MOVES) }.mapValues { principal(it.value) }
 
     companion object {
-        /** Outputs that are colours: XYZ and XYZ over its white. */
-        const val COLOURS = 6
-
         /**
          * @param photos of each a lamp, and ratios of a reference; they are ignored if the camera's own white is not
          *   known.
