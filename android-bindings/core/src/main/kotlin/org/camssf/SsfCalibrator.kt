@@ -16,8 +16,8 @@ import org.camssf.photo.Shot
 import org.camssf.recovery.Choice
 import org.camssf.recovery.Engine
 import org.camssf.recovery.OnnxEngine
-import org.camssf.recovery.withOnnxRuntime
 import org.camssf.recovery.SHIPPED_BASES
+import org.camssf.recovery.withOnnxRuntime
 import org.camssf.spectra.ChartTable
 import org.camssf.verdict.Reason
 import org.camssf.verdict.Reasons

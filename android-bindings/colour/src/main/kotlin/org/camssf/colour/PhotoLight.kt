@@ -73,7 +73,7 @@ public class PhotoLight internal constructor(
             }
             val choices = photos.map { it.choices(camera) }
             if (photos.size > 1) {
-                for (lamps in choices) lamps.singleOrNull()?.let { check(SurfaceResponse.of(camera, listOf(it), view)) }
+                for (named in choices.filter { it.size == 1 }) check(SurfaceResponse.of(camera, named, view))
             }
             val combined = choices.fold(listOf(emptyList<ReferenceRatios>())) { combinations, lamps ->
                 combinations.flatMap { before -> lamps.map { before + it } }

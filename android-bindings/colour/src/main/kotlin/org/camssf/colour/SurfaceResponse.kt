@@ -43,7 +43,9 @@ internal class SurfaceResponse private constructor(
     val logEvidence: Double get() = arrays.getValue("log_evidence").values[0]
 
     /** (3) of (69): signals of the first photo as functions of reflectance at the 5-nm nodes. */
-    val reachable: List<DoubleArray> get() = Tensor(arrays.getValue("reachable").values, 3 * names.size, Nodes.SIZE).rows().take(3)
+    val reachable: List<DoubleArray> get() = List(3) {
+        arrays.getValue("reachable").values.copyOfRange(it * Nodes.SIZE, (it + 1) * Nodes.SIZE)
+    }
 
     /** Changes (K, c + 6, 35) of signals and outputs by each source's errors, reduced to the largest. */
     fun moves(): Map<String, Tensor> = arrays.filterKeys { it.startsWith(MOVES) }.mapValues { principal(it.value) }

@@ -24,6 +24,8 @@ import org.junit.jupiter.api.Assertions.assertThrows
 import org.junit.jupiter.api.Assertions.assertTrue
 import org.junit.jupiter.api.Test
 import java.io.File
+import java.lang.reflect.InvocationTargetException
+import java.net.URLClassLoader
 import kotlin.math.abs
 import kotlin.math.sqrt
 
@@ -224,6 +226,33 @@ class StandardiserTest {
         assertArrayEquals(named.copyLab(), unnamed.copyLab(), 1.0)
         val grown = List(3) { unnamed.copyLabCovariance()[4 * it] / named.copyLabCovariance()[4 * it] }
         assertTrue(grown.all { it > 1 } && grown[1] > 1.3, "$grown") // as in Python: 1.006, 1.45, 1.04
+    }
+
+    /** A class path as an app's that left ONNX Runtime out. */
+    @Test
+    fun `without ONNX Runtime the advice names it`() {
+        val needed = listOf(
+            Standardiser::class.java,
+            Grid::class.java,
+            org.camssf.model.Models::class.java,
+            Unit::class.java,
+        )
+        val places = needed.map { it.protectionDomain.codeSource.location }.toTypedArray()
+        URLClassLoader(places, ClassLoader.getPlatformClassLoader()).use { loader ->
+            val (type, lamp, reference) = listOf(Standardiser::class, Lamp::class, Reference::class).map {
+                loader.loadClass(it.java.name)
+            }
+            val read = type.getMethod("read", String::class.java, lamp, reference)
+            val known = lamp.getMethod("read", String::class.java).invoke(null, "D55")
+            val card = reference.getConstructor(DoubleArray::class.java).newInstance(white.copyRaw())
+            repeat(2) {
+                val thrown =
+                    assertThrows(InvocationTargetException::class.java) { read.invoke(null, text, known, card) }
+                val error = thrown.targetException
+                assertEquals("org.camssf.RuntimeUnfit", error.javaClass.name, error.toString())
+                assertTrue("onnxruntime-android of version" in error.toString(), error.toString())
+            }
+        }
     }
 
     @Test
