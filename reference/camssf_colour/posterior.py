@@ -23,6 +23,9 @@ NEGLIGIBLE = 1e-5
 DARKEST = 1e-6
 """Least level that signals are divided by."""
 
+CHANNELS = 3
+"""Signals of a photo."""
+
 
 @dataclass(frozen=True)
 class LinearResponse:
@@ -261,7 +264,7 @@ def _spread(components: Components, errors: Mapping[str, Array], c: Any) -> tupl
     xp = namespace(components.expected)
     total = sum(errors.values(), xp.zeros((), dtype=xp.float64))
     # Nothing changes the mean of z, so any variance of it serves.
-    return total, *inverse(components.crossed[:, :c, :] + total[:, :c, :c] + 1.0)
+    return total, *inverse(components.crossed[:, :c, :] + total[:, :c, :c] + 1.0, panel=CHANNELS)
 
 
 def _gain(components: Components, total: Array, inverses: Array) -> tuple[Array, Array]:

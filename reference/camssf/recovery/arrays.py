@@ -136,10 +136,10 @@ def whiten_and_solve(sigma: Array, columns: Array) -> tuple[Array, Array, Callab
     return white, _log_det(L), solve
 
 
-def inverse(M: Array) -> tuple[Array, Array]:
-    """M⁻¹ = L⁻ᵀ L⁻¹ and ln det M of positive definite M (..., r, r)."""
+def inverse(M: Array, panel: int = 6) -> tuple[Array, Array]:
+    """M⁻¹ = L⁻ᵀ L⁻¹ and ln det M of positive definite M (..., r, r); `panel` as of `whiten`."""
     xp = namespace(M)
-    root, log_det = whiten(M, xp.broadcast_to(eye(xp, M.shape[-1]), M.shape))
+    root, log_det = whiten(M, xp.broadcast_to(eye(xp, M.shape[-1]), M.shape), panel)
     return root.mT @ root, log_det
 
 
