@@ -85,7 +85,9 @@ public class SurfacePrior private constructor(public val name: String, internal 
                 for (n in shapes[i].indices) (shapes[i][n] - shapes[to][n]).let { total += it * it }
                 total
             }
-            return shapes.indices.filter { it != to }.sortedBy { distance[it] }.take(NEIGHBOURS)
+            val limit = distance.sortedArray()[NEIGHBOURS] // the first is its own
+            val near = shapes.indices.filter { it != to && distance[it] <= limit }
+            return near.sortedBy { distance[it] }.take(NEIGHBOURS)
         }
 
         private fun median(values: DoubleArray): Double {
