@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
+from importlib.resources import files
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -21,10 +24,14 @@ from camssf.recovery.onnx_model import run_session
 from camssf.recovery.posterior import evidence_of
 from camssf.recovery.sensitivity import SolverSettings, solve_on_basis
 from camssf.recovery.whitening import whitened_model
-from camssf_colour.posterior import LinearResponse, components_of, posterior_of
-from camssf_colour.surface_prior import read_prior
+from camssf.spectra import read_lamp
+from camssf_colour import Reference, View, light, response
+from camssf_colour.camera import OwnWhite
+from camssf_colour.posterior import LinearResponse, components_of, means_of, posterior_of
+from camssf_colour.surface_prior import SurfacePrior, read_prior
 from golden.compare import norm
 from tests.problems import seeds
+from tests.test_colour import blurred
 from tests.test_dense_model import BASES, random_captures
 
 pytestmark = pytest.mark.requirement("R-ENGINE")
@@ -327,31 +334,40 @@ def test_the_verdict_as_a_model(verdict_session: Any, seed: int) -> None:
     assert np.isnan(drift).all()
 
 
+SOURCES = {"curves": 4, "lamp": 2, "reference": 3}
+"""Sources of a surface's errors, and how many each has here."""
+
+
+OF_PRIOR = ("shapes", "variances", "shared", "changes", "log_weights")
+"""Arrays of a prior, as its class has them."""
+
+
 def surface_arrays(seed: int) -> dict[str, Floats]:
-    """A shipped prior, and a random response of one or two photos with its errors, by the names of the model."""
+    """A shipped prior, and a random response of one or two photos with its errors, by the names of the models."""
     rng, c = np.random.default_rng(seed), 3 * (1 + seed % 2)
-    prior = read_prior(("general", "skin")[seed % 2])
+    prior = vars(read_prior(("general", "skin")[seed % 2])).copy()
+    del prior["name"]
     signals = rng.random((c, 35)) * np.exp(-0.5 * ((np.arange(35) - rng.uniform(5, 30, (c, 1))) / 4) ** 2)
     signals /= signals.sum(axis=1, keepdims=True)
-    y = np.maximum(signals @ (prior.shapes[seed] * 0.4) * (1 + 0.02 * rng.normal(size=c)), 0.01)
-    arrays = {"y": y, "error": 0.01 * y, "log_weights": prior.log_weights, "shapes": prior.shapes}
-    arrays |= {"covariances": prior.covariances, "signals": signals, "outputs": rng.random((6 + 35 * (seed % 2), 35))}
-    for source, size in (("curves", 4), ("lamp", 2), ("reference", 3)):
-        arrays[f"{source}_signals"] = 0.01 * rng.normal(size=(size, c, 35)) * signals
-        arrays[f"{source}_outputs"] = 0.01 * rng.normal(size=(size, 6, 35))
+    y = np.maximum(signals @ (prior["shapes"][seed] * 0.4) * (1 + 0.02 * rng.normal(size=c)), 0.01)
+    arrays = prior | {"y": y, "error": 0.01 * y, "z": np.exp(rng.normal(size=(2, 5, c))), "signals": signals}
+    arrays["z"] /= arrays["z"].mean(axis=2, keepdims=True)
+    arrays["outputs"] = rng.random((6 + 35 * (seed % 2), 35))
+    for source, size in SOURCES.items():
+        moved = np.concatenate([signals, np.ones((6, 35))])
+        arrays[f"moves by {source}"] = 0.01 * rng.normal(size=(size, c + 6, 35)) * moved
     return arrays
 
 
 def surface_outputs(arrays: Mapping[str, Any]) -> dict[str, Any]:
     """What the formulas give."""
-    xp, ends = namespace(arrays["y"]), {"curves": (0, 4), "lamp": (4, 6), "reference": (6, 9)}
-    moves = [xp.concat([arrays[f"{source}_{what}"] for source in ends], axis=0) for what in ("signals", "outputs")]
-    response = LinearResponse(
-        arrays["signals"], moves[0], arrays["outputs"], moves[1], {name: slice(*rows) for name, rows in ends.items()}
-    )
-    components = components_of(arrays["log_weights"], arrays["shapes"], arrays["covariances"], response)
-    outputs = vars(posterior_of(components, response, arrays["y"], arrays["error"])).copy()
-    return outputs | {f"by {name}": part for name, part in outputs.pop("parts").items()}
+    moves, c = [arrays[f"moves by {source}"] for source in SOURCES], arrays["signals"].shape[0]
+    joint, ends = namespace(arrays["y"]).concat(moves), np.cumsum([0, *SOURCES.values()]).tolist()
+    sources = {name: slice(*rows) for name, rows in zip(SOURCES, pairwise(ends), strict=True)}
+    response = LinearResponse(arrays["signals"], joint[:, :c, :], arrays["outputs"], joint[:, c:, :], sources)
+    components = components_of(SurfacePrior("", *(arrays[name] for name in OF_PRIOR)), response)
+    outputs: dict[str, Any] = vars(posterior_of(components, arrays["y"], arrays["error"])).copy()
+    return outputs.pop("parts") | outputs | {"means": means_of(components, arrays["z"])}
 
 
 @pytest.mark.parametrize("library", ["array_api_strict", "torch"])
@@ -363,17 +379,50 @@ def test_every_library_gives_the_same_surface(library: str, seed: int) -> None:
     assert max(apart(surface_outputs(converted), surface_outputs(arrays)).values()) < 1e-10
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_the_surface_as_a_model(seed: int) -> None:
-    """As many surfaces of the prior are kept as in NumPy: they differ from seed to seed."""
-    pytest.importorskip("onnx", reason="onnx is not installed (extra: export)")
-    from camssf_onnx.models import build_surfaces
+def run_step(step: str, arrays: Mapping[str, Any]) -> dict[str, Any]:
+    """The outputs of a shipped model of surfaces, of those arrays that it takes."""
+    session = open_model((files("camssf") / "data" / f"surfaces-{step}.onnx").read_bytes())
+    return run_session(session, {one.name: arrays[one.name] for one in session.get_inputs()})
 
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_surface_as_models(seed: int) -> None:
+    """As many surfaces of the prior are kept as in NumPy: they differ from seed to seed."""
     arrays = surface_arrays(seed)
-    found = run_session(open_model(build_surfaces().SerializeToString()), arrays)
-    known = surface_outputs(arrays)
+    arrays |= run_step("components", arrays)
+    found, known = run_step("posterior", arrays) | run_step("means", arrays), surface_outputs(arrays)
     assert set(found) == set(known)
     assert max(apart(found, known).values()) < 1e-10
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_lights_as_a_model(monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
+    """One photo or two, with ratios or without, each with its own lamp."""
+    rng, calls = np.random.default_rng(seed), dict[str, Any]()
+    camera = replace(blurred(), own=OwnWhite(np.array([0.6, 1.0, 0.7]), read_lamp("D55")))
+    lamps = [read_lamp(name) for name in (("daylight",), ("white-led", "A"))[seed % 2]]
+    ratios = [rng.normal(scale=0.1, size=2) if j + seed // 2 != 1 else None for j in range(len(lamps))]
+
+    def remembered(name: str, function: Any) -> Any:
+        def call(*given: Any) -> Any:
+            calls[name] = given, function(*given)
+            return calls[name][1]
+
+        return call
+
+    monkeypatch.setattr(light, "condition", remembered("condition", light.condition))
+    monkeypatch.setattr(response, "response_of", remembered("response", response.response_of))
+    lights = light.see_together(camera, lamps, ratios, [0.005] * len(lamps))
+    view = View(("1931", "1964")[seed % 2], ("lamp", "D50", "D65")[seed % 3])
+    response.surface_response(lights, [Reference()] * len(lamps), view, reflectance=False)
+    ((lit,), conditioned), ((_, _, viewed), answer) = calls["condition"], calls["response"]
+    known = vars(answer).copy()
+    known |= {f"moves by {source}": moves for source, moves in known.pop("moves").items()}
+    known |= {name: getattr(conditioned, name) for name in ("log_evidence", "chi_squared")}
+    found = run_step("lights", vars(lit) | vars(viewed))
+    assert set(found) == set(known)
+    for name, value in known.items():
+        np.testing.assert_allclose(found[name], value, rtol=1e-9, atol=1e-12, err_msg=name)
 
 
 def test_one_line_changes_every_engine(monkeypatch: pytest.MonkeyPatch) -> None:

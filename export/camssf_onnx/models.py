@@ -21,8 +21,10 @@ from camssf.recovery.model import M, learned_model, paper_model
 from camssf.recovery.onnx_model import VOCABULARY
 from camssf.recovery.pivoting import finish_steps
 from camssf.spectra.bundled import SURFACE_NODES
-from camssf_colour.posterior import LinearResponse, components_of, posterior_of
-from camssf_colour.response import SOURCES
+from camssf_colour.light import LitCamera, condition
+from camssf_colour.posterior import Components, LinearResponse, components_of, means_of, posterior_of
+from camssf_colour.response import SOURCES, Viewed, response_of
+from camssf_colour.surface_prior import SurfacePrior
 from camssf_onnx.graph import Graph, info
 from camssf_onnx.sizes import Dim
 from camssf_onnx.tracer import Array, Tracer
@@ -142,40 +144,116 @@ def build_verdict() -> onnx.ModelProto:
     return _described(traced("camssf-verdict", OF_VERDICT, function), "χ² of an answer, and what explains it.", {})
 
 
-OF_SURFACES: dict[str, list[str | int]] = {
-    "y": ["c"],
-    "error": ["c"],
+J = SURFACE_NODES.size
+OF_PRIOR: dict[str, list[str | int]] = {
     "log_weights": ["n"],
-    "shapes": ["n", SURFACE_NODES.size],
-    "covariances": ["n", SURFACE_NODES.size, SURFACE_NODES.size],
-    "signals": ["c", SURFACE_NODES.size],
-    "outputs": ["p", SURFACE_NODES.size],
+    "shapes": ["n", J],
+    "variances": ["n", "v"],
+    "shared": ["v", J, J],
+    "changes": ["q", J],
 }
-"""Shapes of a surface's signals, of the prior and of the response; its errors have inputs of their own by source."""
+"""Shapes of a prior of surfaces."""
+MOVES = "moves by "
+"""Before the names of the sources where one model gives their errors and another takes them."""
+OF_RESPONSE: dict[str, list[str | int]] = {
+    "signals": ["c", J],
+    "outputs": ["p", J],
+    **{MOVES + source: [source, "w", J] for source in SOURCES},
+}
+"""Shapes of a linear response; an error changes w rows: the signals, then the last outputs."""
+OF_LIT_CAMERA: dict[str, list[str | int]] = {
+    "curves": [M, 3],
+    "curve_modes": ["q", M, 3],
+    "lamp": ["j", M],
+    "lamp_modes": ["p", M],
+    "of_photo": ["j", "p"],
+    "ratios": ["j", 2],
+    "ratio_error": ["j"],
+    "measured": ["j"],
+    "own_raw": [3],
+    "own_lamp": [M],
+    "own_modes": ["w", M],
+}
+"""Shapes of `LitCamera`."""
+OF_VIEWED: dict[str, list[str | int]] = {
+    "tolerance": ["j"],
+    "smooth": ["s", M],
+    "observer": [M, 3],
+    "aim": [3],
+    "adapted": [],
+}
+"""Shapes of `Viewed`."""
+OF_COMPONENTS: dict[str, list[str | int]] = {
+    "log_weights": ["n"],
+    "scale": ["n"],
+    "variances": ["n", "v"],
+    "shared": ["v", "r", "r"],
+    "changes": ["n", "q", "r"],
+    "expected": ["n", "r"],
+    "of_level": ["n", "r"],
+    "crossed": ["n", "r", "c"],
+    "prior_variance": ["p"],
+    **{source: ["n", "e", "e"] for source in SOURCES},
+}
+"""Shapes of `Components`."""
+COMPONENT = "component "
+"""Before these names, where one model gives them and another takes them."""
+COMPONENTS = {COMPONENT + name: shape for name, shape in OF_COMPONENTS.items()}
 
 
-def build_surfaces() -> onnx.ModelProto:
-    """The model of `camssf_colour.posterior.posterior_of`. It is not shipped before a host runs it."""
-    moves: dict[str, list[str | int]] = {}
-    for source in SOURCES:
-        moves |= {f"{source}_signals": [source, "c", SURFACE_NODES.size]}
-        moves |= {f"{source}_outputs": [source, 6, SURFACE_NODES.size]}
+def build_lights() -> onnx.ModelProto:
+    """The model of `camssf_colour.light.condition` and, under these lights, `camssf_colour.response.response_of`."""
 
     def function(inputs: dict[str, Array]) -> dict[str, Array]:
-        xp, sources = inputs["y"].xp, {}
+        light = condition(LitCamera(**{name: inputs[name] for name in OF_LIT_CAMERA}))
+        viewed = Viewed(**{name: inputs[name] for name in OF_VIEWED})
+        outputs = vars(response_of(light, inputs["lamp_modes"].shape[0], viewed)).copy()
+        outputs |= {MOVES + source: moves for source, moves in outputs.pop("moves").items()}
+        return outputs | {"log_evidence": light.log_evidence, "chi_squared": light.chi_squared}
+
+    return traced("surfaces-lights", OF_LIT_CAMERA | OF_VIEWED, function)
+
+
+def build_components() -> onnx.ModelProto:
+    """The model of `camssf_colour.posterior.components_of`: a prior as a response sees it."""
+
+    def function(inputs: dict[str, Array]) -> dict[str, Array]:
+        xp, sources = inputs["signals"].xp, {}
         start: Any = 0
         for source in SOURCES:
-            stop = start + inputs[f"{source}_signals"].shape[0]
+            stop = start + inputs[MOVES + source].shape[0]
             sources[source], start = slice(start, stop), stop
-        signal_moves, output_moves = (
-            xp.concat([inputs[f"{source}_{what}"] for source in SOURCES], axis=0) for what in ("signals", "outputs")
-        )
-        response = LinearResponse(inputs["signals"], signal_moves, inputs["outputs"], output_moves, sources)
-        components = components_of(inputs["log_weights"], inputs["shapes"], inputs["covariances"], response)
-        outputs = vars(posterior_of(components, response, inputs["y"], inputs["error"])).copy()
-        return outputs | {f"by {name}": part for name, part in outputs.pop("parts").items()}
+        moves, c = xp.concat([inputs[MOVES + source] for source in SOURCES]), inputs["signals"].shape[0]
+        response = LinearResponse(inputs["signals"], moves[:, :c, :], inputs["outputs"], moves[:, c:, :], sources)
+        prior: dict[str, Any] = {name: inputs[name] for name in OF_PRIOR}
+        outputs = vars(components_of(SurfacePrior("", **prior), response)).copy()
+        return {COMPONENT + name: array for name, array in (outputs | outputs.pop("errors")).items()}
 
-    return traced("camssf-surfaces", OF_SURFACES | moves, function)
+    return traced("surfaces-components", OF_PRIOR | OF_RESPONSE, function)
+
+
+def build_posterior() -> onnx.ModelProto:
+    """The model of `posterior_of`: one surface."""
+
+    def function(inputs: dict[str, Array]) -> dict[str, Array]:
+        outputs: dict[str, Any] = vars(posterior_of(_components(inputs), inputs["y"], inputs["error"])).copy()
+        return {**outputs.pop("parts"), **outputs}
+
+    return traced("surfaces-posterior", COMPONENTS | {"y": ["c"], "error": ["c"]}, function)
+
+
+def build_means() -> onnx.ModelProto:
+    """The model of `means_of`: many exact signals."""
+
+    def function(inputs: dict[str, Array]) -> dict[str, Array]:
+        return {"means": means_of(_components(inputs), inputs["z"])}
+
+    return traced("surfaces-means", COMPONENTS | {"z": ["b", "m", "c"]}, function)
+
+
+def _components(inputs: dict[str, Array]) -> Components:
+    arrays = {name: inputs[COMPONENT + name] for name in OF_COMPONENTS}
+    return Components(errors={name: arrays.pop(name) for name in SOURCES}, **arrays)
 
 
 SOLVES = "RAW patch statistics of a ColorChecker in, camera spectral sensitivities and proof out."
@@ -204,9 +282,13 @@ def bases() -> bytes:
 def files() -> dict[str, bytes]:
     """Content of each shipped file by name; the same sources give the same bytes."""
     models = {
-        "learned": build_learned(),
-        "gaussian": build_paper(read_basis("gaussian")),
-        "verdict": build_verdict(),
+        "camssf-learned": build_learned(),
+        "camssf-gaussian": build_paper(read_basis("gaussian")),
+        "camssf-verdict": build_verdict(),
+        "surfaces-lights": build_lights(),
+        "surfaces-components": build_components(),
+        "surfaces-posterior": build_posterior(),
+        "surfaces-means": build_means(),
     }
-    contents = {f"camssf-{name}.onnx": model.SerializeToString(deterministic=True) for name, model in models.items()}
+    contents = {f"{name}.onnx": model.SerializeToString(deterministic=True) for name, model in models.items()}
     return contents | {"bases.f64": bases()}

@@ -411,6 +411,17 @@ class Tracer:
 
         return self.repeat(self.graph.constant(times, "int64"), state, turn, self.name(begin, "bool"))
 
+    def each_block(self, function: Callable[[Array], Array], x: Array) -> Array:
+        """A Loop over the first axis, which stacks its results."""
+
+        def turn(step: Array, _: Sequence[Array]) -> tuple[list[Array], list[Array], None]:
+            entry = self.node("Gather", x.shape[1:], x.name, step.name, axis=0)
+            return [], [function(entry)], None
+
+        (result,) = self.repeat(self.size(x.shape[0]), [], turn)
+        result.shape = (x.shape[0], *result.shape[1:])
+        return result
+
     def repeat(
         self,
         trips: str,

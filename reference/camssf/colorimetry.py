@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -121,13 +122,13 @@ def lab_slopes(xyz: Floats, white: Floats) -> Floats:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def adaptation(source: Floats, target: Floats, cones: Floats = CAT16) -> Floats:
+def adaptation(source: Any, target: Any, cones: Floats = CAT16) -> Any:
     """(..., 3, 3) matrix that adapts XYZ from one white (..., 3) to another, with complete adaptation.
 
     `cones`, (3, 3), converts XYZ to the cone signals that are scaled.
     """
-    scale = (np.asarray(target) @ cones.T) / (np.asarray(source) @ cones.T)
-    return np.asarray(np.linalg.inv(cones) @ (scale[..., :, None] * cones))
+    scale = (target @ cones.T) / (source @ cones.T)
+    return np.linalg.inv(cones) @ (scale[..., :, None] * cones)
 
 
 def adapt(xyz: Floats, source: Floats, target: Floats) -> Floats:

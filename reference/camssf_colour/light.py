@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.recovery.arrays import Array, constant, eye, inverse, namespace, whiten
 from camssf.recovery.covariance import LAMP_CORRELATION, smooth_errors
 from camssf.recovery.rows import DARKEST
 from camssf.spectra import Lamp
@@ -73,71 +74,137 @@ def see_together(
         One light for each photo. They have the same K errors, evidence and χ²; the lamps' errors are the first ones.
     """
     modes = [lamp_modes(lamp) for lamp in lamps]
-    ends = np.cumsum([0, *(len(mode) for mode in modes)])
-    p, q = int(ends[-1]), len(camera.modes)
-    mean, covariance = np.zeros(p + q), np.eye(p + q)
-    chi_squared, log_evidence = None, 0.0
-    seen = [j for j, ratio in enumerate(ratios) if ratio is not None] if camera.own is not None else []
-    if seen:
-        given = np.concatenate([np.asarray(ratios[j]) for j in seen])
-        for _ in range(STEPS):
-            by_light = [_ratios(camera, lamps[j], modes[j], mean[ends[j] : ends[j + 1]], mean[p:]) for j in seen]
-            expected = np.concatenate([light[0] for light in by_light])
-            slope = np.zeros((2 * len(seen), p + q))
-            for i, (j, (_, by_lamp, by_curve, _)) in enumerate(zip(seen, by_light, strict=True)):
-                slope[2 * i : 2 * i + 2, ends[j] : ends[j + 1]] = by_lamp
-                slope[2 * i : 2 * i + 2, p:] = by_curve
-            # the calibration's own white is the same for all; green's noise is in both ratios
-            noise = np.tile(by_light[0][3], (len(seen), len(seen)))
-            noise = noise + np.kron(np.diag([errors[j] ** 2 for j in seen]), np.eye(2) + 1.0)
-            off = given - expected + slope @ mean
-            spread = slope @ slope.T + noise
-            gain = np.linalg.solve(spread, slope).T
-            mean = gain @ off
-        covariance = np.eye(p + q) - gain @ slope
-        chi_squared = float(off @ np.linalg.solve(spread, off))
-        log_evidence = -0.5 * (chi_squared + float(np.linalg.slogdet(2.0 * np.pi * spread)[1]))
-    root = np.linalg.cholesky(0.5 * (covariance + covariance.T))  # lamps first: later columns do not change a lamp
-    curves, curve_modes = _curves(camera, mean[p:]), np.einsum("qmc,qk->kmc", camera.modes, root[p:])
+    measured = np.array([float(camera.own is not None and ratio is not None) for ratio in ratios])
+    flat = np.ones(WAVELENGTHS.size)
+    own, of_own = (flat, flat[None]) if camera.own is None else (camera.own.lamp.values, lamp_modes(camera.own.lamp))
+    lit = condition(
+        LitCamera(
+            curves=camera.values,
+            curve_modes=camera.modes,
+            lamp=np.stack([lamp.values for lamp in lamps]),
+            lamp_modes=np.concatenate(modes),
+            of_photo=np.repeat(np.eye(len(lamps)), [len(mode) for mode in modes], axis=1),
+            ratios=np.stack([np.zeros(2) if ratio is None else ratio for ratio in ratios]),
+            ratio_error=np.array(errors, dtype=np.float64),
+            measured=measured,
+            own_raw=np.ones(3) if camera.own is None else camera.own.raw,
+            own_lamp=own,
+            own_modes=of_own,
+        )
+    )
+    chi_squared = float(lit.chi_squared) if measured.any() else None
     return [
         Light(
-            lamp.name, lamp.values * _bend(modes[j], mean[ends[j] : ends[j + 1]]), curves,
-            (modes[j].T @ root[ends[j] : ends[j + 1]]).T * lamp.values, curve_modes, p, log_evidence, chi_squared,
+            lamp.name, lit.power[j], lit.curves, lit.power_modes[j], lit.curve_modes, sum(map(len, modes)),
+            float(lit.log_evidence), chi_squared,
         )
         for j, lamp in enumerate(lamps)
     ]  # fmt: skip
+
+
+@dataclass(frozen=True)
+class LitCamera:
+    """A camera, and the lamps and references of j photos, before the references' ratios are used.
+
+    Attributes:
+        curves: (681, 3).
+        curve_modes: (q, 681, 3).
+        lamp: (j, 681).
+        lamp_modes: (p, 681) of all lamps, relative.
+        of_photo: (j, p), 1 for the modes of a photo's own lamp.
+        ratios: (j, 2) ln of the reference's raw red and blue over its green.
+        ratio_error: (j,) one standard deviation of them.
+        measured: (j,), 1 where the ratios count, else 0.
+        own_raw: (3,) the calibration's white.
+        own_lamp: (681,) of that white.
+        own_modes: (w, 681) its modes, relative.
+    """
+
+    curves: Array
+    curve_modes: Array
+    lamp: Array
+    lamp_modes: Array
+    of_photo: Array
+    ratios: Array
+    ratio_error: Array
+    measured: Array
+    own_raw: Array
+    own_lamp: Array
+    own_modes: Array
+
+
+@dataclass(frozen=True)
+class ConditionedLight:
+    """The arrays of `Light` for j photos.
+
+    Attributes:
+        power: (j, 681).
+        curves: (681, 3).
+        power_modes: (j, K, 681).
+        curve_modes: (K, 681, 3).
+        log_evidence, chi_squared: ().
+    """
+
+    power: Array
+    curves: Array
+    power_modes: Array
+    curve_modes: Array
+    log_evidence: Array
+    chi_squared: Array
+
+
+def condition(lit: LitCamera) -> ConditionedLight:
+    """The posterior of lamps and curves given the references' ratios, by STEPS of Gauss and Newton."""
+    xp, (p, m), (q, _, _), j = namespace(lit.lamp), lit.lamp_modes.shape, lit.curve_modes.shape, lit.lamp.shape[0]
+    rows = 2 * j
+    by_wavelength = xp.reshape(xp.permute_dims(lit.curve_modes, (1, 0, 2)), (m, 3 * q))
+    against_green = constant(xp, [[1.0, 0.0], [-1.0, -1.0], [0.0, 1.0]])
+    shared = constant(xp, np.eye(2) + 1.0)  # green's noise is in both ratios
+    seen = xp.reshape(xp.broadcast_to(lit.measured[:, None], (j, 2)), (rows,)) > 0.5
+    of_photos = eye(xp, j) * lit.ratio_error**2
+    reference = xp.reshape(of_photos[:, None, :, None] * shared[None, :, None, :], (rows, rows))
+
+    def at(mean: Array) -> tuple[Array, Array]:
+        """Power (j, 681) and curves (681, 3)."""
+        bend = xp.maximum(1.0 + (lit.of_photo * mean[None, :p]) @ lit.lamp_modes, DARKEST)
+        change = xp.reshape(mean[None, p:] @ xp.reshape(lit.curve_modes, (q, 3 * m)), (m, 3))
+        return lit.lamp * bend, lit.curves + change
+
+    mean = xp.zeros((p + q,), dtype=xp.float64)
+    for _ in range(STEPS):
+        power, curves = at(mean)
+        own = lit.own_lamp[None, :]
+        here, there = power @ curves, own @ curves  # (j, 3), (1, 3)
+        by_lamp = (lit.lamp[:, None, :] * lit.lamp_modes) @ curves / here[:, None, :] * lit.of_photo[:, :, None]
+        by_curve = xp.reshape(power @ by_wavelength, (j, q, 3)) / here[:, None, :]
+        by_curve = by_curve - xp.reshape(own @ by_wavelength, (1, q, 3)) / there
+        slope = (xp.concat([by_lamp, by_curve], axis=1) @ against_green).mT
+        slope = xp.where(seen[:, None], xp.reshape(slope, (rows, p + q)), 0.0)
+        of_own = (own * lit.own_modes) @ curves / there @ against_green
+        own_noise = of_own.mT @ of_own + OWN_WHITE**2 * shared  # the calibration's own white is the same for all
+        noise = xp.reshape(xp.broadcast_to(own_noise[None, :, None, :], (j, 2, j, 2)), (rows, rows)) + reference
+        expected = xp.log(lit.own_raw * here / there) @ against_green
+        off = xp.reshape(lit.ratios - expected, (rows,)) + (slope @ mean[:, None])[:, 0]
+        off = xp.where(seen, off, 0.0)
+        # A photo without ratios has 1 / 2π, which adds nothing to the evidence.
+        spread = xp.where(seen[:, None] & seen[None, :], slope @ slope.mT + noise, eye(xp, rows) / (2.0 * np.pi))
+        precision, log_det = inverse(spread)
+        gain = slope.mT @ precision
+        mean = (gain @ off[:, None])[:, 0]
+    chi_squared = (off[None, :] @ precision @ off[:, None])[0, 0]
+    covariance = eye(xp, p + q) - gain @ slope
+    covariance = 0.5 * (covariance + covariance.mT)
+    root = whiten(covariance, covariance)[0].mT  # lamps first: later columns do not change a lamp
+    power, curves = at(mean)
+    power_modes = (lit.of_photo[:, None, :] * root[:p, :].mT) @ lit.lamp_modes * lit.lamp[:, None, :]
+    curve_modes = xp.reshape(root[p:, :].mT @ xp.reshape(lit.curve_modes, (q, 3 * m)), (p + q, m, 3))
+    normal = xp.sum(xp.full((rows,), float(np.log(2.0 * np.pi)), dtype=xp.float64))
+    return ConditionedLight(
+        power, curves, power_modes, curve_modes, -0.5 * (chi_squared + normal + log_det), chi_squared
+    )
 
 
 def lamp_modes(lamp: Lamp) -> Floats:
     """(p, 681) error modes of a lamp, relative to its power: its own modes, and its smooth error."""
     smooth = lamp.tolerance * smooth_errors(LAMP_CORRELATION, WAVELENGTHS).T
     return np.concatenate([lamp.modes, smooth]) if lamp.tolerance > 0 else lamp.modes
-
-
-def _ratios(
-    camera: Camera, lamp: Lamp, modes: Floats, at_lamp: Floats, at_curves: Floats
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """Expected ln ratios (2,) at a point, their derivatives (2, p) and (2, q), and the own white's covariance."""
-    assert camera.own is not None
-    curves, power = _curves(camera, at_curves), lamp.values * _bend(modes, at_lamp)
-    own = camera.own.lamp
-    here, there = power @ curves, own.values @ curves  # (3,)
-    log = np.log(camera.own.raw * here / there)
-    by_lamp = (modes * lamp.values) @ curves / here  # (p, 3)
-    by_curve = np.einsum("m,qmc->qc", power, camera.modes) / here
-    by_curve = by_curve - np.einsum("m,qmc->qc", own.values, camera.modes) / there
-    of_own = _against_green(((lamp_modes(own) * own.values) @ curves / there).T)
-    noise = of_own @ of_own.T + OWN_WHITE**2 * (np.eye(2) + 1.0)
-    return _against_green(log), _against_green(by_lamp.T), _against_green(by_curve.T), noise
-
-
-def _against_green(values: Floats) -> Floats:
-    return np.asarray(values[[0, 2]] - values[1])
-
-
-def _bend(modes: Floats, at: Floats) -> Floats:
-    return np.maximum(1.0 + at @ modes, DARKEST)
-
-
-def _curves(camera: Camera, at: Floats) -> Floats:
-    return np.asarray(camera.values + np.einsum("q,qmc->mc", at, camera.modes))

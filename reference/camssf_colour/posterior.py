@@ -7,14 +7,14 @@ linear estimates. The formulas are in docs/spectrum.md.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from camssf.grid import Floats
-from camssf.recovery.arrays import Array, chosen, eye, inverse, namespace
+from camssf.recovery.arrays import Array, chosen, each_block, eye, inverse, namespace
 from camssf_colour.surface_prior import SurfacePrior
 
 METAMERS, NOISE = "metamers", "noise"
@@ -22,6 +22,9 @@ NEGLIGIBLE = 1e-5
 """Surfaces with less than this share of the largest weight are left out."""
 DARKEST = 1e-6
 """Least level that signals are divided by."""
+
+CHANNELS = 3
+"""Signals of a photo."""
 
 
 @dataclass(frozen=True)
@@ -81,10 +84,10 @@ def surface_posterior(prior: SurfacePrior, response: LinearResponse, y: Floats, 
         LinAlgError: a response of which no posterior can be computed: curves, too negative, through which a surface
             gives no signal.
     """
-    if not ((prior.shapes @ response.signals.T).mean(axis=1) > 0).all():
+    components = components_of(prior, response)
+    if not (components.scale > 0).all():
         raise np.linalg.LinAlgError("a surface of the prior gives no signal")
-    components = components_of(prior.log_weights, prior.shapes, prior.covariances, response)
-    given = [posterior_of(components, response, *pair) for pair in zip(y, error, strict=True)]
+    given = [posterior_of(components, *pair) for pair in zip(y, error, strict=True)]
     p, c = len(response.outputs), y.shape[1]
     names = (*response.sources, NOISE, METAMERS)
     return SurfacePosterior(
@@ -102,52 +105,81 @@ class Components:
 
     Attributes:
         log_weights: (N,).
-        shapes: (N, 35) s_i.
-        covariances: (N, 35, 35) C_i.
-        expected: (N, c) A s_i.
-        covariance_signals: (N, 35, c) C_i Aᵀ.
-        own: (N, c, c) A C_i Aᵀ.
+        scale: (N,) mean signal that s_i was divided by.
+        variances: (N, v) of the prior's shared covariances, of s_i so scaled.
+        shared: (v, r, r) these covariances, of the c signals and the p outputs after them; r = c + p.
+        changes: (N, q, r) the prior's, of signals and outputs.
+        expected: (N, r) signals and outputs of s_i.
+        of_level: (N, r); its products with `expected` are what the change of the level takes from the covariance.
+        crossed: (N, r, c) covariance of signals and outputs with the signals.
         errors: covariance (N, c + 1 + u, c + 1 + u) by source: of the signals over their level, of the level
             (relative) and of the last u outputs.
         prior_variance: (p,) of the outputs of a surface of level 1, without a photo.
     """
 
     log_weights: Array
-    shapes: Array
-    covariances: Array
+    scale: Array
+    variances: Array
+    shared: Array
+    changes: Array
     expected: Array
-    covariance_signals: Array
-    own: Array
+    of_level: Array
+    crossed: Array
     errors: dict[str, Array]
     prior_variance: Array
 
 
-def components_of(log_weights: Array, shapes: Array, covariances: Array, response: LinearResponse) -> Components:
-    """The surfaces of a prior, with its fields (N,), (N, 35) and (N, 35, 35)."""
+def components_of(prior: SurfacePrior, response: LinearResponse) -> Components:
+    """The surfaces of a prior as a response sees them."""
     xp, a = namespace(response.signals), response.signals
-    (n, j), (K, c, _), u = shapes.shape, response.signal_moves.shape, response.output_moves.shape[1]
-    scale = xp.mean(shapes @ a.mT, axis=1)
-    shapes = shapes / scale[:, None]
-    expected = shapes @ a.mT
+    (n, j), (K, c, _), u = prior.shapes.shape, response.signal_moves.shape, response.output_moves.shape[1]
+    rows = xp.concat([a, response.outputs], axis=0)
+    scale = xp.mean(prior.shapes @ a.mT, axis=1)
+    shapes = prior.shapes / scale[:, None]
+    expected = shapes @ rows.mT
     moves, moved = (
         xp.reshape(shapes @ xp.reshape(changes, (K * size, j)).mT, (n, K, size))
         for changes, size in ((response.signal_moves, c), (response.output_moves, u))
     )
     level = xp.mean(moves, axis=2, keepdims=True)
-    joint = xp.concat([moves - expected[:, None, :] * level, level, moved], axis=2)
-    errors = {name: joint[:, rows, :].mT @ joint[:, rows, :] for name, rows in response.sources.items()}
+    joint = xp.concat([moves - expected[:, None, :c] * level, level, moved], axis=2)
+    errors = {name: joint[:, kept, :].mT @ joint[:, kept, :] for name, kept in response.sources.items()}
+    variances = prior.variances / (scale * scale)[:, None]
+    shared, changes = rows @ prior.shared @ rows.mT, (shapes[:, None, :] * prior.changes) @ rows.mT
+    (v, r, _) = shared.shape
+    crossed = xp.reshape(variances @ xp.reshape(shared[:, :, :c], (v, r * c)), (n, r, c))
+    crossed = crossed + changes.mT @ changes[:, :, :c]
     # A surface's own change of the level is divided out, too: u - s_i mean(A u) remains of a change u.
-    mean = xp.mean(a, axis=0)[:, None]
-    covariances = covariances / (scale * scale)[:, None, None]
-    share = covariances @ mean  # (n, 35, 1)
-    out = shapes[:, :, None] * (share[:, :, 0] - 0.5 * (share.mT @ mean)[:, :, 0] * shapes)[:, None, :]
-    covariances = covariances - out - out.mT
-    crossed = covariances @ a.mT
-    variance = _prior_variance(log_weights, shapes, covariances, response.outputs)
-    return Components(log_weights, shapes, covariances, expected, crossed, a @ crossed, errors, variance)
+    of_level = xp.mean(crossed, axis=2)
+    of_level = of_level - 0.5 * xp.mean(of_level[:, :c], axis=1, keepdims=True) * expected
+    crossed = crossed - expected[:, :, None] * of_level[:, None, :c] - of_level[:, :, None] * expected[:, None, :c]
+    weights = xp.exp(prior.log_weights - xp.max(prior.log_weights))
+    weights = weights / xp.sum(weights)
+    found = Components(
+        prior.log_weights, scale, variances, shared, changes, expected, of_level, crossed, errors, weights
+    )
+    apart = expected - weights[None, :] @ expected
+    variance = xp.sum(_covariance(found, weights) * eye(xp, r), axis=1) + (weights[None, :] @ (apart * apart))[0, :]
+    return replace(found, prior_variance=variance[c:])
 
 
-def posterior_of(components: Components, response: LinearResponse, y: Array, error: Array) -> SurfacePosterior:
+def _covariance(components: Components, weights: Array) -> Array:
+    """(r, r) mean of the surfaces' covariances of signals and outputs by weights (N,)."""
+    xp, (v, r, _) = namespace(weights), components.shared.shape
+    shared = weights[None, :] @ components.variances @ xp.reshape(components.shared, (v, r * r))
+    of_level = _weighed(weights, components.of_level[:, :, None], components.expected[:, :, None])
+    changes = _weighed(weights, components.changes.mT, components.changes.mT)
+    return xp.reshape(shared, (r, r)) + changes - of_level - of_level.mT
+
+
+def _weighed(weights: Array, left: Array, right: Array) -> Array:
+    """Σ w_i left_i right_iᵀ of (N, any, k) each."""
+    xp, (n, rows, size) = namespace(left), left.shape
+    columns = xp.permute_dims(left * weights[:, None, None], (1, 0, 2))
+    return xp.reshape(columns, (rows, n * size)) @ xp.reshape(right.mT, (n * size, right.shape[1]))
+
+
+def posterior_of(components: Components, y: Array, error: Array) -> SurfacePosterior:
     """The posterior of outputs given the signals y (c,) of a surface, with standard errors (c,); no axis m.
 
     ℓ is the mean of the signals, at least its standard error, and z = y / ℓ; s_i and C_i are scaled so that A s_i has
@@ -155,74 +187,103 @@ def posterior_of(components: Components, response: LinearResponse, y: Array, err
     and G_i = M C_i Aᵀ V_i⁻¹, d_i = z - mean(z) A s_i: the weights are w_i ∝ |V_i|^-½ exp(-½ d_iᵀ V_i⁻¹ d_i) and the
     mean is ℓ Σ w_i (mean(z) M s_i + G_i d_i), where the errors' own changes of M s_i are added to G_i.
     """
-    xp, m, c = namespace(y), response.outputs, y.shape[0]
-    p, u = m.shape[0], response.output_moves.shape[1]
+    xp, c = namespace(y), y.shape[0]
     count = xp.sum(xp.ones((c,), dtype=xp.float64))
     level = xp.maximum(xp.maximum(xp.mean(y), xp.sqrt(xp.sum(error * error)) / count), DARKEST)
     z, noise = y / level, (error / level) ** 2
     bright = xp.mean(z)
-    off = z - bright * components.expected
-    errors = components.errors | {NOISE: _of_noise(components.expected, noise, u)}
-    total = sum(errors.values(), xp.zeros((), dtype=xp.float64))
-    # Nothing changes the mean of z, so any variance of it serves.
-    inverses, log_dets = inverse(components.own + total[:, :c, :c] + 1.0)
+    off = z - bright * components.expected[:, :c]
+    with_noise = components.errors | {NOISE: _of_noise(components, noise)}
+    total, inverses, log_dets = _spread(components, with_noise, c)
     squares = xp.sum((off[:, None, :] @ inverses)[:, 0, :] * off, axis=1)
     logarithms = components.log_weights - 0.5 * (log_dets + squares)
     weights = xp.exp(logarithms - xp.max(logarithms))
-    weights, shapes, covariances, crossed, own, inverses, off, expected, total, *kept = chosen(
+    weights, total, inverses, off, variances, changes, expected, of_level, crossed, *errors = chosen(
         weights > NEGLIGIBLE,
         [
-            weights, components.shapes, components.covariances, components.covariance_signals, components.own,
-            inverses, off, components.expected, total, *errors.values(),
+            weights, total, inverses, off, components.variances, components.changes, components.expected,
+            components.of_level, components.crossed, *with_noise.values(),
         ],
     )  # fmt: skip
     weights = weights / xp.sum(weights)
-    centre, crossed = shapes @ m.mT, m @ crossed
-    # An error of the level scales all outputs. The signals tell of errors, too, and so of what these do.
-    last = xp.concat([xp.zeros((p - u, u), dtype=xp.float64), eye(xp, u)], axis=0)
-    own_slopes = xp.concat([-centre[:, :, None], xp.broadcast_to(last, (*centre.shape, u))], axis=2)
-    gain = (crossed + own_slopes @ total[:, c:, :c]) @ inverses
+    kept = replace(
+        components, variances=variances, changes=changes, expected=expected, of_level=of_level, crossed=crossed
+    )
+    gain, own_slopes = _gain(kept, total, inverses)
     slopes = xp.concat([-gain, own_slopes], axis=2)
-    means = bright * centre + (gain @ off[:, :, None])[:, :, 0]
+    means = bright * expected[:, c:] + (gain @ off[:, :, None])[:, :, 0]
     mean = (weights[None, :] @ means)[0, :]
-
-    def summed(left: Array, right: Array) -> Array:
-        """Σ w_i left_i right_iᵀ of (k, p, any) each."""
-        k, rows, size = left.shape
-        weighed = xp.permute_dims(left * weights[:, None, None], (1, 0, 2))
-        return xp.reshape(weighed, (rows, k * size)) @ xp.reshape(right.mT, (k * size, right.shape[1]))
-
-    k, j = shapes.shape
-    direct = xp.reshape(weights[None, :] @ xp.reshape(covariances, (k, j * j)), (j, j))
-    both = summed(gain, crossed)
+    both = _weighed(weights, gain, crossed[:, c:, :])
     apart = (means - mean)[:, :, None]
-    parts = {name: summed(slopes @ of_source, slopes) for name, of_source in zip(errors, kept, strict=True)}
-    parts[METAMERS] = m @ direct @ m.mT - both - both.mT + summed(gain @ own, gain) + summed(apart, apart)
+    of_gain = _weighed(weights, gain @ crossed[:, :c, :], gain) + _weighed(weights, apart, apart)
+    parts = {
+        name: _weighed(weights, slopes @ of_source, slopes)
+        for name, of_source in zip(with_noise, errors, strict=True)
+    }
+    parts[METAMERS] = _covariance(kept, weights)[c:, c:] - both - both.mT + of_gain
     # A change of the level moves all signals.
-    signals = xp.concat([xp.broadcast_to(eye(xp, c), (k, c, c)), expected[:, :, None]], axis=2)
+    unit = xp.broadcast_to(eye(xp, c), (off.shape[0], c, c))
+    signals = xp.concat([unit, expected[:, :c, None]], axis=2)
     return SurfacePosterior(
         mean=level * mean,
         parts={name: level**2 * part for name, part in parts.items()},
         prior_variance=level**2 * components.prior_variance,
         distance=xp.sqrt(xp.min(squares)),
-        signal_covariance=level**2 * summed(signals @ total[:, : c + 1, : c + 1], signals),
+        signal_covariance=level**2 * _weighed(weights, signals @ total[:, : c + 1, : c + 1], signals),
     )
 
 
-def _of_noise(expected: Array, variances: Array, u: Any) -> Array:
+def means_of(components: Components, z: Array) -> Array:
+    """Means (b, m, 3) of the last three outputs as of `posterior_of`, of exact signals (b, m, c) of mean 1."""
+    xp, c = namespace(z), z.shape[2]
+    total, inverses, log_dets = _spread(components, components.errors, c)
+    expected, last = components.expected, components.expected.shape[1] - 3
+    gain = _gain(components, total, inverses)[0][:, last - c :, :]
+    (n, p, _), seen = gain.shape, expected[:, :c, None]
+    towards = (inverses @ seen)[:, :, 0]
+    constant = components.log_weights - 0.5 * (log_dets + xp.sum(towards * expected[:, :c], axis=1))
+    forms = xp.concat([-0.5 * xp.reshape(inverses, (n, c * c)), towards, constant[:, None]], axis=1)
+    base = expected[:, last:] - (gain @ seen)[:, :, 0]
+    maps = xp.reshape(xp.concat([gain, base[:, :, None]], axis=2), (n, p * (c + 1)))
+    maps = xp.concat([maps, xp.ones((n, 1), dtype=xp.float64)], axis=1)  # the last column sums the weights
+
+    def of_block(z: Array) -> Array:
+        m = z.shape[0]
+        line = xp.concat([z, xp.ones((m, 1), dtype=xp.float64)], axis=1)
+        products = xp.reshape(z[:, :, None] * z[:, None, :], (m, c * c))
+        logarithms = xp.concat([products, line], axis=1) @ forms.mT
+        mapped = xp.exp(logarithms - xp.max(logarithms, axis=1, keepdims=True)) @ maps
+        summed = xp.sum(xp.reshape(mapped[:, :-1], (m, p, c + 1)) * line[:, None, :], axis=2)
+        return summed / mapped[:, -1:]
+
+    return each_block(of_block, z)
+
+
+def _spread(components: Components, errors: Mapping[str, Array], c: Any) -> tuple[Array, Array, Array]:
+    """The sum of the errors' covariances, V_i⁻¹ (N, c, c) and ln |V_i| (N,)."""
+    xp = namespace(components.expected)
+    total = sum(errors.values(), xp.zeros((), dtype=xp.float64))
+    # Nothing changes the mean of z, so any variance of it serves.
+    return total, *inverse(components.crossed[:, :c, :] + total[:, :c, :c] + 1.0, panel=CHANNELS)
+
+
+def _gain(components: Components, total: Array, inverses: Array) -> tuple[Array, Array]:
+    """G_i (N, p, c), and the changes (N, p, 1 + u) of the outputs by errors of the level and by their own."""
+    xp, (n, r), c = namespace(total), components.expected.shape, inverses.shape[1]
+    u = total.shape[1] - c - 1
+    # An error of the level scales all outputs. The signals tell of errors, too, and so of what these do.
+    last = xp.concat([xp.zeros((r - c - u, u), dtype=xp.float64), eye(xp, u)], axis=0)
+    own = xp.broadcast_to(last, (n, r - c, u))
+    own_slopes = xp.concat([-components.expected[:, c:, None], own], axis=2)
+    return (components.crossed[:, c:, :] + own_slopes @ total[:, c:, :c]) @ inverses, own_slopes
+
+
+def _of_noise(components: Components, variances: Array) -> Array:
     """(N, c + 1 + u, c + 1 + u) as in `Components.errors`, of independent errors of z with these variances (c,)."""
-    xp, (n, c) = namespace(expected), expected.shape
+    xp, c = namespace(variances), variances.shape[0]
+    expected = components.expected[:, :c]
+    n, size = expected.shape[0], next(iter(components.errors.values())).shape[1]
     mean = xp.ones((n, 1, c), dtype=xp.float64) / xp.sum(xp.ones((c,), dtype=xp.float64))
-    moves = xp.concat([eye(xp, c) - expected[:, :, None] * mean, mean, xp.zeros((n, u, c), dtype=xp.float64)], axis=1)
+    rest = xp.zeros((n, size - c - 1, c), dtype=xp.float64)
+    moves = xp.concat([eye(xp, c) - expected[:, :, None] * mean, mean, rest], axis=1)
     return (moves * variances) @ moves.mT
-
-
-def _prior_variance(log_weights: Array, shapes: Array, covariances: Array, m: Array) -> Array:
-    """(p,) variance of the outputs M of the prior's surfaces."""
-    xp, (n, j) = namespace(m), shapes.shape
-    weights = xp.exp(log_weights - xp.max(log_weights))
-    weights = (weights / xp.sum(weights))[None, :]
-    centre = shapes @ m.mT
-    covariance = xp.reshape(weights @ xp.reshape(covariances, (n, j * j)), (j, j))
-    spread = weights @ (centre - weights @ centre) ** 2
-    return xp.sum((m @ covariance) * m, axis=1) + spread[0, :]

@@ -51,14 +51,19 @@ class SurfacePrior:
 
     Attributes:
         name: "general", "skin", or a file's name.
-        shapes: (N, 35) centres, of mean 1.
-        covariances: (N, 35, 35).
+        shapes: (N, 35) centres s_i, of mean 1.
+        variances: (N, 2) h_i² and 1, of the covariances that all share.
+        shared: (2, 35, 35) these covariances, C and F.
+        changes: (q, 35) relative changes g of reflectance, one standard deviation each; at least one, of zeros. The
+            covariance of the i-th is h_i² C + F + Σ (s_i g)(s_i g)ᵀ.
         log_weights: (N,) ln of the weights, up to a constant.
     """
 
     name: str
     shapes: Floats = field(repr=False)
-    covariances: Floats = field(repr=False)
+    variances: Floats = field(repr=False)
+    shared: Floats = field(repr=False)
+    changes: Floats = field(repr=False)
     log_weights: Floats = field(repr=False)
 
 
@@ -96,7 +101,7 @@ def prior_of(
 
     s_i = R_i / mean R_i. r_i is the root mean square distance to the NEIGHBOURS nearest, h_i = WIDTH max(r_i,
     NARROWEST median r), C the mean of u uᵀ over all differences u of neighbours, each divided by its root mean
-    square, and C_i = h_i² C + F + Σ_c (s_i g_c)(s_i g_c)ᵀ, with F of ROUGHNESS and the changes g_c.
+    square, and F is of ROUGHNESS.
 
     Args:
         reflectances: (N, 35) at SURFACE_NODES.
@@ -118,17 +123,14 @@ def prior_of(
         raise InvalidArgument("A surface's reflectance is not finite or not positive.", "Leave that surface out.")
     shapes = values / means
     n = len(shapes)
-    covariance = np.zeros((n, SURFACE_NODES.size, SURFACE_NODES.size))
-    if n > 1:
-        width, common = _neighbourhood(shapes)
-        covariance += width[:, None, None] ** 2 * common
+    width, common = _neighbourhood(shapes) if n > 1 else (np.zeros(1), np.zeros((SURFACE_NODES.size,) * 2))
     steps = (SURFACE_NODES[:, None] - SURFACE_NODES) / ROUGHNESS_CORRELATION
-    covariance += ROUGHNESS**2 * np.exp(-0.5 * steps**2)
-    for change in np.zeros((0, SURFACE_NODES.size)) if changes is None else changes:
-        moved = shapes * change
-        covariance += moved[:, :, None] * moved[:, None]
-    weights = np.zeros(n) if counts is None else np.log(counts)
-    return SurfacePrior(name, frozen(shapes), frozen(covariance), frozen(weights))
+    shared = np.stack([common, ROUGHNESS**2 * np.exp(-0.5 * steps**2)])
+    return SurfacePrior(
+        name, frozen(shapes), frozen(np.stack([width**2, np.ones(n)], axis=1)), frozen(shared),
+        frozen(np.zeros((1, SURFACE_NODES.size)) if changes is None else changes),
+        frozen(np.zeros(n) if counts is None else np.log(counts)),
+    )  # fmt: skip
 
 
 def _neighbourhood(shapes: Floats) -> tuple[Floats, Floats]:

@@ -102,6 +102,14 @@ def chosen(condition: Array, arrays: Sequence[Array]) -> list[Array]:
     return [x[condition] for x in arrays]
 
 
+def each_block(function: Callable[[Array], Array], x: Array) -> Array:
+    """The function of every entry of the first axis, stacked along it: the model holds one at a time."""
+    xp = namespace(x)
+    if not isinstance(xp, ModuleType):
+        return xp.each_block(function, x)
+    return xp.stack([function(x[i, ...]) for i in range(x.shape[0])])
+
+
 def whiten(sigma: Array, columns: Array, panel: int = 6) -> tuple[Array, Array]:
     """L⁻¹ columns (..., N, p), with Σ = L Lᵀ (..., N, N), and ln det Σ (...); Σ⁻¹ would lose twice the digits.
 
@@ -128,10 +136,10 @@ def whiten_and_solve(sigma: Array, columns: Array) -> tuple[Array, Array, Callab
     return white, _log_det(L), solve
 
 
-def inverse(M: Array) -> tuple[Array, Array]:
-    """M⁻¹ = L⁻ᵀ L⁻¹ and ln det M of positive definite M (..., r, r)."""
+def inverse(M: Array, panel: int = 6) -> tuple[Array, Array]:
+    """M⁻¹ = L⁻ᵀ L⁻¹ and ln det M of positive definite M (..., r, r); `panel` as of `whiten`."""
     xp = namespace(M)
-    root, log_det = whiten(M, xp.broadcast_to(eye(xp, M.shape[-1]), M.shape))
+    root, log_det = whiten(M, xp.broadcast_to(eye(xp, M.shape[-1]), M.shape), panel)
     return root.mT @ root, log_det
 
 

@@ -17,8 +17,8 @@ import org.camssf.photo.Shot
 import org.camssf.recovery.Choice
 import org.camssf.recovery.Engine
 import org.camssf.recovery.OnnxEngine
-import org.camssf.recovery.OnnxLibrary
 import org.camssf.recovery.SHIPPED_BASES
+import org.camssf.recovery.withOnnxRuntime
 import org.camssf.spectra.Bundled
 import org.camssf.spectra.ChartTable
 import org.camssf.verdict.Reason
@@ -355,18 +355,11 @@ public class SsfCalibrator private constructor(
         @JvmStatic
         public fun openBlocking(): SsfCalibrator = Builder().openBlocking()
 
-        private fun opened(basis: String, logger: Logger?): SsfCalibrator = try {
+        private fun opened(basis: String, logger: Logger?): SsfCalibrator = withOnnxRuntime {
             // So that the first chart and lamp by name do not parse them on the main thread.
             Bundled.load()
             val engines = load(if (basis == Choice.AUTO) Choice.FAMILIES else listOf(basis))
             SsfCalibrator(basis, engines, logger, RunGuard { engines.forEach { it.close() } })
-        } catch (error: LinkageError) {
-            throw RuntimeUnfit(
-                "ONNX Runtime is missing or cannot load its native library (${error.message}).",
-                "Add com.microsoft.onnxruntime:onnxruntime-android of version ${OnnxLibrary.VERSION}, with the " +
-                    "native library of the device's ABI; on a desktop onnxruntime of the same version.",
-                cause = error,
-            )
         }
 
         /** What is done when a calibrator has become garbage; without a reference to it. */

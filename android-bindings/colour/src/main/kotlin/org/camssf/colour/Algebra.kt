@@ -30,17 +30,6 @@ internal object Symmetric {
         }
     }
 
-    /** A⁻¹ B (n, m) by the Cholesky factor of A. */
-    fun solve(root: Array<DoubleArray>, right: Array<DoubleArray>): Array<DoubleArray> {
-        val solution = Array(right.size) { right[it].copyOf() }
-        forward(root, solution)
-        for (i in root.indices.reversed()) {
-            for (j in i + 1 until root.size) add(solution[i], -root[j][i], solution[j])
-            for (q in solution[i].indices) solution[i][q] /= root[i][i]
-        }
-        return solution
-    }
-
     /**
      * Eigenvalues in descending order, each with its unit eigenvector, by Jacobi rotations, which keep the relative
      * accuracy of small eigenvalues.

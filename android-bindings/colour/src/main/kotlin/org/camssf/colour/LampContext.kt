@@ -1,24 +1,8 @@
 package org.camssf.colour
 
-import org.camssf.Grid
-import org.camssf.Nodes
-
-/**
- * Colours under one lamp: the posterior of XYZ given signals, for the prior "general" of reflectance; as in Python's
- * `camssf_colour.standard`.
- *
- * @param tolerance relative error of the reference's reflectance.
- */
-internal class LampContext(val light: Light, view: View, tolerance: Double) {
-    private val response = SurfaceResponse.of(listOf(light), listOf(tolerance), view, reflectance = false)
-    private val posterior = SurfacePosterior(SurfacePrior.read("general"), response.linear)
-    private val matrix = Array(3) { c ->
-        val whole = dot(light.power, light.curves[c])
-        fold(DoubleArray(Grid.SIZE) { light.power[it] * light.curves[c][it] / whole }, Nodes.SIZE)
-    }
-
-    /** (3) XYZ of the white that Lab is relative to. */
-    val white: DoubleArray get() = response.white
+/** Colours under one lamp: the posterior of XYZ given signals, for the prior "general" of reflectance. */
+internal class LampContext(val response: SurfaceResponse) {
+    private val posterior = SurfacePosterior(SurfacePrior.read("general"), response, reflectance = false)
 
     /** For pixels; made when it is first needed. */
     val table: PixelTable by lazy { PixelTable(posterior, response.white) }
@@ -31,7 +15,7 @@ internal class LampContext(val light: Light, view: View, tolerance: Double) {
         val slopes = Spaces.slopes(relative, ones)
         // Lab's errors are those of XYZ over its white, which depends on the lamp, too.
         val parts = surface.parts.map { Spread(block(it, 0), Spaces.through(slopes, block(it, 3))) }
-        val reach = SurfaceDistance.of(signals.values, surface.signalCovariance, matrix)
+        val reach = SurfaceDistance.of(signals.values, surface.signalCovariance, response.reachable)
         return StandardColour(surface.mean.copyOf(3), Spaces.lab(relative, ones), parts, reach)
     }
 

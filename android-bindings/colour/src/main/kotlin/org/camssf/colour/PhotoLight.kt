@@ -48,20 +48,23 @@ public class PhotoLight internal constructor(
                     "the light of its first photo: the whole result.json, not a passport, and not of an older version.",
             )
         }
-        return lamps.map { ReferenceRatios(it, ratios, noise) }
+        return lamps.map { ReferenceRatios(it, ratios, noise, reference.tolerance) }
     }
 
     internal companion object {
         /**
-         * For each combination of lamps one light for each photo, with curves that are the same in all; and the
-         * combinations' weights.
+         * The response under each combination of lamps, and the combinations' weights.
          *
-         * @throws InvalidArgument an unknown lamp without what tells it.
+         * @throws InvalidArgument an unknown lamp without what tells it; a curve without a response to a lamp.
          * @throws LampUnfit a reference's raw ratios contradict its lamp.
          * @throws org.camssf.FramesDiffer a reference in a photo of another camera than the result's.
          * @throws org.camssf.UnitDiffers the same, of two cameras of one model.
          */
-        fun lights(camera: ColourCamera, photos: List<PhotoLight>): Pair<List<List<Light>>, DoubleArray> {
+        fun responses(
+            camera: ColourCamera,
+            photos: List<PhotoLight>,
+            view: View,
+        ): Pair<List<SurfaceResponse>, DoubleArray> {
             val sources = photos.mapNotNull { it.reference.source }
             sources.forEach { camera.camera.check(it) }
             sources.zipWithNext { one, two ->
@@ -69,24 +72,26 @@ public class PhotoLight internal constructor(
                 PhysicalCamera.check(first.name, first.origin.camera.body, second.name, second.origin.camera.body)
             }
             val choices = photos.map { it.choices(camera) }
-            for (lamps in choices) lamps.singleOrNull()?.let { check(Light.of(camera, listOf(it)).single()) }
+            if (photos.size > 1) {
+                for (named in choices.filter { it.size == 1 }) check(SurfaceResponse.of(camera, named, view))
+            }
             val combined = choices.fold(listOf(emptyList<ReferenceRatios>())) { combinations, lamps ->
                 combinations.flatMap { before -> lamps.map { before + it } }
             }
-            val lights = combined.map { Light.of(camera, it) }
-            val most = lights.maxOf { it[0].logEvidence }
-            val odds = DoubleArray(lights.size) { exp(lights[it][0].logEvidence - most) }
+            val responses = combined.map { SurfaceResponse.of(camera, it, view) }
+            if (photos.size == 1) responses.singleOrNull()?.let { check(it) }
+            val most = responses.maxOf { it.logEvidence }
+            val odds = DoubleArray(responses.size) { exp(responses[it].logEvidence - most) }
             val whole = odds.sum()
             val weights = DoubleArray(odds.size) { odds[it] / whole }
-            if (!weights.all { it.isFinite() }) throw NoColour.error()
-            return lights to weights
+            return responses to weights
         }
 
-        private fun check(light: Light) {
+        private fun check(light: SurfaceResponse) {
             val chiSquared = light.chiSquared ?: return
             if (chiSquared > CONTRADICTED) {
                 throw LampUnfit(
-                    "The reference is not white under ${light.name}: its raw ratios are off, χ² = " +
+                    "The reference is not white under ${light.names.single()}: its raw ratios are off, χ² = " +
                         "${fixed(chiSquared, 0)}.",
                     "Check the lamp and that the reference is neutral and lit by that lamp alone; or name no lamp.",
                     chiSquared,

@@ -1,5 +1,6 @@
 package org.camssf.colour
 
+import org.camssf.recovery.Tensor
 import kotlin.math.cbrt
 import kotlin.math.exp
 import kotlin.math.ln
@@ -16,37 +17,16 @@ internal class PixelTable(posterior: SurfacePosterior, private val white: Double
     private val values = DoubleArray(NODES * NODES * 3)
 
     init {
-        val exact = posterior.exact(3)
-        val log = DoubleArray(exact.log.size)
-        val z = DoubleArray(3)
-        for (at in 0 until NODES * NODES) {
-            z[0] = exp(at / NODES * STEP - EDGE)
-            z[1] = 1.0
-            z[2] = exp(at % NODES * STEP - EDGE)
-            val level = (z[0] + z[1] + z[2]) / 3
-            for (c in 0..2) z[c] /= level
-            node(exact, z, log, 3 * at)
+        val z = DoubleArray(values.size)
+        for (at in z.indices step 3) {
+            z[at] = exp(at / 3 / NODES * STEP - EDGE)
+            z[at + 1] = 1.0
+            z[at + 2] = exp(at / 3 % NODES * STEP - EDGE)
+            val level = (z[at] + z[at + 1] + z[at + 2]) / 3
+            for (c in at..at + 2) z[c] /= level
         }
-    }
-
-    private fun node(exact: SurfacePosterior.Exact, z: DoubleArray, log: DoubleArray, into: Int) {
-        val (r, g, b) = z
-        var most = Double.NEGATIVE_INFINITY
-        for (i in log.indices) {
-            val q = exact.forms[i]
-            val square = q[0] * r * r + q[1] * g * g + q[2] * b * b + q[3] * r * g + q[4] * r * b + q[5] * g * b
-            log[i] = exact.log[i] - 0.5 * square
-            if (log[i] > most) most = log[i]
-        }
-        var whole = 0.0
-        for (i in log.indices) {
-            if (log[i] < most + LEAST) continue
-            val weight = exp(log[i] - most)
-            val map = exact.maps[i]
-            whole += weight
-            for (c in 0..2) values[into + c] += weight * (map[3 * c] * r + map[3 * c + 1] * g + map[3 * c + 2] * b)
-        }
-        for (c in 0..2) values[into + c] = cbrt(values[into + c] / whole / white[c])
+        val means = posterior.means(Tensor(z, NODES, NODES, 3)).values
+        for (at in values.indices) values[at] = cbrt(means[at])
     }
 
     /** XYZ (3) of the signals at a place, or L*, a*, b*. */
@@ -109,8 +89,5 @@ internal class PixelTable(posterior: SurfacePosterior, private val white: Double
 
         /** Signals below this share of the level have ratios beyond the edge. */
         const val SMALL = 1e-6
-
-        /** ln of the smallest share of the largest weight that counts. */
-        const val LEAST = -11.5
     }
 }

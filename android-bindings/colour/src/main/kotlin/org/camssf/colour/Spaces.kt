@@ -3,13 +3,8 @@ package org.camssf.colour
 import kotlin.math.cbrt
 import kotlin.math.max
 
-/** Lab and chromatic adaptation, of three numbers at a time. XYZ is relative: Y of a perfect white diffuser is 1. */
+/** Lab, of three numbers at a time. XYZ is relative: Y of a perfect white diffuser is 1. */
 internal object Spaces {
-    /** XYZ to the sharpened cone signals of CAT16 (Li et al., Color Res. Appl. 2017, 42, 703). */
-    private val CAT16 = doubleArrayOf(
-        0.401288, 0.650173, -0.051461, -0.250268, 1.204414, 0.045854, -0.002079, 0.048952, 0.953127,
-    )
-    private val BACK = inverse(CAT16)
     private const val BEND = 216.0 / 24389.0
     private const val BEND_ROOT = 6.0 / 29.0
     private const val SLOPE = 24389.0 / 27.0
@@ -49,19 +44,7 @@ internal object Spaces {
         return doubleArrayOf(0.0, 116 * y, 0.0, 500 * x, -500 * y, 0.0, 0.0, 200 * y, -200 * z)
     }
 
-    /** (3, 3) matrix that adapts XYZ from one white to another: CAT16, complete adaptation. */
-    fun adaptation(source: DoubleArray, target: DoubleArray): DoubleArray {
-        val to = times(CAT16, target)
-        val from = times(CAT16, source)
-        return product(BACK, DoubleArray(9) { to[it / 3] / from[it / 3] * CAT16[it] })
-    }
-
-    /** Matrix (3, 3) times vector (3). */
-    fun times(matrix: DoubleArray, vector: DoubleArray): DoubleArray = DoubleArray(3) {
-        matrix[3 * it] * vector[0] + matrix[3 * it + 1] * vector[1] + matrix[3 * it + 2] * vector[2]
-    }
-
-    fun product(a: DoubleArray, b: DoubleArray): DoubleArray = DoubleArray(9) {
+    private fun product(a: DoubleArray, b: DoubleArray): DoubleArray = DoubleArray(9) {
         val row = it / 3 * 3
         a[row] * b[it % 3] + a[row + 1] * b[it % 3 + 3] + a[row + 2] * b[it % 3 + 6]
     }
@@ -69,16 +52,4 @@ internal object Spaces {
     /** Covariance (3, 3) transformed by a matrix: M Σ Mᵀ. */
     fun through(matrix: DoubleArray, covariance: DoubleArray): DoubleArray =
         product(product(matrix, covariance), DoubleArray(9) { matrix[it % 3 * 3 + it / 3] })
-
-    private fun inverse(m: DoubleArray): DoubleArray {
-        fun minor(i: Int, j: Int): Double {
-            val (a, b) = (0..2).filter { it != i }
-            val (c, d) = (0..2).filter { it != j }
-            return m[3 * a + c] * m[3 * b + d] - m[3 * a + d] * m[3 * b + c]
-        }
-        val determinant = (0..2).sumOf { (if (it == 1) -1 else 1) * m[it] * minor(0, it) }
-        return DoubleArray(9) {
-            (if ((it / 3 + it % 3) % 2 == 1) -1 else 1) * minor(it % 3, it / 3) / determinant
-        }
-    }
 }

@@ -6,6 +6,7 @@ import org.camssf.InvalidArgument
 import org.camssf.LampUnfit
 import org.camssf.Recovered
 import org.camssf.Rows
+import org.camssf.RuntimeUnfit
 import org.camssf.UnitDiffers
 import org.camssf.flatten
 import org.camssf.frozen
@@ -23,8 +24,8 @@ import org.camssf.frozen
  * }
  * ```
  *
- * It holds no native memory and no files and is immutable; safe to share between threads. Its functions take some ten
- * milliseconds: any thread but the main one.
+ * It runs small models with ONNX Runtime, as [Standardiser] does; it holds no native memory and no files of its own and
+ * is immutable; safe to share between threads. Its functions take some ten milliseconds: any thread but the main one.
  */
 public class SpectrumEstimator private constructor(
     private val photos: List<PhotoLight>,
@@ -41,20 +42,17 @@ public class SpectrumEstimator private constructor(
     override fun toString(): String = "SpectrumEstimator($lamps, $prior, $view)"
 
     /** One combination of lamps. */
-    private class Answer(
-        val names: List<String>,
-        val chiSquared: Double?,
-        val response: SurfaceResponse,
-        val posterior: SurfacePosterior,
-    )
+    private class Answer(val response: SurfaceResponse, prior: SurfacePrior) {
+        val posterior = SurfacePosterior(prior, response, reflectance = true)
+    }
 
     /** The compared combinations of lamps with their weights. */
     public val lamps: List<WeighedLamps> = answers.mapIndexed { i, answer ->
-        WeighedLamps(answer.names.frozen(), weights[i])
+        WeighedLamps(answer.response.names.frozen(), weights[i])
     }.frozen()
 
     /** χ² of the references' raw ratios under the most probable lamps; null if they were not used. */
-    public val chiSquared: Double? = answers[weights.indices.maxByOrNull { weights[it] }!!].chiSquared
+    public val chiSquared: Double? = answers[weights.indices.maxByOrNull { weights[it] }!!].response.chiSquared
 
     /** (3) XYZ of the white that Lab is relative to. */
     public val white: Rows get() = Rows(mean(answers.map { it.response.white }, weights), 3)
@@ -131,10 +129,9 @@ public class SpectrumEstimator private constructor(
         val covariance = DoubleArray(p * p).also { sum -> for (part in surface.parts) add(sum, 1.0, part) }
         val relative = surface.mean.copyOfRange(n + 3, n + 6)
         val ones = DoubleArray(3) { 1.0 }
-        val before = answer.posterior.priorVariance
         val inside = SurfaceNodes.wavelengths.indices.filter { SurfaceNodes.wavelengths[it] in 400.0..700.0 }
         val remaining = inside.sumOf { covariance[it * (p + 1)] }
-        val ofPrior = inside.sumOf { surface.level * surface.level * before[it] }
+        val ofPrior = inside.sumOf { surface.priorVariance[it] }
         val numbers = SurfaceSpectrum.Numbers(
             surface.mean.copyOf(n),
             block(covariance, 0, n),
@@ -182,6 +179,7 @@ public class SpectrumEstimator private constructor(
          * @throws LampUnfit a reference's raw ratios contradict its lamp.
          * @throws FramesDiffer a reference's photo is of another camera than the result.
          * @throws UnitDiffers the same, of two cameras of one model.
+         * @throws RuntimeUnfit ONNX Runtime is missing, or of a version that reports its use.
          */
         @JvmStatic
         @JvmOverloads
@@ -200,6 +198,7 @@ public class SpectrumEstimator private constructor(
          * @throws LampUnfit a reference's raw ratios contradict its lamp.
          * @throws FramesDiffer a reference's photo is of another camera than the result.
          * @throws UnitDiffers the same, of two cameras of one model.
+         * @throws RuntimeUnfit ONNX Runtime is missing, or of a version that reports its use.
          */
         @JvmStatic
         @JvmOverloads
@@ -222,13 +221,8 @@ public class SpectrumEstimator private constructor(
                     "Give the light of each photo.",
                 )
             }
-            val (lights, weights) = PhotoLight.lights(camera, photos)
-            val tolerances = photos.map { it.reference.tolerance }
-            val answers = lights.map { combination ->
-                val response = SurfaceResponse.of(combination, tolerances, view, reflectance = true)
-                val posterior = SurfacePosterior(prior, response.linear)
-                Answer(combination.map { it.name }, combination[0].chiSquared, response, posterior)
-            }
+            val (responses, weights) = PhotoLight.responses(camera, photos, view)
+            val answers = responses.map { Answer(it, prior) }
             return SpectrumEstimator(photos, answers, weights, camera.camera, prior, view)
         }
     }

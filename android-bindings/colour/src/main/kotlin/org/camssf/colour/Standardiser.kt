@@ -7,6 +7,7 @@ import org.camssf.InvalidArgument
 import org.camssf.LampUnfit
 import org.camssf.Recovered
 import org.camssf.Rows
+import org.camssf.RuntimeUnfit
 import org.camssf.UnitDiffers
 import org.camssf.fixed
 import org.camssf.frozen
@@ -39,8 +40,9 @@ public enum class Space {
  * ```
  *
  * Create it again if light or reference change, not for each picture. The first picture makes a table for each lamp,
- * four if the lamp is unknown. It holds no native memory and no files and is immutable; safe to share between
- * threads. Its functions take some milliseconds, a first picture more: any thread but the main one.
+ * four if the lamp is unknown. It runs small models with ONNX Runtime, which the first one opens for the whole process;
+ * it holds no native memory and no files of its own and is immutable; safe to share between threads. Its functions take
+ * some milliseconds, a first picture more: any thread but the main one.
  */
 public class Standardiser private constructor(
     private val contexts: List<LampContext>,
@@ -55,16 +57,16 @@ public class Standardiser private constructor(
 
     /** The compared lamps with their weights; a named lamp is the only one. */
     public val lamps: List<WeighedLamp> =
-        contexts.mapIndexed { i, context -> WeighedLamp(context.light.name, weights[i]) }.frozen()
+        contexts.mapIndexed { i, context -> WeighedLamp(context.response.names.single(), weights[i]) }.frozen()
 
     /**
      * χ² of the reference's raw ratios under the most probable lamp, two degrees of freedom; null if they were not
      * used.
      */
-    public val chiSquared: Double? = contexts[weights.indices.maxByOrNull { weights[it] }!!].light.chiSquared
+    public val chiSquared: Double? = contexts[weights.indices.maxByOrNull { weights[it] }!!].response.chiSquared
 
     /** (3) XYZ of the white that Lab is relative to, and that XYZ is adapted to if the view asks for it. */
-    public val white: Rows get() = Rows(mean(contexts.map { it.white }, weights), 3)
+    public val white: Rows get() = Rows(mean(contexts.map { it.response.white }, weights), 3)
 
     /**
      * The colour of a region, measured in the photo of the reference or in another photo in the same light. Signals of
@@ -175,12 +177,7 @@ public class Standardiser private constructor(
         into: FloatArray = FloatArray(raw.size),
         space: Space = Space.LAB,
     ): FloatArray {
-        check(raw.size, into.size)
-        val pixel = Pixel(space)
-        for (i in raw.indices step 3) {
-            pixel.read(raw[i].toDouble(), raw[i + 1].toDouble(), raw[i + 2].toDouble())
-            for (c in 0..2) into[i + c] = pixel.colour[c].toFloat()
-        }
+        convert(raw.size, into.size, space, { raw[it].toDouble() }) { i, value -> into[i] = value.toFloat() }
         return into
     }
 
@@ -191,18 +188,24 @@ public class Standardiser private constructor(
         into: DoubleArray = DoubleArray(raw.size),
         space: Space = Space.LAB,
     ): DoubleArray {
-        check(raw.size, into.size)
-        val pixel = Pixel(space)
-        for (i in raw.indices step 3) {
-            pixel.read(raw[i], raw[i + 1], raw[i + 2])
-            pixel.colour.copyInto(into, i)
-        }
+        convert(raw.size, into.size, space, { raw[it] }) { i, value -> into[i] = value }
         return into
     }
 
-    private fun check(size: Int, into: Int) {
+    private inline fun convert(
+        size: Int,
+        into: Int,
+        space: Space,
+        raw: (Int) -> Double,
+        write: (Int, Double) -> Unit,
+    ) {
         if (size % 3 != 0 || into != size) {
             throw InvalidArgument("$size numbers into $into are no pixels.", "Give three a pixel, in and out.")
+        }
+        val pixel = Pixel(space)
+        for (i in 0 until size step 3) {
+            pixel.read(raw(i), raw(i + 1), raw(i + 2))
+            for (c in 0..2) write(i + c, pixel.colour[c])
         }
     }
 
@@ -237,6 +240,7 @@ public class Standardiser private constructor(
          * @throws LampUnfit the reference's raw ratios contradict the lamp.
          * @throws FramesDiffer the reference's photo is of another camera than the result.
          * @throws UnitDiffers the same, of two cameras of one model.
+         * @throws RuntimeUnfit ONNX Runtime is missing, or of a version that reports its use.
          */
         @JvmStatic
         @JvmOverloads
@@ -256,6 +260,7 @@ public class Standardiser private constructor(
          * @throws LampUnfit the reference's raw ratios contradict the lamp.
          * @throws FramesDiffer the reference's photo is of another camera than the result.
          * @throws UnitDiffers the same, of two cameras of one model.
+         * @throws RuntimeUnfit ONNX Runtime is missing, or of a version that reports its use.
          */
         @JvmStatic
         @JvmOverloads
@@ -279,9 +284,9 @@ public class Standardiser private constructor(
             raw: DoubleArray?,
             error: Double,
         ): Standardiser {
-            val (lights, weights) = PhotoLight.lights(camera, listOf(PhotoLight(lamp, reference, raw, error)))
-            val contexts = lights.map { LampContext(it[0], view, reference.tolerance) }
-            return Standardiser(contexts, weights, reference, camera.camera, view)
+            val photo = PhotoLight(lamp, reference, raw, error)
+            val (responses, weights) = PhotoLight.responses(camera, listOf(photo), view)
+            return Standardiser(responses.map { LampContext(it) }, weights, reference, camera.camera, view)
         }
     }
 }

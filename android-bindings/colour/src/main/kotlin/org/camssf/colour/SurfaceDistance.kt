@@ -20,7 +20,7 @@ internal object SurfaceDistance {
      * @param spread (3, 3) their covariance Σ.
      * @param matrix A, (3) of (69): lamp times curves, scaled so that white gives 1.
      */
-    fun of(y: DoubleArray, spread: DoubleArray, matrix: Array<DoubleArray>): Double {
+    fun of(y: DoubleArray, spread: DoubleArray, matrix: List<DoubleArray>): Double {
         val floor = 1e-12 + 1e-6 * (spread[0] + spread[4] + spread[8]) / 3
         val root =
             Symmetric.root(Array(3) { a -> DoubleArray(3) { spread[3 * a + it] + if (a == it) floor else 0.0 } })

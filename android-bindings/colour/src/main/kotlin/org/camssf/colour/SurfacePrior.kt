@@ -1,6 +1,7 @@
 package org.camssf.colour
 
 import org.camssf.InvalidArgument
+import org.camssf.recovery.Tensor
 import kotlin.math.exp
 import kotlin.math.ln
 import kotlin.math.max
@@ -12,20 +13,11 @@ import kotlin.math.sqrt
  * (docs/spectrum.md). Immutable; safe to share between threads.
  *
  * @property name "general" or "skin".
- * @property shapes (N) of (35): s_i, of mean 1.
- * @property widths (N) h_i.
- * @property common C, (35) of (35).
- * @property changes (q) of (35): g_c, relative changes of reflectance, one standard deviation each.
- * @property logWeights (N) ln of the weights, up to a constant.
+ * @property arrays what the model takes: `shapes` (N, 35) s_i, of mean 1; `variances` (N, 2) h_i² and 1 of the `shared`
+ *   covariances (2, 35, 35) C and F; `changes` (q, 35) g_c, relative changes of reflectance, one standard deviation
+ *   each, zeros if there are none; `log_weights` (N), up to a constant.
  */
-public class SurfacePrior private constructor(
-    public val name: String,
-    internal val shapes: List<DoubleArray>,
-    internal val widths: DoubleArray,
-    internal val common: Array<DoubleArray>,
-    internal val changes: List<DoubleArray>,
-    internal val logWeights: DoubleArray,
-) {
+public class SurfacePrior private constructor(public val name: String, internal val arrays: Map<String, Tensor>) {
     override fun toString(): String = "SurfacePrior($name)"
 
     public companion object {
@@ -45,7 +37,7 @@ public class SurfacePrior private constructor(
         private val general: SurfacePrior by lazy {
             val (general, skins) = listOf("general", "skin").map { Tables.library(it) }
             val weights = DoubleArray(general.size + skins.size) { if (it < general.size) 0.0 else ln(SKINS_COUNT) }
-            of("general", general + skins, weights, emptyList())
+            of("general", general + skins, weights, listOf(DoubleArray(SurfaceNodes.SIZE)))
         }
 
         private val skin: SurfacePrior by lazy {
@@ -76,8 +68,15 @@ public class SurfacePrior private constructor(
                 sqrt(squares.sum() / NEIGHBOURS)
             }
             val least = NARROWEST * median(radius)
-            val widths = DoubleArray(radius.size) { WIDTH * max(radius[it], least) }
-            return SurfacePrior(name, shapes, widths, common, changes, logWeights)
+            val variances = radius.map { r -> doubleArrayOf((WIDTH * max(r, least)).let { it * it }, 1.0) }
+            val arrays = mapOf(
+                "shapes" to tensor(shapes),
+                "variances" to tensor(variances),
+                "shared" to Tensor.stack(listOf(common, fine()).map { tensor(it.asList()) }),
+                "changes" to tensor(changes),
+                "log_weights" to Tensor(logWeights, logWeights.size),
+            )
+            return SurfacePrior(name, arrays)
         }
 
         private fun nearest(shapes: List<DoubleArray>, to: Int): List<Int> {
@@ -86,7 +85,9 @@ public class SurfacePrior private constructor(
                 for (n in shapes[i].indices) (shapes[i][n] - shapes[to][n]).let { total += it * it }
                 total
             }
-            return shapes.indices.filter { it != to }.sortedBy { distance[it] }.take(NEIGHBOURS)
+            val limit = distance.sortedArray()[NEIGHBOURS] // the first is its own
+            val near = shapes.indices.filter { it != to && distance[it] <= limit }
+            return near.sortedBy { distance[it] }.take(NEIGHBOURS)
         }
 
         private fun median(values: DoubleArray): Double {
@@ -104,7 +105,7 @@ public class SurfacePrior private constructor(
         }.filter { change -> change.any { it != 0.0 } }
 
         /** F (35) of (35): the fine structure that no neighbour shows, for a mean of 1. */
-        internal val fine: Array<DoubleArray> = SurfaceNodes.wavelengths.let { nm ->
+        private fun fine() = SurfaceNodes.wavelengths.let { nm ->
             Array(nm.size) { a ->
                 DoubleArray(nm.size) { b ->
                     val step = (nm[a] - nm[b]) / ROUGHNESS_CORRELATION

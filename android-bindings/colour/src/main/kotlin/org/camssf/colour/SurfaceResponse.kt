@@ -2,153 +2,135 @@ package org.camssf.colour
 
 import org.camssf.Grid
 import org.camssf.InvalidArgument
+import org.camssf.Nodes
 import org.camssf.Rules
+import org.camssf.recovery.Tensor
 import org.camssf.spectra.Directions
 import org.camssf.spectra.Lamp
 import kotlin.math.max
 
 /**
- * Signals, XYZ and XYZ over its white as functions of reflectance, under the lights of one or two photos; as in Python's
- * `camssf_colour.reflectance`.
+ * The lamp of a photo, and what a reference in it says of it.
  *
- * @property linear its last six outputs are XYZ as the view states it and XYZ over its white; before them the
- *   reflectance itself if it was asked for.
- * @property white (3) XYZ of the white that Lab is relative to.
+ * @property ratios (2) ln of the reference's raw red and blue over its green; null without a usable reference.
+ * @property error one standard deviation of them.
+ * @property tolerance relative error of the reference's reflectance.
  */
-internal class SurfaceResponse private constructor(val linear: LinearResponse, val white: DoubleArray) {
+internal class ReferenceRatios(val lamp: Lamp, val ratios: DoubleArray?, val error: Double, val tolerance: Double)
+
+/**
+ * Signals, XYZ and XYZ over its white as functions of reflectance, under the lights of one or two photos; lamps and
+ * curves, which are the same in both, are conditioned on the raw ratios of the references.
+ *
+ * @property names of the lamps.
+ * @property chiSquared χ² of the ratios, two degrees of freedom a photo; null without them.
+ */
+internal class SurfaceResponse private constructor(
+    val names: List<String>,
+    val chiSquared: Double?,
+    private val arrays: Map<String, Tensor>,
+) {
+    /** (c, 35) signals; a perfect white gives 1 in each. */
+    val signals: Tensor get() = arrays.getValue("signals")
+
+    /** (6, 35) XYZ as the view states it, under the first light, and XYZ over its white. */
+    val outputs: Tensor get() = arrays.getValue("outputs")
+
+    /** (3) XYZ of the white that Lab is relative to. */
+    val white: DoubleArray get() = arrays.getValue("white").values
+
+    /** ln of the density of the ratios; 0 without them. */
+    val logEvidence: Double get() = arrays.getValue("log_evidence").values[0]
+
+    /** (3) of (69): signals of the first photo as functions of reflectance at the 5-nm nodes. */
+    val reachable: List<DoubleArray> get() = List(3) {
+        arrays.getValue("reachable").values.copyOfRange(it * Nodes.SIZE, (it + 1) * Nodes.SIZE)
+    }
+
+    /** Changes (K, c + 6, 35) of signals and outputs by each source's errors, reduced to the largest. */
+    fun moves(): Map<String, Tensor> = arrays.filterKeys { it.startsWith(MOVES) }.mapValues { principal(it.value) }
+
     companion object {
         /**
-         * @param lights of the photos; XYZ is under the first.
-         * @param tolerances of the photos' references, which are the same object.
-         * @param reflectance whether the reflectance is an output, too.
+         * @param photos of each a lamp, and ratios of a reference; they are ignored if the camera's own white is not
+         *   known.
          * @throws InvalidArgument a curve without a response to a lamp.
          */
-        fun of(lights: List<Light>, tolerances: List<Double>, view: View, reflectance: Boolean): SurfaceResponse {
-            val signals = lights.map { rows(it) }
-            val c = 3 * lights.size
-            val first = lights[0]
+        fun of(camera: ColourCamera, photos: List<ReferenceRatios>, view: View): SurfaceResponse {
+            val modes = photos.map { modes(it.lamp) }
+            val own = camera.ownWhite
+            val measured = DoubleArray(photos.size) { if (own != null && photos[it].ratios != null) 1.0 else 0.0 }
             val functions = Tables.observer(view.observer)
-            val aim = if (view.white == Adapted.LAMP) {
-                null
-            } else {
-                white(Lamp.read(view.white.word).sharedValues, functions)
-            }
-            val (colours, white) = colorimetry(first.power, functions, aim)
-            val none = List(OUTPUTS) { DoubleArray(SurfaceNodes.SIZE) }
-            val ofLight = first.powerModes.indices.map { k ->
-                val outputs = if (k < first.ofLamp) changed(first, k, functions, aim) else none
-                lights.indices.flatMap { moved(lights[it], k, signals[it]) } + outputs
-            }
-            val p = first.ofLamp
-            val moves = mapOf(
-                Part.CURVES to ofLight.drop(p),
-                Part.LAMP to ofLight.take(p),
-                Part.REFERENCE to ofReference(lights, tolerances, signals).map { it + none },
+            val adapted = view.white != Adapted.LAMP
+            val arrays = SurfaceModels.lights.run(
+                mapOf(
+                    "curves" to columns(camera.values),
+                    "curve_modes" to Tensor.stack(camera.modes.ifEmpty { listOf(NONE) }.map { columns(it) }),
+                    "lamp" to tensor(photos.map { it.lamp.sharedValues }),
+                    "lamp_modes" to tensor(modes.flatten()),
+                    "of_photo" to tensor(
+                        photos.indices.map { j ->
+                            modes.flatMapIndexed { i, one -> one.map { if (i == j) 1.0 else 0.0 } }.toDoubleArray()
+                        },
+                    ),
+                    "ratios" to tensor(photos.map { it.ratios ?: DoubleArray(2) }),
+                    "ratio_error" to Tensor(DoubleArray(photos.size) { photos[it].error }, photos.size),
+                    "measured" to Tensor(measured, photos.size),
+                    "own_raw" to Tensor(own?.raw ?: DoubleArray(3) { 1.0 }, 3),
+                    "own_lamp" to Tensor(own?.lamp?.sharedValues ?: DoubleArray(Grid.SIZE) { 1.0 }, Grid.SIZE),
+                    "own_modes" to tensor(own?.let { modes(it.lamp) } ?: listOf(NONE[0])),
+                    "tolerance" to Tensor(DoubleArray(photos.size) { photos[it].tolerance }, photos.size),
+                    "smooth" to tensor(Directions.of(Rules.shipped.number("covariance.chart_correlation")).columns),
+                    "observer" to columns(functions),
+                    "aim" to Tensor(if (adapted) white(view.white, functions) else DoubleArray(3) { 1.0 }, 3),
+                    "adapted" to Tensor.scalar(if (adapted) 1.0 else 0.0),
+                ),
             )
-            val nodes = List(SurfaceNodes.SIZE) { a -> DoubleArray(SurfaceNodes.SIZE) { if (it == a) 1.0 else 0.0 } }
-            val outputs = (if (reflectance) nodes else emptyList()) + colours
-            val reduced = moves.mapValues { (_, errors) -> principal(errors, c + OUTPUTS) }
-            return SurfaceResponse(LinearResponse(signals.flatten(), outputs, reduced), white)
-        }
-
-        /** XYZ (3) of a perfect white diffuser under a lamp. */
-        fun white(power: DoubleArray, functions: Three): DoubleArray {
-            val level = dot(power, functions[1])
-            return DoubleArray(3) { dot(power, functions[it]) / level }
-        }
-
-        /** White-balanced signals (3) of (35) under a light. */
-        private fun rows(light: Light): List<DoubleArray> = List(3) { c ->
-            val whole = dot(light.power, light.curves[c])
-            if (!(whole > 0 && whole.isFinite())) {
+            fun isFinite(name: String) = arrays.getValue(name).values.all { it.isFinite() }
+            if (!isFinite("log_evidence")) throw NoColour.error()
+            if (!(isFinite("level") && arrays.getValue("level").values.all { it > 0 })) {
                 throw InvalidArgument(
                     "A curve has no response to this lamp.",
                     "Check the lamp's spectrum, and the curves.",
                 )
             }
-            SurfaceNodes.fold(DoubleArray(Grid.SIZE) { light.power[it] * light.curves[c][it] / whole })
+            if (!arrays.keys.all { isFinite(it) }) throw NoColour.error()
+            val chiSquared = arrays.getValue("chi_squared").values[0].takeIf { measured.any { it > 0 } }
+            return SurfaceResponse(photos.map { it.lamp.name }, chiSquared, arrays)
         }
 
-        /** Changes (3) of (35) of a photo's signals by an error of lamp or curves. */
-        private fun moved(light: Light, k: Int, rows: List<DoubleArray>): List<DoubleArray> = List(3) { c ->
-            val whole = dot(light.power, light.curves[c])
-            val move = DoubleArray(Grid.SIZE) {
-                (light.powerModes[k][it] * light.curves[c][it] + light.power[it] * light.curveModes[k][c][it]) / whole
-            }
-            SurfaceNodes.fold(move).also { add(it, -move.sum(), rows[c]) }
+        /** XYZ (3) of a perfect white diffuser under an illuminant. */
+        private fun white(illuminant: Adapted, functions: Three): DoubleArray {
+            val power = Lamp.read(illuminant.word).sharedValues
+            return DoubleArray(3) { dot(power, functions[it]) / dot(power, functions[1]) }
         }
 
-        /** Changes of all signals by the reference's smooth error, then by light that differs between two places. */
-        private fun ofReference(
-            lights: List<Light>,
-            tolerances: List<Double>,
-            signals: List<List<DoubleArray>>,
-        ): List<List<DoubleArray>> {
-            val smooth = Directions.of(Rules.shipped.number("covariance.chart_correlation")).columns
-            val responses = lights.map { light ->
-                List(3) { c ->
-                    val whole = dot(light.power, light.curves[c])
-                    DoubleArray(Grid.SIZE) { light.power[it] * light.curves[c][it] / whole }
-                }
-            }
-
-            /** All signals, changed by so many tolerances of their photo's reference. */
-            fun scaled(size: (Int, Int) -> Double) = signals.flatMapIndexed { j, rows ->
-                List(3) { rows[it].times(tolerances[j] * size(j, it)) }
-            }
-            return smooth.map { column -> scaled { j, c -> dot(column, responses[j][c]) } } +
-                lights.indices.map { place -> scaled { j, _ -> if (j == place) 1.0 else 0.0 } }
+        /** Error modes (681) of a lamp, relative to its power: its own, and its smooth error; zeros if it has none. */
+        private fun modes(lamp: Lamp): List<DoubleArray> {
+            val length = Rules.shipped.number("covariance.lamp_correlation")
+            val smooth = if (lamp.tolerance > 0) Directions.of(length).columns else emptyList()
+            return (lamp.sharedModes + smooth.map { it.times(lamp.tolerance) }).ifEmpty { listOf(NONE[0]) }
         }
 
-        /** Changes (6) of (35) of the colorimetric outputs by an error of the lamp. */
-        private fun changed(light: Light, k: Int, functions: Three, aim: DoubleArray?): List<DoubleArray> {
-            val (up, down) = listOf(1.0, -1.0).map { sign ->
-                val power = DoubleArray(Grid.SIZE) { max(light.power[it] + sign * light.powerModes[k][it], 0.0) }
-                colorimetry(power, functions, aim).first
-            }
-            return up.zip(down) { a, b -> DoubleArray(a.size) { 0.5 * (a[it] - b[it]) } }
-        }
-
-        /** (6) of (35): XYZ as stated and XYZ over its white, as functions of reflectance; and that white's XYZ. */
-        private fun colorimetry(
-            power: DoubleArray,
-            functions: Three,
-            aim: DoubleArray?,
-        ): Pair<List<DoubleArray>, DoubleArray> {
-            val level = dot(power, functions[1])
-            val xyz = functions.map { row ->
-                SurfaceNodes.fold(DoubleArray(Grid.SIZE) { power[it] * row[it] / level })
-            }
-            val turn = aim?.let { Spaces.adaptation(white(power, functions), it) }
-            val stated = if (turn == null) {
-                xyz
-            } else {
-                List(3) { row ->
-                    DoubleArray(SurfaceNodes.SIZE) { n -> (0..2).sumOf { turn[3 * row + it] * xyz[it][n] } }
-                }
-            }
-            val white = aim ?: white(power, functions)
-            val relative = List(3) { row -> DoubleArray(SurfaceNodes.SIZE) { stated[row][it] / white[row] } }
-            return stated + relative to white
-        }
-
-        /** Errors of so many rows each as fewer independent ones of the same covariance, but for LEAST of its trace. */
-        private fun principal(moves: List<List<DoubleArray>>, rows: Int): List<List<DoubleArray>> {
-            val gram = Array(moves.size) { a ->
-                DoubleArray(moves.size) { b -> (0 until rows).sumOf { dot(moves[a][it], moves[b][it]) } }
-            }
+        /** Errors (K, rows, 35) as fewer independent ones of the same covariance, but for LEAST of its trace. */
+        private fun principal(moves: Tensor): Tensor {
+            val (size, rows) = moves.shape
+            val errors = moves.rows()
+            val gram = Array(size) { a -> DoubleArray(size) { b -> dot(errors[a], errors[b]) } }
             val parts = Symmetric.eigen(gram)
             val whole = parts.sumOf { max(it.first, 0.0) }
             var rest = whole
-            return parts.filter { (size, _) -> (rest > LEAST * whole).also { rest -= size } }.map { (_, axis) ->
-                List(rows) { row ->
-                    DoubleArray(SurfaceNodes.SIZE).also { for (k in moves.indices) add(it, axis[k], moves[k][row]) }
-                }
+            val kept = parts.filterIndexed { i, (variance, _) ->
+                (i == 0 || rest > LEAST * whole).also { rest -= variance }
             }
+            val reduced = kept.map { (_, axis) ->
+                DoubleArray(errors[0].size).also { for (k in 0 until size) add(it, axis[k], errors[k]) }
+            }
+            return Tensor(tensor(reduced).values, reduced.size, rows, SurfaceNodes.SIZE)
         }
 
-        /** Colorimetric outputs: XYZ and XYZ over its white. */
-        const val OUTPUTS = 6
+        private val NONE: Three = Array(3) { DoubleArray(Grid.SIZE) }
+        private const val MOVES = "moves by "
 
         /** The smallest errors are left out up to this share of the variance of all. */
         private const val LEAST = 1e-4

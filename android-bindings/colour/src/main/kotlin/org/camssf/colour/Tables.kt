@@ -1,7 +1,6 @@
 package org.camssf.colour
 
 import org.camssf.Grid
-import org.camssf.InvalidArgument
 import org.camssf.json.JsonText
 import org.camssf.json.Members
 import org.camssf.json.list
@@ -10,7 +9,6 @@ import org.camssf.json.number
 import org.camssf.json.numbers
 import org.camssf.json.part
 import org.camssf.json.text
-import org.camssf.model.Models
 import org.camssf.spectra.Interpolation
 import kotlin.math.roundToInt
 
@@ -20,12 +18,7 @@ internal typealias Three = Array<DoubleArray>
 /** Reflectances of real surfaces, and standard observers: colour.json, the same file as in Python. */
 internal object Tables {
     private val file: Members by lazy {
-        val json = try {
-            val content = Models.read(Tables::class.java, "org/camssf/colour", "colour.json")
-            members(JsonText.parse(content.decodeToString()))
-        } catch (error: IllegalStateException) {
-            throw InvalidArgument(error.message.orEmpty(), "Add camssf-colour unchanged.", cause = error)
-        }
+        val json = members(JsonText.parse(SurfaceModels.read("colour.json").decodeToString()))
         check(json.text("format") == "camssf-surfaces/1") { "colour.json is of another version" }
         json
     }

@@ -1,7 +1,5 @@
 package org.camssf.colour
 
-import org.camssf.Nodes
-import org.junit.jupiter.api.Assertions.assertArrayEquals
 import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertNull
 import org.junit.jupiter.api.Test
@@ -70,13 +68,5 @@ class AlgebraTest {
         val right = Array(5) { row -> DoubleArray(5) { given[row][it] } }
         Symmetric.forward(root, right) // L⁻¹ L Lᵀ
         for (a in 0..4) for (b in 0..4) assertEquals(root[b][a], right[a][b], 1e-15)
-    }
-
-    @Test
-    fun `folding is the adjoint of running straight between the nodes`() {
-        val nodes = DoubleArray(Nodes.SIZE) { sin(it * 0.7) }
-        val values = DoubleArray(681) { cos(it * 0.11) }
-        assertEquals(dot(Nodes.straight { nodes[it] }, values), dot(nodes, fold(values, Nodes.SIZE)), 1e-11)
-        assertArrayEquals(nodes, DoubleArray(Nodes.SIZE) { at -> Nodes.straight { nodes[it] }[10 * at] })
     }
 }

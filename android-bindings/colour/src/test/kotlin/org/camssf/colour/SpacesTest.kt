@@ -10,7 +10,6 @@ import org.junit.jupiter.api.Test
 import kotlin.math.exp
 
 class SpacesTest {
-    private val functions = Tables.observer(Observer.CIE_1931)
     private val light = Lamp.read("A").values.values
 
     private fun bell(centre: Double, width: Double): DoubleArray {
@@ -38,19 +37,18 @@ class SpacesTest {
     }
 
     @Test
-    fun `Lab of white and black, and white adapted is white`() {
-        val (d65, d50) = listOf("D65", "D50").map { SurfaceResponse.white(Lamp.read(it).values.values, functions) }
+    fun `Lab of white and black`() {
+        val d65 = doubleArrayOf(0.9504, 1.0, 1.0888)
         assertArrayEquals(doubleArrayOf(100.0, 0.0, 0.0), Spaces.lab(d65, d65), 1e-12)
         assertArrayEquals(DoubleArray(3), Spaces.lab(DoubleArray(3), d65), 1e-12)
-        assertArrayEquals(doubleArrayOf(0.9504, 1.0, 1.0888), d65, 1e-3) // CIE 15
-        assertArrayEquals(d50, Spaces.times(Spaces.adaptation(d65, d50), d65), 1e-14)
     }
 
     @Test
     fun `real surfaces lie in reach, and no light does`() {
-        val matrix = Array(3) { c ->
-            val whole = dot(light, curves[c])
-            fold(DoubleArray(Grid.SIZE) { light[it] * curves[c][it] / whole }, Nodes.SIZE)
+        val units = List(Nodes.SIZE) { node -> Nodes.straight { if (it == node) 1.0 else 0.0 } }
+        val matrix = List(3) { c ->
+            val seen = DoubleArray(Grid.SIZE) { light[it] * curves[c][it] }
+            DoubleArray(Nodes.SIZE) { dot(seen, units[it]) / seen.sum() }
         }
         val spread = DoubleArray(9) { if (it % 4 == 0) 1e-6 else 0.0 }
         for (surface in Tables.surfaces) {

@@ -12,7 +12,6 @@ import org.junit.jupiter.api.Assertions.assertFalse
 import org.junit.jupiter.api.Assertions.assertThrows
 import org.junit.jupiter.api.Assertions.assertTrue
 import org.junit.jupiter.api.Test
-import kotlin.math.abs
 
 /** The face of spectra; the golden stage `spectrum` holds its numbers. */
 class SpectrumEstimatorTest {
@@ -117,10 +116,14 @@ class SpectrumEstimatorTest {
     @Test
     fun `the shipped priors hold their surfaces`() {
         val (general, skin) = listOf("general", "skin").map { SurfacePrior.read(it) }
-        assertEquals(760 + 97, general.shapes.size)
-        assertEquals(97, skin.shapes.size)
-        for (shape in general.shapes) assertEquals(1.0, shape.average(), 1e-12)
-        assertTrue(skin.changes.size == 5 && general.changes.isEmpty())
-        assertTrue(general.widths.all { it > 0 } && abs(general.logWeights.last() - Math.log(8.0)) < 1e-15)
+        assertEquals(760 + 97, general.shape("shapes")[0])
+        assertEquals(97, skin.shape("shapes")[0])
+        for (shape in general.arrays.getValue("shapes").rows()) assertEquals(1.0, shape.average(), 1e-12)
+        assertEquals(5, skin.shape("changes")[0])
+        assertTrue(general.arrays.getValue("changes").values.all { it == 0.0 })
+        assertTrue(general.arrays.getValue("variances").values.all { it > 0 })
+        assertEquals(Math.log(8.0), general.arrays.getValue("log_weights").values.last(), 1e-15)
     }
+
+    private fun SurfacePrior.shape(name: String): IntArray = arrays.getValue(name).shape
 }

@@ -24,6 +24,8 @@ import org.junit.jupiter.api.Assertions.assertThrows
 import org.junit.jupiter.api.Assertions.assertTrue
 import org.junit.jupiter.api.Test
 import java.io.File
+import java.lang.reflect.InvocationTargetException
+import java.net.URLClassLoader
 import kotlin.math.abs
 import kotlin.math.sqrt
 
@@ -63,10 +65,10 @@ class StandardiserTest {
         val exact = Reference(white.raw.values)
         val still = DoubleArray(3)
         // Surfaces of the library under D55, whose signals lie between the table's nodes.
-        val light = Light.of(ColourCamera.parse(text), listOf(ReferenceRatios(d55, null, 0.0))).single()
-        val response = SurfaceResponse.of(listOf(light), listOf(0.0), View(), reflectance = false).linear
+        val known = listOf(ReferenceRatios(d55, null, 0.0, 0.0))
+        val signals = SurfaceResponse.of(ColourCamera.parse(text), known, View()).signals.rows()
         val pixels = (Tables.library("general").filterIndexed { i, _ -> i % 14 == 0 } + Tables.library("skin"))
-            .map { row -> DoubleArray(3) { 8000 * gains[it] * dot(response.signals[it], row) } }
+            .map { row -> DoubleArray(3) { 8000 * gains[it] * dot(signals[it], row) } }
         val all = pixels.flatten()
         for ((view, lamp) in listOf(View() to d55, View(Observer.CIE_1964, Adapted.D50) to null)) {
             val found = Standardiser.read(text, lamp, exact, view)
@@ -223,6 +225,33 @@ class StandardiserTest {
         assertArrayEquals(named.lab.values, unnamed.lab.values, 1.0)
         val grown = List(3) { unnamed.labCovariance[it, it] / named.labCovariance[it, it] }
         assertTrue(grown.all { it > 1 } && grown[1] > 1.3, "$grown") // as in Python: 1.006, 1.45, 1.04
+    }
+
+    /** A class path as an app's that left ONNX Runtime out. */
+    @Test
+    fun `without ONNX Runtime the advice names it`() {
+        val needed = listOf(
+            Standardiser::class.java,
+            Grid::class.java,
+            org.camssf.model.Models::class.java,
+            Unit::class.java,
+        )
+        val places = needed.map { it.protectionDomain.codeSource.location }.toTypedArray()
+        URLClassLoader(places, ClassLoader.getPlatformClassLoader()).use { loader ->
+            val (type, lamp, reference) = listOf(Standardiser::class, Lamp::class, Reference::class).map {
+                loader.loadClass(it.java.name)
+            }
+            val read = type.getMethod("read", String::class.java, lamp, reference)
+            val known = lamp.getMethod("read", String::class.java).invoke(null, "D55")
+            val card = reference.getConstructor(DoubleArray::class.java).newInstance(white.raw.values)
+            repeat(2) {
+                val thrown =
+                    assertThrows(InvocationTargetException::class.java) { read.invoke(null, text, known, card) }
+                val error = thrown.targetException
+                assertEquals("org.camssf.RuntimeUnfit", error.javaClass.name, error.toString())
+                assertTrue("onnxruntime-android of version" in error.toString(), error.toString())
+            }
+        }
     }
 
     @Test

@@ -90,5 +90,5 @@ internal interface Engine : Closeable {
     fun logEvidences(stack: List<ModelInputs>): DoubleArray
 
     /** Outputs of the verdict's model, by its own names. */
-    fun judge(inputs: Map<String, Tensor>, outputs: List<String>): Map<String, DoubleArray>
+    fun judge(inputs: Map<String, Tensor>, outputs: List<String>): Map<String, Tensor>
 }

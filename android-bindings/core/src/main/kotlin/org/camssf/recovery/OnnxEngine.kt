@@ -21,7 +21,7 @@ internal class OnnxEngine private constructor(
         val outputs = answer(stack, true, ModelOutputs.NAMES)
         return stack.indices.map { i ->
             ModelOutputs { name ->
-                val all = outputs.getValue(name)
+                val all = outputs.getValue(name).values
                 val size = all.size / if (name == ModelOutputs.CHANNEL_GAIN) 1 else stack.size
                 val start = if (name == ModelOutputs.CHANNEL_GAIN) 0 else i * size
                 if (size == all.size) all else all.copyOfRange(start, start + size)
@@ -30,9 +30,9 @@ internal class OnnxEngine private constructor(
     }
 
     override fun logEvidences(stack: List<ModelInputs>): DoubleArray =
-        answer(stack, false, listOf(ModelOutputs.EVIDENCE)).getValue(ModelOutputs.EVIDENCE)
+        answer(stack, false, listOf(ModelOutputs.EVIDENCE)).getValue(ModelOutputs.EVIDENCE).values
 
-    override fun judge(inputs: Map<String, Tensor>, outputs: List<String>): Map<String, DoubleArray> {
+    override fun judge(inputs: Map<String, Tensor>, outputs: List<String>): Map<String, Tensor> {
         checkOpen()
         return verdict.run(inputs, outputs)
     }
@@ -40,7 +40,7 @@ internal class OnnxEngine private constructor(
     private fun checkOpen() = check(open) { "This SsfCalibrator was closed. Open another." }
 
     @Synchronized
-    private fun answer(stack: List<ModelInputs>, solve: Boolean, outputs: List<String>): Map<String, DoubleArray> {
+    private fun answer(stack: List<ModelInputs>, solve: Boolean, outputs: List<String>): Map<String, Tensor> {
         checkOpen()
         val first = stack[0]
         val known = first.known

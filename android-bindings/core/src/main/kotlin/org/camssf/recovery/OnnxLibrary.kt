@@ -1,6 +1,8 @@
 package org.camssf.recovery
 
 import ai.onnxruntime.OrtEnvironment
+import ai.onnxruntime.OrtLoggingLevel
+import ai.onnxruntime.OrtSession
 import org.camssf.RuntimeUnfit
 import java.io.File
 
@@ -33,6 +35,25 @@ internal object OnnxLibrary {
         tidy
         check(environment.version, switch())
         return environment
+    }
+
+    /** The options of the Python package, so that the numbers are the same; they must outlive their session. */
+    fun options(): OrtSession.SessionOptions {
+        val options = OrtSession.SessionOptions()
+        try {
+            options.setIntraOpNumThreads(1)
+            options.setInterOpNumThreads(1)
+            options.setExecutionMode(OrtSession.SessionOptions.ExecutionMode.SEQUENTIAL)
+            // No optimisation: the graph that runs is the one that was checked, and it loads faster.
+            options.setOptimizationLevel(OrtSession.SessionOptions.OptLevel.NO_OPT)
+            options.setSessionLogLevel(OrtLoggingLevel.ORT_LOGGING_LEVEL_ERROR)
+            options.addConfigEntry("session.intra_op.allow_spinning", "0")
+            options.addConfigEntry("mlas.disable_kleidiai", "1")
+        } catch (error: Throwable) {
+            options.close()
+            throw error
+        }
+        return options
     }
 
     private fun switch(): String? = System.getenv(SWITCH)
@@ -77,4 +98,20 @@ internal object OnnxLibrary {
             // The process is already ending, or does not permit this.
         }
     }
+}
+
+/**
+ * Runs what loads ONNX Runtime.
+ *
+ * @throws RuntimeUnfit it is missing.
+ */
+internal inline fun <T> withOnnxRuntime(work: () -> T): T = try {
+    work()
+} catch (error: LinkageError) {
+    throw RuntimeUnfit(
+        "ONNX Runtime is missing or cannot load its native library (${error.message}).",
+        "Add com.microsoft.onnxruntime:onnxruntime-android of version ${OnnxLibrary.VERSION}, with the " +
+            "native library of the device's ABI; on a desktop onnxruntime of the same version.",
+        cause = error,
+    )
 }

@@ -1,103 +1,43 @@
 package org.camssf.recovery
 
-import ai.onnxruntime.OnnxTensor
-import ai.onnxruntime.OrtException
-import ai.onnxruntime.OrtLoggingLevel
-import ai.onnxruntime.OrtSession
 import org.camssf.InvalidArgument
 import org.camssf.model.Models
-import java.nio.ByteBuffer
-import java.nio.ByteOrder
 
-/**
- * A loaded model: one thread, sequentially, on the CPU, with the options of the Python package, so that the numbers are
- * the same. Those that open the same file share one session; the last one that closes closes it.
- *
- * @property name of its file.
- */
-internal class OnnxSession private constructor(val name: String, content: ByteArray) {
-    private val environment = OnnxLibrary.environment()
-    private val options = OrtSession.SessionOptions()
-    private val session: OrtSession
+/** A model that those who open the same file share: the last one that releases it closes it. */
+internal class OnnxSession private constructor(private val model: OnnxModel, content: ByteArray) {
     private var users = 0
 
     val sha256: String = Models.sha256(content)
-    val metadata: Map<String, String>
-    val outputs: Set<String> get() = session.outputNames
+    val metadata: Map<String, String> get() = model.metadata
 
-    init {
-        try {
-            options.setIntraOpNumThreads(1)
-            options.setInterOpNumThreads(1)
-            options.setExecutionMode(OrtSession.SessionOptions.ExecutionMode.SEQUENTIAL)
-            // No optimisation: the graph that runs is the one that was checked, and it loads faster.
-            options.setOptimizationLevel(OrtSession.SessionOptions.OptLevel.NO_OPT)
-            options.setSessionLogLevel(OrtLoggingLevel.ORT_LOGGING_LEVEL_ERROR)
-            options.addConfigEntry("session.intra_op.allow_spinning", "0")
-            options.addConfigEntry("mlas.disable_kleidiai", "1")
-            session = environment.createSession(content, options)
-        } catch (error: Throwable) {
-            options.close()
-            throw error
-        }
-        metadata = try {
-            session.metadata.customMetadata
-        } catch (error: Throwable) {
-            free()
-            throw error
-        }
-    }
+    /** As [OnnxModel.run]. */
+    fun run(inputs: Map<String, Tensor>, outputs: List<String>): Map<String, Tensor> = model.run(inputs, outputs)
 
-    /**
-     * Runs the model; calls from several threads wait for each other.
-     *
-     * @param outputs names of those that are wanted.
-     * @return row-major copies that stay valid.
-     * @throws InvalidArgument ONNX Runtime refuses the inputs.
-     */
-    @Synchronized
-    fun run(inputs: Map<String, Tensor>, outputs: List<String>): Map<String, DoubleArray> {
-        val tensors = LinkedHashMap<String, OnnxTensor>()
-        try {
-            inputs.mapValuesTo(tensors) { tensor(it.value) }
-            session.run(tensors, outputs.toSet()).use { result ->
-                return outputs.associateWith { name ->
-                    val buffer = (result.get(name).get() as OnnxTensor).doubleBuffer
-                    DoubleArray(buffer.remaining()).also { buffer.get(it) }
-                }
-            }
-        } catch (error: OrtException) {
-            throw InvalidArgument("The model $name does not run: ${error.message}.", ADVICE, cause = error)
-        } finally {
-            tensors.values.forEach { it.close() }
-        }
-    }
-
-    private fun tensor(value: Tensor): OnnxTensor {
-        val bytes = ByteBuffer.allocateDirect(8 * value.values.size).order(ByteOrder.nativeOrder())
-        val buffer = bytes.asDoubleBuffer()
-        buffer.put(value.values)
-        buffer.rewind()
-        return OnnxTensor.createTensor(environment, buffer, LongArray(value.rank) { value.shape[it].toLong() })
-    }
-
-    /** Ends one use; the last one frees the session. */
+    /** Ends one use; the last one closes the model. */
     fun release(): Unit = synchronized(shared) {
         users -= 1
         if (users == 0) {
             shared.values.remove(this)
-            free()
+            model.close()
         }
     }
 
-    /** ONNX Runtime's environment stays open. The options must be closed after their session. */
-    private fun free() {
-        session.close()
-        options.close()
+    /** One more use; a null in `metadata` stands for any value. */
+    private fun used(metadata: Map<String, String?>, outputs: List<String>): OnnxSession {
+        users += 1
+        val every = mapOf("vocabulary" to VOCABULARY, "grid" to GRID) + metadata
+        val differs = every.filter { (key, wanted) ->
+            val value = model.metadata[key]
+            value == null || (wanted != null && wanted != value)
+        }.keys + outputs.filter { it !in model.outputs }
+        if (differs.isEmpty()) return this
+        release()
+        val names = differs.joinToString()
+        throw InvalidArgument("The model ${model.name} differs from this version in $names.", ADVICE)
     }
 
     companion object {
-        const val ADVICE = "Add the artefacts camssf-core and camssf-model of one version, unchanged."
+        private const val ADVICE = "Add the artefacts camssf-core and camssf-model of one version, unchanged."
         private const val VOCABULARY = "1"
         private const val GRID = "380 to 720 nm every 0.5 nm"
 
@@ -113,7 +53,7 @@ internal class OnnxSession private constructor(val name: String, content: ByteAr
          */
         fun open(name: String, metadata: Map<String, String?>, outputs: List<String>): OnnxSession =
             synchronized(shared) {
-                val session = shared[name] ?: loaded(name, shipped { Models.read(name) }).also { shared[name] = it }
+                val session = shared.getOrPut(name) { loaded(name, shipped { Models.read(name) }) }
                 session.used(metadata, outputs)
             }
 
@@ -121,29 +61,14 @@ internal class OnnxSession private constructor(val name: String, content: ByteAr
         fun open(name: String, content: ByteArray, metadata: Map<String, String?>, outputs: List<String>) =
             loaded(name, content).used(metadata, outputs)
 
+        private fun loaded(name: String, content: ByteArray) =
+            OnnxSession(OnnxModel(name, content, ADVICE), content)
+
         /** Reads from the shipped files; one that is missing or changed is [InvalidArgument]. */
         fun <T> shipped(read: () -> T): T = try {
             read()
         } catch (error: IllegalStateException) {
             throw InvalidArgument(error.message.orEmpty(), ADVICE, cause = error)
-        }
-
-        private fun loaded(name: String, content: ByteArray): OnnxSession = try {
-            OnnxSession(name, content)
-        } catch (error: OrtException) {
-            throw InvalidArgument("The model $name cannot be loaded: ${error.message}.", ADVICE, cause = error)
-        }
-
-        /** One more use; a null in `wanted` stands for any value. */
-        private fun OnnxSession.used(wanted: Map<String, String?>, outputs: List<String>): OnnxSession {
-            users += 1
-            val every = mapOf("vocabulary" to VOCABULARY, "grid" to GRID) + wanted
-            val differs =
-                every.filter { (key, value) -> metadata[key].let { it == null || (value ?: it) != it } }.keys +
-                    outputs.filter { it !in this.outputs }
-            if (differs.isEmpty()) return this
-            release()
-            throw InvalidArgument("The model $name differs from this version in ${differs.joinToString()}.", ADVICE)
         }
     }
 }

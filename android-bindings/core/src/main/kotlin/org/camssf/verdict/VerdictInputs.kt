@@ -55,7 +55,7 @@ internal class VerdictInputs(
                 "fields" to fields(it),
             )
         }
-        val parts = engine.judge(arrays() + directions.orEmpty(), MISFIT)
+        val parts = engine.judge(arrays() + directions.orEmpty(), MISFIT).mapValues { it.value.values }
         val prior = if (ssf.sharedStd != null) parts.getValue("prior")[0] else 0.0
         val count = parts.getValue("count")[0].roundToInt()
         return GoodnessOfFit(
@@ -79,7 +79,7 @@ internal class VerdictInputs(
             "mean" to Tensor(constants.mean, 3, Nodes.SIZE),
             "dictionary" to Tensor(scaled, 3, Nodes.SIZE, constants.atoms),
         )
-        return engine.judge(arrays() + unit, listOf(DRIFT)).getValue(DRIFT)
+        return engine.judge(arrays() + unit, listOf(DRIFT)).getValue(DRIFT).values
     }
 
     /** The model's inputs, without explanations and new shots: level 1 and no fields. */
