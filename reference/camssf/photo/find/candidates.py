@@ -197,7 +197,7 @@ def outline(h: Matrix, kind: ChartColours) -> list[tuple[float, float]]:
     return [mapped(h, u, v) for u, v in ends]
 
 
-MOST_GRIDS: int = limit("most_grids")
+MOST_LATTICES: int = limit("most_lattices")
 
 
 @dataclass(frozen=True)
@@ -248,7 +248,7 @@ def _look(codes: SearchImage, kinds: tuple[ChartColours, ...]) -> list[Candidate
     blobs = blobs_in(codes)
     accept = ACCEPT if codes.values.shape[2] == 3 else ACCEPT_LUMA
     candidates: list[Candidate] = []
-    for grid in grids_of(blobs)[:MOST_GRIDS]:
+    for grid in grids_of(blobs)[:MOST_LATTICES]:
         best = None
         for kind in kinds:
             match = orient(codes, grid, kind)

@@ -58,7 +58,7 @@ internal object FinderFile {
         val widest = whole("widest")
         val far = whole("far")
         val bridge = whole("bridge")
-        val mostGrids = whole("most_grids")
+        val mostLattices = whole("most_lattices")
         val floor = number("floor")
         val spots = numbers("spots")
         val seen = number("seen")

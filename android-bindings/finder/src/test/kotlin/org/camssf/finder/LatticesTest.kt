@@ -14,7 +14,7 @@ class LatticesTest {
     private val lattices = Lattices(blobs)
 
     /** Bright on dark, borders as light as the part of the pixel that they cover. */
-    private fun search(patches: List<Patch>, width: Int = 640, height: Int = 480): List<Grid> {
+    private fun search(patches: List<Patch>, width: Int = 640, height: Int = 480): List<BlobLattice> {
         val light = FloatArray(width * height) { 0.05f }
         fun cover(pixel: Int, middle: Double, size: Double) =
             (minOf(pixel + 0.5, middle + size / 2) - maxOf(pixel - 0.5, middle - size / 2)).coerceIn(0.0, 1.0)
@@ -43,16 +43,16 @@ class LatticesTest {
         .map { (i, j) -> Patch(x + pitch * i, y + pitch * j, size) }
 
     /** Each blob at most a quarter of a px from where the map says, and of the patch that lies there. */
-    private fun assertFits(grid: Grid, patches: List<Patch>, off: Double = 0.25) {
-        assertEquals(patches.size, grid.size)
-        assertEquals(grid.size, (0 until grid.size).map { grid.u[it] to grid.v[it] }.toSet().size)
-        val order = (0 until grid.size).map { 1000 * grid.u[it] + grid.v[it] }
+    private fun assertFits(lattice: BlobLattice, patches: List<Patch>, off: Double = 0.25) {
+        assertEquals(patches.size, lattice.size)
+        assertEquals(lattice.size, (0 until lattice.size).map { lattice.u[it] to lattice.v[it] }.toSet().size)
+        val order = (0 until lattice.size).map { 1000 * lattice.u[it] + lattice.v[it] }
         assertEquals(order.sorted(), order)
-        for (i in 0 until grid.size) {
-            val (u, v) = grid.u[i].toDouble() to grid.v[i].toDouble()
-            val (x, y) = Maps.x(grid.map, u, v) to Maps.y(grid.map, u, v)
-            assertTrue(hypot(x - blobs.x[grid.blob[i]], y - blobs.y[grid.blob[i]]) < off)
-            assertTrue(patches.any { hypot(it.x - blobs.x[grid.blob[i]], it.y - blobs.y[grid.blob[i]]) < 0.25 })
+        for (i in 0 until lattice.size) {
+            val (u, v) = lattice.u[i].toDouble() to lattice.v[i].toDouble()
+            val (x, y) = lattice.map.x(u, v) to lattice.map.y(u, v)
+            assertTrue(hypot(x - blobs.x[lattice.blob[i]], y - blobs.y[lattice.blob[i]]) < off)
+            assertTrue(patches.any { hypot(it.x - blobs.x[lattice.blob[i]], it.y - blobs.y[lattice.blob[i]]) < 0.25 })
         }
     }
 
@@ -106,9 +106,9 @@ class LatticesTest {
         val found = search(patches).single()
         assertFits(found, patches, 1.5)
         val h = found.map
-        val (x, y) = Maps.x(h, 0.0, 0.0) to Maps.y(h, 0.0, 0.0)
-        val (px, py) = Maps.x(h, 1.0, 0.0) - x to Maps.y(h, 1.0, 0.0) - y
-        val (qx, qy) = Maps.x(h, 0.0, 1.0) - x to Maps.y(h, 0.0, 1.0) - y
+        val (x, y) = h.x(0.0, 0.0) to h.y(0.0, 0.0)
+        val (px, py) = h.x(1.0, 0.0) - x to h.y(1.0, 0.0) - y
+        val (qx, qy) = h.x(0.0, 1.0) - x to h.y(0.0, 1.0) - y
         assertTrue(px * qy - py * qx > 0)
     }
 
