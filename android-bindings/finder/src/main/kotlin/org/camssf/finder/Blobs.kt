@@ -14,7 +14,6 @@ internal class Blobs {
     private val limits = FinderFile.limits
 
     var size = 0
-        private set
     val x = DoubleArray(limits.mostBlobs)
     val y = DoubleArray(limits.mostBlobs)
     val area = DoubleArray(limits.mostBlobs)
