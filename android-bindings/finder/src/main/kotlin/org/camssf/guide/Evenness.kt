@@ -38,7 +38,7 @@ internal class Evenness(kind: ChartKind, private val reference: Reference?) {
     private val used = BooleanArray(count)
     private val rest = DoubleArray(size)
     private val steps = DoubleArray(size)
-    private val across = DoubleArray(size)
+    private val sloped = DoubleArray(size)
     private val basis = Array(4) { DoubleArray(size) }
     private val slope = DoubleArray(count)
 
@@ -62,8 +62,8 @@ internal class Evenness(kind: ChartKind, private val reference: Reference?) {
      */
     fun look(light: PatchLight, white: Double) {
         for (i in 0 until count) used[i] = light.clipped[i] < MOSTLY_CLEAR && light.level[i] > FAINTEST
-        val within = ln(2.0) * gradients(light)
-        val step = if (reference == null) 0.0 else step(light)
+        val within = gradients(light)
+        val step = step(light)
         gradient = within / ln(2.0)
         shadow = if (reference == null) null else abs(step) / steepness / ln(2.0)
         // In the frame's own values, without correction for the tone curve.
@@ -74,7 +74,7 @@ internal class Evenness(kind: ChartKind, private val reference: Reference?) {
         }
     }
 
-    /** Gradient across the block, stops; 0 if fewer than a quarter of the patches can be used. */
+    /** Gradient across the block in ln; 0 if fewer than a quarter of the patches can be used. */
     private fun gradients(light: PatchLight): Double {
         var sum = 0.0
         for ((axis, across) in listOf(width, height).withIndex()) {
@@ -95,10 +95,10 @@ internal class Evenness(kind: ChartKind, private val reference: Reference?) {
             slope.sort(0, found)
             sum += abs((slope[(found - 1) / 2] + slope[found / 2]) / 2) * across
         }
-        return sum / ln(2.0)
+        return sum
     }
 
-    /** Step across the best line in ln, in the frame's own values; 0 if a plane fits about as well. */
+    /** Step across the best line in ln, in the frame's own values; 0 if a plane fits as well, or without a reference. */
     private fun step(light: PatchLight): Double {
         val reference = reference ?: return 0.0
         if (2 * used.count { it } < count) return 0.0
@@ -155,15 +155,15 @@ internal class Evenness(kind: ChartKind, private val reference: Reference?) {
         return sqrt(9 * max(squares - sum * sum / max(n, 1), 0.0))
     }
 
-    /** Sum of squares of [rest] that a plane explains. */
+    /** Sum of squares of [rest] that a plane explains: a slope along u, and what one along v adds. */
     private fun planeGain(): Double {
         free(u)
-        steps.copyInto(across)
+        steps.copyInto(sloped)
         val gain = gain()
         free(v)
-        val length = dot(across, across)
-        val share = if (length > 1e-9) dot(across, steps) / length else 0.0
-        for (cell in 0 until size) steps[cell] -= share * across[cell]
+        val length = dot(sloped, sloped)
+        val share = if (length > 1e-9) dot(sloped, steps) / length else 0.0
+        for (cell in 0 until size) steps[cell] -= share * sloped[cell]
         return gain + gain()
     }
 

@@ -222,8 +222,12 @@ class LatticesTest {
     }
 
     /** 6 × 4 squares; each pitch along x and y, and how far each row is shifted against the last. */
-    private fun squares(across: Double, down: Double = across, shift: Double = 0.0, edge: (Int) -> Double = { 20.0 }) =
-        (0..23).map { Square(across * (it % 6) + shift * (it / 6), down * (it / 6), edge(it % 6 + it / 6)) }
+    private fun squares(
+        across: Double,
+        down: Double = across,
+        shift: Double = 0.0,
+        edge: (Int) -> Double = { 20.0 },
+    ) = (0..23).map { Square(across * (it % 6) + shift * (it / 6), down * (it / 6), edge(it % 6 + it / 6)) }
 
     private fun sizes(squares: List<Square>, map: DoubleArray): List<Int> {
         blobs.size = 0
