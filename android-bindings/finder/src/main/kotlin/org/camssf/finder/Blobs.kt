@@ -47,8 +47,8 @@ internal class Blobs {
     }
 
     /**
-     * Computes the sum of the channels and its integral image. Entries of the integral image may overflow; their
-     * differences are still correct.
+     * Computes the sum of the channels and its integral image. Entries of the integral image may overflow, and its
+     * first row may hold anything but in column 0; their differences are still correct.
      */
     private fun prepare(codes: Codes) {
         val size = codes.width * codes.height
@@ -58,7 +58,6 @@ internal class Blobs {
         for (c in 1 until codes.channels) for (i in 0 until size) bright[i] += codes.values[c * size + i]
         val stride = codes.width + 1
         if (corner.size < stride * (codes.height + 1)) corner = IntArray(stride * (codes.height + 1))
-        corner.fill(0, 0, stride)
         for (row in 0 until codes.height) {
             var total = 0
             var at = (row + 1) * stride

@@ -33,7 +33,7 @@ internal class Orientation(private val blobs: Blobs) {
     private var inside = BooleanArray(0)
     private var member = BooleanArray(0)
 
-    /** Integral image of [member]: number of blobs left of and above a place. */
+    /** Integral image of [member] but for its first row, which cancels: number of blobs left of and above a place. */
     private var sums = IntArray(0)
     private val pairs = DoubleArray(4 * MOST_PATCHES)
     private val offs = DoubleArray(MOST_PATCHES)
@@ -141,7 +141,6 @@ internal class Orientation(private val blobs: Blobs) {
         if (sums.size < (columns + 1) * (rows + 1)) sums = IntArray((columns + 1) * (rows + 1))
         member.fill(false, 0, size)
         for (i in 0 until lattice.size) member[(lattice.v[i] - top) * columns + lattice.u[i] - left] = true
-        sums.fill(0, 0, columns + 1)
         for (row in 0 until rows) {
             var count = 0
             sums[(row + 1) * (columns + 1)] = 0

@@ -32,7 +32,13 @@ class PlacementsTest {
         }
 
         val score: Double? =
-            if (seen < ceil(limits.seen * 24) || around > limits.ring * 24) null else agreement(codes, lattice.map, places)
+            if (seen < ceil(limits.seen * 24) ||
+                around > limits.ring * 24
+            ) {
+                null
+            } else {
+                agreement(codes, lattice.map, places)
+            }
     }
 
     /** Agreement of the colours at these places; null if one is not in view. */
@@ -44,7 +50,10 @@ class PlacementsTest {
                     val x = Math.rint(map.x(place.first + du, place.second + dv)).toInt()
                     val y = Math.rint(map.y(place.first + du, place.second + dv)).toInt()
                     if (x !in 0 until codes.width || y !in 0 until codes.height) return null
-                    for (c in 0..2) colours[3 * k + c] += codes.values[(c * codes.height + y) * codes.width + x] / 25.0
+                    for (c in 0..2) {
+                        colours[3 * k + c] +=
+                            codes.values[(c * codes.height + y) * codes.width + x] / 25.0
+                    }
                 }
             }
         }

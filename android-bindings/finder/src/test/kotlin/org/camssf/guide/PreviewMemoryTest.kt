@@ -92,7 +92,7 @@ class FirstFrame : LongSupplier {
             check(kept[0].look(Picture.rgb(planes[0], planes[1], planes[2], 640, 480), 0) is Guidance.Measured)
         }
         val garbage = bytes - (used() - before)
-check(kept.size + planes.size == 4) // both lived until here
+        check(kept.size + planes.size == 4) // both lived until here
         return garbage
     }
 }
