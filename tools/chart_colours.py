@@ -1,5 +1,7 @@
 """Makes the charts' colours in data/finder.json from colour-science: the finder searches for them, in both languages.
 
+Kotlin's guide also compares a preview's light with the luminances of the Classic, whose spectra are public.
+
 `python -m tools.chart_colours` writes the file, `--check` tests that the sources still give the same. The finder's
 limits in the same file are written by hand, and kept.
 """
@@ -30,23 +32,32 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def tabulate() -> Json:
-    """The file's content: its limits, and signals of a Gaussian camera under a flat lamp, to four decimals."""
-    tables = {"classic24": read_chart("classic24"), "sg140": semi_gloss()}
+    """The file's content: its limits, and under a flat lamp a Gaussian camera's signals and luminances."""
+    classic = read_chart("classic24")
+    kinds = {"classic24": _kind(classic), "sg140": _kind(semi_gloss())}
+    v = np.exp(-(((WAVELENGTHS - 559) / 42) ** 2) / 2)  # V(λ), approximated
+    kinds["classic24"]["luminance"] = _rounded(classic.values @ v / v.sum())
     return {
         "format": FORMAT,
         "generator": COMMAND,
         "origin": origin(),
         "limits": json.loads(PLACE.read_text("utf-8"))["limits"],
-        "kinds": {
-            name: {
-                "columns": LAYOUTS[name].columns,
-                "rows": LAYOUTS[name].rows,
-                "side": LAYOUTS[name].side[0],
-                "colours": [[round(float(s), 4) for s in row] for row in plain_signals(table)],
-            }
-            for name, table in tables.items()
-        },
+        "kinds": kinds,
     }
+
+
+def _kind(table: ChartTable) -> Json:
+    layout = LAYOUTS[table.name]
+    return {
+        "columns": layout.columns,
+        "rows": layout.rows,
+        "side": layout.side[0],
+        "colours": [_rounded(row) for row in plain_signals(table)],
+    }
+
+
+def _rounded(values: Floats) -> list[float]:
+    return [round(float(value), 4) for value in values]
 
 
 def semi_gloss() -> ChartTable:

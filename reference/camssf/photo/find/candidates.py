@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from camssf.grid import Floats
 from camssf.photo.find.blobs import Blob, blobs_in
 from camssf.photo.find.chart_colours import ChartColours, chart_colours, limit
-from camssf.photo.find.lattices import Grid, Matrix, fitted, grids_of, inverse, mapped
+from camssf.photo.find.lattices import BlobLattice, Matrix, fitted, inverse, lattices_of, mapped
 from camssf.photo.find.picture import SMALLEST, SearchImage
 
 ACCEPT: float = limit("accept")
@@ -24,8 +24,8 @@ RING: float = limit("ring")
 
 
 @dataclass(frozen=True)
-class OrientedGrid:
-    """A part of a lattice, oriented: `places` (n, 2) lattice coordinates of the patches in the chart's order."""
+class Placement:
+    """A chart on a lattice: `places` (n, 2) lattice coordinates of the patches in the chart's order."""
 
     kind: ChartColours
     score: float
@@ -34,17 +34,17 @@ class OrientedGrid:
     blobs: int
 
 
-def orient(codes: SearchImage, grid: Grid, kind: ChartColours) -> OrientedGrid | None:
-    """The part of the lattice that agrees best with the chart's colours; None if no part can be the chart."""
-    us, vs = [u for u, _ in grid.places], [v for _, v in grid.places]
+def orient(codes: SearchImage, lattice: BlobLattice, kind: ChartColours) -> Placement | None:
+    """The placement that agrees best with the chart's colours; None if no part of the lattice can be the chart."""
+    us, vs = [u for u, _ in lattice.places], [v for _, v in lattice.places]
     span = max(kind.columns, kind.rows) - 1
     left, right, top, bottom = min(us) - span, max(us) + span, min(vs) - span, max(vs) + span
-    logs, inside = _colours(codes, grid.map, (left, right, top, bottom))
+    logs, inside = _colours(codes, lattice.map, (left, right, top, bottom))
     member = np.zeros(inside.shape, dtype=np.int64)
-    for u, v in grid.places:
+    for u, v in lattice.places:
         member[v - top, u - left] = 1
     wanted = features(np.log(kind.colours[None, :, :]), codes.values.shape[2])
-    best: OrientedGrid | None = None
+    best: Placement | None = None
     for turn in range(4):
         for mirrored in (False, True):
             step = _steps(kind, turn, mirrored)
@@ -69,7 +69,7 @@ def orient(codes: SearchImage, grid: Grid, kind: ChartColours) -> OrientedGrid |
             at = int(np.argmax(scores))
             if best is None or scores[at] > best.score:
                 origin = np.array([left, top])
-                best = OrientedGrid(kind, float(scores[at]), mirrored, places[at] + origin, int(seen[at]))
+                best = Placement(kind, float(scores[at]), mirrored, places[at] + origin, int(seen[at]))
     return best
 
 
@@ -160,18 +160,23 @@ def _correlation(observed: Floats, wanted: Floats) -> Floats:
     return np.asarray(np.floor(scores * 1e9 + 0.5) / 1e9)
 
 
-def placed(grid: Grid, oriented: OrientedGrid, blobs: list[Blob]) -> tuple[Matrix, int] | None:
+def placed(lattice: BlobLattice, placement: Placement, blobs: list[Blob]) -> tuple[Matrix, int] | None:
     """The homography from chart coordinates (column, row) to px, and the number of blobs that it was fitted to.
 
     Fitted to all blobs, and again without outliers, such as a blob that covers half a patch or two patches.
     """
-    where = {(int(u), int(v)): k for k, (u, v) in enumerate(oriented.places)}
+    where = {(int(u), int(v)): k for k, (u, v) in enumerate(placement.places)}
     pairs = []
-    for place, index in sorted(grid.places.items()):
+    for place, index in sorted(lattice.places.items()):
         k = where.get(place)
         if k is not None:
             pairs.append(
-                (float(k % oriented.kind.columns), float(k // oriented.kind.columns), blobs[index].x, blobs[index].y)
+                (
+                    float(k % placement.kind.columns),
+                    float(k // placement.kind.columns),
+                    blobs[index].x,
+                    blobs[index].y,
+                )
             )
     h = fitted(pairs)
     if h is None:
@@ -183,7 +188,7 @@ def placed(grid: Grid, oriented: OrientedGrid, blobs: list[Blob]) -> tuple[Matri
         offs.append((p - u) * (p - u) + (q - v) * (q - v))
     limit = max(STRAY * STRAY, 9.0 * sorted(offs)[len(offs) // 2])
     straight = [pair for pair, off in zip(pairs, offs, strict=True) if off <= limit]
-    if len(straight) < fewest(oriented.kind):
+    if len(straight) < fewest(placement.kind):
         return None
     h = fitted(straight)
     return None if h is None else (h, len(straight))
@@ -197,7 +202,7 @@ def outline(h: Matrix, kind: ChartColours) -> list[tuple[float, float]]:
     return [mapped(h, u, v) for u, v in ends]
 
 
-MOST_GRIDS: int = limit("most_grids")
+MOST_LATTICES: int = limit("most_lattices")
 
 
 @dataclass(frozen=True)
@@ -248,15 +253,15 @@ def _look(codes: SearchImage, kinds: tuple[ChartColours, ...]) -> list[Candidate
     blobs = blobs_in(codes)
     accept = ACCEPT if codes.values.shape[2] == 3 else ACCEPT_LUMA
     candidates: list[Candidate] = []
-    for grid in grids_of(blobs)[:MOST_GRIDS]:
+    for lattice in lattices_of(blobs)[:MOST_LATTICES]:
         best = None
         for kind in kinds:
-            match = orient(codes, grid, kind)
+            match = orient(codes, lattice, kind)
             if match is not None and match.score >= accept and (best is None or match.score > best.score):
                 best = match
         if best is None:
             continue
-        fit = placed(grid, best, blobs)
+        fit = placed(lattice, best, blobs)
         if fit is None:
             continue
         h, seen = fit

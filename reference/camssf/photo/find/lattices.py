@@ -28,18 +28,18 @@ Matrix = tuple[float, float, float, float, float, float, float, float, float]
 
 
 @dataclass(frozen=True)
-class Grid:
-    """A lattice: the homography from lattice coordinates to px, and the index of the blob at each place (u, v)."""
+class BlobLattice:
+    """A lattice of blobs: the homography from lattice coordinates to px, and the blob's index at each place."""
 
     map: Matrix
     places: dict[tuple[int, int], int]
 
 
-def grids_of(blobs: list[Blob]) -> list[Grid]:
+def lattices_of(blobs: list[Blob]) -> list[BlobLattice]:
     """All lattices of the blobs, those with most blobs first."""
     near = [_neighbours(blobs, i) for i in range(len(blobs))]
     used: set[int] = set()
-    grids: list[Grid] = []
+    lattices: list[BlobLattice] = []
     for seed in range(len(blobs)):
         if seed in used:
             continue
@@ -49,11 +49,11 @@ def grids_of(blobs: list[Blob]) -> list[Grid]:
         grown = _grown(blobs, near, seed, basis, used)
         if len(grown) < FEWEST:
             continue
-        grid = _settled(blobs, grown)
-        if grid is not None:
-            used.update(grid.places.values())
-            grids.append(grid)
-    return sorted(grids, key=lambda g: -len(g.places))
+        lattice = _settled(blobs, grown)
+        if lattice is not None:
+            used.update(lattice.places.values())
+            lattices.append(lattice)
+    return sorted(lattices, key=lambda lattice: -len(lattice.places))
 
 
 def fitted(pairs: list[tuple[float, float, float, float]]) -> Matrix | None:
@@ -198,7 +198,7 @@ def _grown(
     return places
 
 
-def _settled(blobs: list[Blob], grown: dict[tuple[int, int], int]) -> Grid | None:
+def _settled(blobs: list[Blob], grown: dict[tuple[int, int], int]) -> BlobLattice | None:
     """Fit one homography to all blobs; each round adds blobs at its places, drops others, and fits again."""
     places, own = grown, set(grown.values())
     low = [min(p[axis] for p in grown) - FAR for axis in (0, 1)]
@@ -215,7 +215,7 @@ def _settled(blobs: list[Blob], grown: dict[tuple[int, int], int]) -> Grid | Non
         if len(places) < FEWEST:
             return None
     h = fitted([(float(u), float(v), blobs[i].x, blobs[i].y) for (u, v), i in sorted(places.items())])
-    return None if h is None else Grid(h, places)
+    return None if h is None else BlobLattice(h, places)
 
 
 def pitch_area(h: Matrix, u: float, v: float) -> float:

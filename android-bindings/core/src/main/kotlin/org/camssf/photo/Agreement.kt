@@ -22,7 +22,11 @@ internal object Agreement {
         return if (size > 0) x.indices.sumOf { x[it] * y[it] } / size else 0.0
     }
 
-    private fun features(colours: DoubleArray): DoubleArray {
+    /**
+     * (n, 4) lightness and doubled chroma of ln c, each channel from its mean, of colours (n, 3); values below 0.2 % of
+     * the largest are raised to that.
+     */
+    fun features(colours: DoubleArray): DoubleArray {
         val least = max(2e-3 * colours.max(), 1e-12)
         val logs = DoubleArray(colours.size) { ln(max(colours[it], least)) }
         val n = logs.size / 3

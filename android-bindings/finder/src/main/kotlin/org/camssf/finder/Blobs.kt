@@ -14,7 +14,6 @@ internal class Blobs {
     private val limits = FinderFile.limits
 
     var size = 0
-        private set
     val x = DoubleArray(limits.mostBlobs)
     val y = DoubleArray(limits.mostBlobs)
     val area = DoubleArray(limits.mostBlobs)
@@ -48,8 +47,8 @@ internal class Blobs {
     }
 
     /**
-     * Computes the sum of the channels and its integral image. Entries of the integral image may overflow; their
-     * differences are still correct.
+     * Computes the sum of the channels and its integral image. Entries of the integral image may overflow, and its
+     * first row may hold anything but in column 0; their differences are still correct.
      */
     private fun prepare(codes: Codes) {
         val size = codes.width * codes.height
@@ -59,7 +58,6 @@ internal class Blobs {
         for (c in 1 until codes.channels) for (i in 0 until size) bright[i] += codes.values[c * size + i]
         val stride = codes.width + 1
         if (corner.size < stride * (codes.height + 1)) corner = IntArray(stride * (codes.height + 1))
-        corner.fill(0, 0, stride)
         for (row in 0 until codes.height) {
             var total = 0
             var at = (row + 1) * stride
@@ -130,15 +128,15 @@ internal class Blobs {
 
     /** Adds component i if it looks like a patch and lies on no kept blob of similar size. */
     private fun add(i: Int, pixels: Int, columns: Int, lines: Int) {
-        val count = components.count[i]
-        if (size >= limits.mostBlobs || count < limits.smallestArea || count * limits.largestShare > pixels) return
-        val a = count.toDouble()
-        val sx = components.x[i].toDouble()
-        val sy = components.y[i].toDouble()
+        fun moment(k: Int) = components.moments[6 * i + k].toDouble()
+        val a = moment(0)
+        if (size >= limits.mostBlobs || a < limits.smallestArea || a * limits.largestShare > pixels) return
+        val sx = moment(1)
+        val sy = moment(2)
         // Pixels are squares, not points: each adds a variance of 1/12 along both axes.
-        val mxx = (components.xx[i].toDouble() * a - sx * sx) / (a * a) + 1.0 / 12
-        val myy = (components.yy[i].toDouble() * a - sy * sy) / (a * a) + 1.0 / 12
-        val mxy = (components.xy[i].toDouble() * a - sx * sy) / (a * a)
+        val mxx = (moment(3) * a - sx * sx) / (a * a) + 1.0 / 12
+        val mxy = (moment(4) * a - sx * sy) / (a * a)
+        val myy = (moment(5) * a - sy * sy) / (a * a) + 1.0 / 12
         val d = mxx * myy - mxy * mxy
         if (d <= 0 || (mxx + myy) * (mxx + myy) > limits.longestShape * d) return
         val full = a / (12 * sqrt(d))

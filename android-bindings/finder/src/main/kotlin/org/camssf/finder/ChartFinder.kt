@@ -1,9 +1,9 @@
 package org.camssf.finder
 
 import org.camssf.photo.Corners
+import org.camssf.photo.Homography
 import org.camssf.photo.Point
 import org.camssf.spectra.ChartTable
-import kotlin.math.max
 import kotlin.math.min
 
 /**
@@ -56,33 +56,33 @@ public class ChartFinder private constructor(private val kinds: List<ChartKind>)
         blobs.find(codes)
         val accept = if (codes.channels == 3) limits.accept else limits.acceptLuma
         val candidates = ArrayList<Candidate>()
-        for (grid in lattices.find().take(limits.mostGrids)) {
-            var best: OrientedGrid? = null
+        for (lattice in lattices.find().take(limits.mostLattices)) {
+            var best: Placement? = null
             for (kind in kinds) {
-                val match = orientation.orient(codes, grid, kind) ?: continue
-                if (match.score >= accept && match.score > (best?.score ?: -2.0)) best = match
+                val placement = orientation.orient(codes, lattice, kind) ?: continue
+                if (placement.score >= accept && placement.score > (best?.score ?: -2.0)) best = placement
             }
             if (best == null) continue
-            val (h, seen) = orientation.placed(grid, best) ?: continue
-            candidates += candidate(codes, h, best, seen)
+            val (map, seen) = orientation.fit(lattice, best) ?: continue
+            candidates += candidate(codes, map, best, seen)
         }
         return apart(candidates.sortedBy { -it.confidence })
     }
 
-    private fun candidate(codes: Codes, h: DoubleArray, found: OrientedGrid, seen: Int): Candidate {
-        val kind = found.kind
-        val half = kind.sideX / 2
-        val edge = kind.sideY / 2
-        val last = kind.columns - 1 + half
-        val low = kind.rows - 1 + edge
+    private fun candidate(codes: Codes, map: Homography, placement: Placement, seen: Int): Candidate {
+        val kind = placement.kind
+        val left = -kind.shape.sideX / 2
+        val top = -kind.shape.sideY / 2
+        val right = kind.columns - 1 - left
+        val bottom = kind.rows - 1 - top
 
         fun point(u: Double, v: Double): Point =
-            Point(codes.toSource(Maps.x(h, u, v), 0), codes.toSource(Maps.y(h, u, v), 1))
+            Point(codes.toSource(map.x(u, v), 0), codes.toSource(map.y(u, v), 1))
         return Candidate(
-            Corners(point(-half, -edge), point(last, -edge), point(last, low), point(-half, low)),
+            Corners(point(left, top), point(right, top), point(right, bottom), point(left, bottom)),
             kind,
-            found.mirrored,
-            min(max(found.score, 0.0), 1.0),
+            placement.mirrored,
+            min(placement.score, 1.0),
             List(kind.columns * kind.rows) {
                 point((it % kind.columns).toDouble(), (it / kind.columns).toDouble())
             },

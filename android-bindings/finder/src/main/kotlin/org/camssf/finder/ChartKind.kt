@@ -4,7 +4,10 @@ import org.camssf.flatten
 import org.camssf.json.list
 import org.camssf.json.number
 import org.camssf.json.numbers
+import org.camssf.photo.Agreement
 import org.camssf.spectra.ChartTable
+import kotlin.math.ln
+import kotlin.math.sqrt
 
 /**
  * A kind of chart that the finder can distinguish: a grid of patches and their colours.
@@ -23,17 +26,31 @@ public class ChartKind private constructor(
     public val layouts: List<String>,
     shape: () -> Shape,
 ) {
-    /** Edge of a patch along x and y in pitches, and the patches' colours (n, 3). */
-    private class Shape(val sideX: Double, val sideY: Double, val colours: DoubleArray)
+    /**
+     * Edge of a patch along x and y in pitches, the patches' colours (n, 3) under a flat lamp, and their luminances
+     * (n), 1 for an ideal white, if known.
+     */
+    internal class Shape(
+        val sideX: Double,
+        val sideY: Double,
+        val colours: DoubleArray,
+        val luminance: DoubleArray? = null,
+    )
 
-    private val shape: Shape by lazy(shape)
-    private val coloured: DoubleArray by lazy { Orientation.features(this.shape.colours, 3) }
-    private val grey: DoubleArray by lazy { Orientation.features(this.shape.colours, 1) }
+    internal val shape: Shape by lazy(shape)
+    private val coloured: DoubleArray by lazy { unit(Agreement.features(this.shape.colours)) }
+    private val grey: DoubleArray by lazy {
+        val logs = DoubleArray(columns * rows) { ln(this.shape.colours[3 * it + 1]) }
+        unit(DoubleArray(logs.size) { logs[it] - logs.sum() / logs.size })
+    }
 
-    internal val sideX: Double get() = shape.sideX
-    internal val sideY: Double get() = shape.sideY
-
+    /** [Agreement.features] of the patches (n, 4), or without colour ln of green from its mean (n), of length 1. */
     internal fun features(channels: Int): DoubleArray = if (channels == 3) coloured else grey
+
+    private fun unit(values: DoubleArray): DoubleArray {
+        val length = sqrt(values.sumOf { it * it })
+        return DoubleArray(values.size) { values[it] / length }
+    }
 
     override fun toString(): String = "ChartKind(${layouts[0]}, $columns × $rows)"
 
@@ -60,7 +77,7 @@ public class ChartKind private constructor(
                 val kind = FinderFile.kind(layouts[0])
                 val side = kind.number("side")
                 val colours = kind.list("colours").map { numbers(it) }.flatten()
-                Shape(side, side, colours)
+                Shape(side, side, colours, if ("luminance" in kind) kind.numbers("luminance") else null)
             }
     }
 }

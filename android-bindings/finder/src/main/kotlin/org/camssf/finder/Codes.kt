@@ -79,11 +79,11 @@ internal class Codes {
         val readers = source.planes.map { it.bytes.duplicate() }
         val size = this.width * this.height
         for (y in 0 until this.height * factor) {
-            for ((i, plane) in source.planes.withIndex()) {
+            for (i in readers.indices) {
                 val chroma = source.yuv && i > 0
                 val count = if (chroma) (width + 1) / 2 else width
                 if (rows[i].size < width) rows[i] = ByteArray(width)
-                plane.row(readers[i], if (chroma) y / 2 else y, count, rows[i])
+                source.planes[i].row(readers[i], if (chroma) y / 2 else y, count, rows[i])
             }
             val start = y / factor * this.width
             if (source.yuv) {

@@ -11,17 +11,9 @@ internal class Components {
     private var parent = IntArray(1024)
     private var first = IntArray(1024)
     private var last = IntArray(1024)
-    var count = LongArray(1024)
-        private set
-    var x = LongArray(1024)
-        private set
-    var y = LongArray(1024)
-        private set
-    var xx = LongArray(1024)
-        private set
-    var xy = LongArray(1024)
-        private set
-    var yy = LongArray(1024)
+
+    /** (runs, 6) number of pixels, Σx, Σy, Σx², Σxy, Σy² of each run, and after [each] of each component. */
+    var moments = LongArray(6 * 1024)
         private set
     private var row = 0L
     private var above = 0
@@ -49,12 +41,12 @@ internal class Components {
         last[me] = end
         val n = (end - start + 1).toLong()
         val sx = n * (start + end) / 2
-        count[me] = n
-        x[me] = sx
-        y[me] = row * n
-        xx[me] = squares(end.toLong()) - squares(start - 1L)
-        xy[me] = row * sx
-        yy[me] = row * row * n
+        moments[6 * me] = n
+        moments[6 * me + 1] = sx
+        moments[6 * me + 2] = row * n
+        moments[6 * me + 3] = squares(end.toLong()) - squares(start - 1L)
+        moments[6 * me + 4] = row * sx
+        moments[6 * me + 5] = row * row * n
         while (above < here && last[above] < start) above++
         var other = above
         while (other < here && first[other] <= end) join(other++, me)
@@ -71,13 +63,7 @@ internal class Components {
     fun gather(): Int {
         for (i in 0 until runs) {
             val root = root(i)
-            if (root == i) continue
-            count[root] += count[i]
-            x[root] += x[i]
-            y[root] += y[i]
-            xx[root] += xx[i]
-            xy[root] += xy[i]
-            yy[root] += yy[i]
+            if (root != i) for (k in 0..5) moments[6 * root + k] += moments[6 * i + k]
         }
         return runs
     }
@@ -98,16 +84,10 @@ internal class Components {
     }
 
     private fun grow() {
-        val size = 2 * runs
-        parent = parent.copyOf(size)
-        first = first.copyOf(size)
-        last = last.copyOf(size)
-        count = count.copyOf(size)
-        x = x.copyOf(size)
-        y = y.copyOf(size)
-        xx = xx.copyOf(size)
-        xy = xy.copyOf(size)
-        yy = yy.copyOf(size)
+        parent = parent.copyOf(2 * runs)
+        first = first.copyOf(2 * runs)
+        last = last.copyOf(2 * runs)
+        moments = moments.copyOf(12 * runs)
     }
 
     private companion object {

@@ -39,7 +39,7 @@ internal object FinderFile {
         val longest = whole("longest")
         val smallest = whole("smallest")
         val passes = json.part("passes").list("value").map { pass ->
-            (pass as List<*>).map { (it as Long).toInt() }.toIntArray()
+            numbers(pass).let { values -> IntArray(values.size) { values[it].toInt() } }
         }
         val mostBlobs = whole("most_blobs")
         val smallestArea = whole("smallest_area")
@@ -58,7 +58,7 @@ internal object FinderFile {
         val widest = whole("widest")
         val far = whole("far")
         val bridge = whole("bridge")
-        val mostGrids = whole("most_grids")
+        val mostLattices = whole("most_lattices")
         val floor = number("floor")
         val spots = numbers("spots")
         val seen = number("seen")

@@ -1,19 +1,19 @@
 package org.camssf.finder
 
+import org.camssf.photo.Homography
 import kotlin.math.abs
 import kotlin.math.floor
 import kotlin.math.max
 import kotlin.math.min
 
 /**
- * A lattice: the homography from lattice coordinates to px, and the index of the blob at each place (u, v).
+ * A lattice of blobs: the homography from lattice coordinates to px, and the index of the blob at each place (u, v).
  *
- * @property map homography, nine numbers row by row.
  * @property u first coordinate of each place; places are sorted by u, then by v.
  * @property v second coordinate of each place.
  * @property blob index of the blob at each place.
  */
-internal class Grid(val map: DoubleArray, val u: IntArray, val v: IntArray, val blob: IntArray) {
+internal class BlobLattice(val map: Homography, val u: IntArray, val v: IntArray, val blob: IntArray) {
     val size: Int get() = blob.size
 }
 
@@ -43,19 +43,19 @@ internal class Lattices(private val blobs: Blobs) {
     private val groups = IntArray(SIDE * SIDE)
 
     /** All lattices of the blobs, those with most blobs first. */
-    fun find(): List<Grid> {
+    fun find(): List<BlobLattice> {
         for (i in 0 until blobs.size) neighbours(i)
         used.fill(false)
-        val grids = ArrayList<Grid>()
+        val lattices = ArrayList<BlobLattice>()
         for (seed in 0 until blobs.size) {
             if (used[seed] || !basis(seed)) continue
             val count = grow(seed)
             if (count < limits.fewest) continue
-            val grid = settle(count) ?: continue
-            for (i in grid.blob) used[i] = true
-            grids += grid
+            val lattice = settle(count) ?: continue
+            for (i in lattice.blob) used[i] = true
+            lattices += lattice
         }
-        return grids.sortedBy { -it.size }
+        return lattices.sortedBy { -it.size }
     }
 
     /**
@@ -128,7 +128,7 @@ internal class Lattices(private val blobs: Blobs) {
     private fun grow(seed: Int): Int {
         places.fill(-1)
         used.copyInto(taken)
-        places[ORIGIN * SIDE + ORIGIN] = seed
+        places[at(0, 0)] = seed
         taken[seed] = true
         queueU[0] = 0
         queueV[0] = 0
@@ -159,7 +159,7 @@ internal class Lattices(private val blobs: Blobs) {
                     steps[4 * count + 2] = dv * gx
                     steps[4 * count + 3] = dv * gy
                 }
-                places[(u + ORIGIN) * SIDE + v + ORIGIN] = chosen
+                places[at(u, v)] = chosen
                 taken[chosen] = true
                 queueU[count] = u
                 queueV[count] = v
@@ -192,7 +192,7 @@ internal class Lattices(private val blobs: Blobs) {
      * Fits one homography to all blobs; each round adds blobs at its places, drops others, and fits again. Null if it
      * fails.
      */
-    private fun settle(grown: Int): Grid? {
+    private fun settle(grown: Int): BlobLattice? {
         var left = 0
         var right = 0
         var top = 0
@@ -206,20 +206,20 @@ internal class Lattices(private val blobs: Blobs) {
         val bounds = intArrayOf(left - limits.far, top - limits.far, right + limits.far, bottom + limits.far)
         var count = gather()
         for (place in limits.place) {
-            val h = Maps.fitted(pairs, count) ?: return null
+            val map = Homography.fit(pairs, count) ?: return null
             for (i in 0 until count) {
                 val blob = places[at(pairs[4 * i].toInt(), pairs[4 * i + 1].toInt())]
-                shares[i] = blobs.area[blob] / Maps.area(h, pairs[4 * i], pairs[4 * i + 1])
+                shares[i] = blobs.area[blob] / map.area(pairs[4 * i], pairs[4 * i + 1])
             }
             shares.sort(0, count)
-            inPlace(h, shares[count / 2], place, bounds)
+            inPlace(map, shares[count / 2], place, bounds)
             count = gather()
             if (count < limits.fewest) return null
         }
-        val h = Maps.fitted(pairs, count) ?: return null
+        val map = Homography.fit(pairs, count) ?: return null
         val u = IntArray(count) { pairs[4 * it].toInt() }
         val v = IntArray(count) { pairs[4 * it + 1].toInt() }
-        return Grid(h, u, v, IntArray(count) { places[at(u[it], v[it])] })
+        return BlobLattice(map, u, v, IntArray(count) { places[at(u[it], v[it])] })
     }
 
     /** Writes the places and the centres of their blobs to `pairs`, sorted by u, then by v; returns their number. */
@@ -246,22 +246,21 @@ internal class Lattices(private val blobs: Blobs) {
      * @param place largest distance of a blob from its place, in pitches.
      * @param bounds smallest u and v, largest u and v.
      */
-    private fun inPlace(h: DoubleArray, usual: Double, place: Double, bounds: IntArray) {
-        val back = Maps.inverse(h)
+    private fun inPlace(map: Homography, usual: Double, place: Double, bounds: IntArray) {
+        val back = map.adjugate()
         places.fill(-1)
         for (i in 0 until blobs.size) {
             val x = blobs.x[i]
             val y = blobs.y[i]
-            if (back[6] * x + back[7] * y + back[8] == 0.0) continue
-            val u = Maps.x(back, x, y)
-            val v = Maps.y(back, x, y)
+            val u = back.x(x, y)
+            val v = back.y(x, y)
             if (!(bounds[0] <= u && u <= bounds[2] && bounds[1] <= v && v <= bounds[3])) continue
-            if (h[6] * u + h[7] * v + h[8] <= 0.0) continue // behind the camera
+            if (map.depth(u, v) <= 0.0) continue // behind the camera
             val p = floor(u + 0.5)
             val q = floor(v + 0.5)
             val off = (u - p) * (u - p) + (v - q) * (v - q)
             if (off > place * place) continue
-            val share = blobs.area[i] / (usual * Maps.area(h, p, q))
+            val share = blobs.area[i] / (usual * map.area(p, q))
             if (!(limits.sizes[0] <= share && share <= limits.sizes[1])) continue
             val spot = at(p.toInt(), q.toInt())
             if (places[spot] < 0 || off < offs[spot]) {

@@ -1,7 +1,6 @@
 package org.camssf.finder
 
-import org.camssf.finder.Maps.x
-import org.camssf.finder.Maps.y
+import org.camssf.photo.Homography
 import kotlin.math.ceil
 import kotlin.math.floor
 import kotlin.math.ln
@@ -10,14 +9,14 @@ import kotlin.math.min
 import kotlin.math.sqrt
 
 /**
- * A part of a lattice, oriented as a chart.
+ * A placement of a chart on a lattice.
  *
  * @property score agreement with the chart's colours, -1 to 1 (correlation).
  * @property mirrored true if the colours agree with the chart seen in a mirror.
  * @property u first lattice coordinate of the patches, in the chart's order.
  * @property v second lattice coordinate of the patches, in the chart's order.
  */
-internal class OrientedGrid(
+internal class Placement(
     val kind: ChartKind,
     val score: Double,
     val mirrored: Boolean,
@@ -28,63 +27,58 @@ internal class OrientedGrid(
 /** Orients lattices by their colours: which part of a lattice is a chart, and which corner is its first patch. */
 internal class Orientation(private val blobs: Blobs) {
     private val limits = FinderFile.limits
-    private var logs = DoubleArray(0)
+
+    /** [Agreement.features][org.camssf.photo.Agreement.features] of every place, or ln of its level. */
+    private var features = DoubleArray(0)
     private var inside = BooleanArray(0)
     private var member = BooleanArray(0)
 
-    /** Integral image of [member]: number of blobs left of and above a place. */
+    /** Integral image of [member] but for its first row, which cancels: number of blobs left of and above a place. */
     private var sums = IntArray(0)
     private val pairs = DoubleArray(4 * MOST_PATCHES)
     private val offs = DoubleArray(MOST_PATCHES)
     private val sorted = DoubleArray(MOST_PATCHES)
-    private val means = DoubleArray(3)
+    private val totals = IntArray(3)
     private val stepU = IntArray(MOST_PATCHES)
     private val stepV = IntArray(MOST_PATCHES)
     private var left = 0
     private var top = 0
     private var columns = 0
     private var rows = 0
-    private var channels = 0
 
-    /** The part of the lattice that agrees best with the chart's colours; null if no part can be the chart. */
-    fun orient(codes: Codes, grid: Grid, kind: ChartKind): OrientedGrid? {
+    /** The placement that agrees best with the chart's colours; null if no part of the lattice can be the chart. */
+    fun orient(codes: Codes, lattice: BlobLattice, kind: ChartKind): Placement? {
         val span = max(kind.columns, kind.rows) - 1
-        channels = codes.channels
-        left = grid.u.min() - span
-        top = grid.v.min() - span
-        columns = grid.u.max() + span - left + 1
-        rows = grid.v.max() + span - top + 1
-        look(codes, grid)
-        val wanted = kind.features(channels)
-        val patches = kind.columns * kind.rows
+        left = lattice.u.min() - span
+        top = lattice.v.min() - span
+        columns = lattice.u.max() + span - left + 1
+        rows = lattice.v.max() + span - top + 1
+        count(lattice)
+        look(codes, lattice.map)
+        val wanted = kind.features(codes.channels)
+        val last = kind.columns * kind.rows - 1
         val fewest = fewest(kind)
         val most = limits.ring * 2 * (kind.columns + kind.rows + 2)
         var best = -2.0
-        var bestU = 0
-        var bestV = 0
+        var bestPlace = 0
         var bestTurn = -1
         for (way in 0..7) {
             turn(kind, way)
-            var low = 0
-            var high = 0
-            var above = 0
-            var below = 0
-            for (k in 0 until patches) {
-                low = min(low, stepU[k])
-                high = max(high, stepU[k])
-                above = min(above, stepV[k])
-                below = max(below, stepV[k])
-            }
+            // The first and the last patch are opposite corners.
+            val low = min(0, stepU[last])
+            val high = max(0, stepU[last])
+            val above = min(0, stepV[last])
+            val below = max(0, stepV[last])
             for (v in -above until rows - below) {
                 for (u in -low until columns - high) {
+                    val place = v * columns + u
                     val seen = members(u + low, v + above, u + high, v + below)
-                    if (seen < fewest || !whole(u, v, patches)) continue
+                    if (seen < fewest || !whole(place, last)) continue
                     if (members(u + low - 1, v + above - 1, u + high + 1, v + below + 1) - seen > most) continue
-                    val score = score(u, v, patches, wanted)
+                    val score = score(place, last, wanted)
                     if (score > best) {
                         best = score
-                        bestU = u
-                        bestV = v
+                        bestPlace = place
                         bestTurn = way
                     }
                 }
@@ -92,12 +86,12 @@ internal class Orientation(private val blobs: Blobs) {
         }
         if (bestTurn < 0) return null
         turn(kind, bestTurn)
-        return OrientedGrid(
+        return Placement(
             kind,
             best,
             bestTurn % 2 == 1,
-            IntArray(patches) { bestU + stepU[it] + left },
-            IntArray(patches) { bestV + stepV[it] + top },
+            IntArray(last + 1) { bestPlace % columns + stepU[it] + left },
+            IntArray(last + 1) { bestPlace / columns + stepV[it] + top },
         )
     }
 
@@ -107,20 +101,24 @@ internal class Orientation(private val blobs: Blobs) {
      *
      * It is fitted to all blobs, and again without outliers, such as a blob that covers half a patch or two patches.
      */
-    fun placed(grid: Grid, found: OrientedGrid): Pair<DoubleArray, Int>? {
+    fun fit(lattice: BlobLattice, placement: Placement): Pair<Homography, Int>? {
+        val kind = placement.kind
         var count = 0
-        for (i in 0 until grid.size) {
-            val k = found.u.indices.firstOrNull { found.u[it] == grid.u[i] && found.v[it] == grid.v[i] } ?: continue
-            pairs[4 * count] = (k % found.kind.columns).toDouble()
-            pairs[4 * count + 1] = (k / found.kind.columns).toDouble()
-            pairs[4 * count + 2] = blobs.x[grid.blob[i]]
-            pairs[4 * count + 3] = blobs.y[grid.blob[i]]
+        for (i in 0 until lattice.size) {
+            val k = placement.u.indices.indexOfFirst {
+                placement.u[it] == lattice.u[i] && placement.v[it] == lattice.v[i]
+            }
+            if (k < 0) continue
+            pairs[4 * count] = (k % kind.columns).toDouble()
+            pairs[4 * count + 1] = (k / kind.columns).toDouble()
+            pairs[4 * count + 2] = blobs.x[lattice.blob[i]]
+            pairs[4 * count + 3] = blobs.y[lattice.blob[i]]
             count++
         }
-        val back = Maps.inverse(Maps.fitted(pairs, count) ?: return null)
+        val back = Homography.fit(pairs, count)?.adjugate() ?: return null
         for (i in 0 until count) {
-            val p = x(back, pairs[4 * i + 2], pairs[4 * i + 3]) - pairs[4 * i]
-            val q = y(back, pairs[4 * i + 2], pairs[4 * i + 3]) - pairs[4 * i + 1]
+            val p = back.x(pairs[4 * i + 2], pairs[4 * i + 3]) - pairs[4 * i]
+            val q = back.y(pairs[4 * i + 2], pairs[4 * i + 3]) - pairs[4 * i + 1]
             offs[i] = p * p + q * q
             sorted[i] = offs[i]
         }
@@ -132,23 +130,17 @@ internal class Orientation(private val blobs: Blobs) {
             pairs.copyInto(pairs, 4 * straight, 4 * i, 4 * i + 4)
             straight++
         }
-        if (straight < fewest(found.kind)) return null
-        val h = Maps.fitted(pairs, straight) ?: return null
-        return h to straight
+        if (straight < fewest(kind)) return null
+        return Homography.fit(pairs, straight)?.to(straight)
     }
 
-    /** Computes the logarithms of the mean colours at every place, which places are in view, and which hold blobs. */
-    private fun look(codes: Codes, grid: Grid) {
+    /** Computes [sums], the numbers of the lattice's blobs. */
+    private fun count(lattice: BlobLattice) {
         val size = columns * rows
-        if (inside.size < size) {
-            inside = BooleanArray(size)
-            member = BooleanArray(size)
-        }
+        if (member.size < size) member = BooleanArray(size)
         if (sums.size < (columns + 1) * (rows + 1)) sums = IntArray((columns + 1) * (rows + 1))
-        if (logs.size < size * channels) logs = DoubleArray(size * channels)
         member.fill(false, 0, size)
-        for (i in 0 until grid.size) member[(grid.v[i] - top) * columns + grid.u[i] - left] = true
-        sums.fill(0, 0, columns + 1)
+        for (i in 0 until lattice.size) member[(lattice.v[i] - top) * columns + lattice.u[i] - left] = true
         for (row in 0 until rows) {
             var count = 0
             sums[(row + 1) * (columns + 1)] = 0
@@ -158,61 +150,66 @@ internal class Orientation(private val blobs: Blobs) {
                 sums[at] = sums[at - columns - 1] + count
             }
         }
-        val h = grid.map
-        val pixels = codes.width * codes.height
-        for (row in 0 until rows) {
-            for (column in 0 until columns) {
-                var good = true
-                var first = 0
-                var second = 0
-                var third = 0
-                for (dv in limits.spots) {
-                    val q = (row + top) + dv
-                    for (du in limits.spots) {
-                        if (!good) continue
-                        val p = (column + left) + du
-                        val w = h[6] * p + h[7] * q + h[8]
-                        val x = Math.rint((h[0] * p + h[1] * q + h[2]) / w)
-                        val y = Math.rint((h[3] * p + h[4] * q + h[5]) / w)
-                        good = w > 0.0 && x >= 0 && x <= codes.width - 1 && y >= 0 && y <= codes.height - 1
-                        if (!good) continue
-                        val at = y.toInt() * codes.width + x.toInt()
-                        first += codes.values[at]
-                        if (channels == 3) {
-                            second += codes.values[at + pixels]
-                            third += codes.values[at + 2 * pixels]
-                        }
-                    }
-                }
-                val place = row * columns + column
-                inside[place] = good
-                if (!good) continue
-                logs[place * channels] = log(first)
-                if (channels == 3) {
-                    logs[place * channels + 1] = log(second)
-                    logs[place * channels + 2] = log(third)
+    }
+
+    /** Computes the [features] of every place, and whether it is in view. */
+    private fun look(codes: Codes, map: Homography) {
+        val size = columns * rows
+        if (inside.size < size) inside = BooleanArray(size)
+        if (features.size < size * 4) features = DoubleArray(size * 4)
+        for (place in 0 until size) {
+            inside[place] = sample(codes, map, place % columns + left, place / columns + top)
+            if (!inside[place]) continue
+            if (codes.channels == 1) {
+                features[place] = log(totals[0])
+                continue
+            }
+            val r = log(totals[0])
+            val g = log(totals[1])
+            val b = log(totals[2])
+            val lightness = (r + g + b) / 3.0
+            features[4 * place] = lightness
+            features[4 * place + 1] = 2.0 * (r - lightness)
+            features[4 * place + 2] = 2.0 * (g - lightness)
+            features[4 * place + 3] = 2.0 * (b - lightness)
+        }
+    }
+
+    /** Sums the codes at the spots around a place in [totals]; false if a spot is not in view. */
+    private fun sample(codes: Codes, map: Homography, u: Int, v: Int): Boolean {
+        totals.fill(0)
+        for (dv in limits.spots) {
+            for (du in limits.spots) {
+                val x = Math.rint(map.x(u + du, v + dv))
+                val y = Math.rint(map.y(u + du, v + dv))
+                val ahead = map.depth(u + du, v + dv) > 0.0
+                if (!(ahead && x >= 0 && x <= codes.width - 1 && y >= 0 && y <= codes.height - 1)) return false
+                for (c in 0 until codes.channels) {
+                    totals[c] += codes.values[(c * codes.height + y.toInt()) * codes.width + x.toInt()]
                 }
             }
         }
+        return true
+    }
+
+    private fun log(total: Int): Double {
+        val spots = limits.spots.size
+        return ln(total / (spots * spots).toDouble() + limits.floor)
     }
 
     /** Computes the lattice steps from the first patch to each; `way` is 2 · quarter turns, plus 1 if mirrored. */
     private fun turn(kind: ChartKind, way: Int) {
         for (k in 0 until kind.columns * kind.rows) {
-            val i = if (way % 2 == 1) -(k % kind.columns) else k % kind.columns
-            val j = k / kind.columns
-            when (way / 2) {
-                0 -> set(k, i, j)
-                1 -> set(k, -j, i)
-                2 -> set(k, -i, -j)
-                else -> set(k, j, -i)
+            var u = if (way % 2 == 1) -(k % kind.columns) else k % kind.columns
+            var v = k / kind.columns
+            repeat(way / 2) {
+                val turned = -v
+                v = u
+                u = turned
             }
+            stepU[k] = u
+            stepV[k] = v
         }
-    }
-
-    private fun set(k: Int, u: Int, v: Int) {
-        stepU[k] = u
-        stepV[k] = v
     }
 
     /** Number of blobs in a rectangle of places, both ends included. */
@@ -225,8 +222,11 @@ internal class Orientation(private val blobs: Blobs) {
         return sums[below + to] - sums[below + from] - sums[above + to] + sums[above + from]
     }
 
-    private fun whole(u: Int, v: Int, patches: Int): Boolean {
-        for (k in 0 until patches) if (!inside[(v + stepV[k]) * columns + u + stepU[k]]) return false
+    /** Place of patch k if the first one lies at `place`. */
+    private fun at(place: Int, k: Int): Int = place + stepV[k] * columns + stepU[k]
+
+    private fun whole(place: Int, last: Int): Boolean {
+        for (k in 0..last) if (!inside[at(place, k)]) return false
         return true
     }
 
@@ -234,79 +234,27 @@ internal class Orientation(private val blobs: Blobs) {
      * Correlation with the chart's colours, rounded to nine digits: differences of logarithms between libraries must
      * not decide between equal scores.
      */
-    private fun score(u: Int, v: Int, patches: Int, wanted: DoubleArray): Double {
-        means.fill(0.0)
-        for (k in 0 until patches) {
-            val at = ((v + stepV[k]) * columns + u + stepU[k]) * channels
-            for (c in 0 until channels) means[c] += logs[at + c]
-        }
-        for (c in 0 until channels) means[c] /= patches
+    private fun score(place: Int, last: Int, wanted: DoubleArray): Double {
+        val size = wanted.size / (last + 1)
         var xy = 0.0
         var xx = 0.0
-        var yy = 0.0
-        for (k in 0 until patches) {
-            val at = ((v + stepV[k]) * columns + u + stepU[k]) * channels
-            if (channels == 1) {
-                val x = logs[at] - means[0]
-                xy += x * wanted[k]
+        for (f in 0 until size) {
+            var mean = 0.0
+            for (k in 0..last) mean += features[size * at(place, k) + f]
+            mean /= last + 1
+            for (k in 0..last) {
+                val x = features[size * at(place, k) + f] - mean
+                xy += x * wanted[size * k + f]
                 xx += x * x
-                yy += wanted[k] * wanted[k]
-                continue
-            }
-            val r = logs[at] - means[0]
-            val g = logs[at + 1] - means[1]
-            val b = logs[at + 2] - means[2]
-            val lightness = (r + g + b) / 3.0
-            for (f in 0..3) {
-                val x = when (f) {
-                    0 -> lightness
-                    1 -> 2.0 * (r - lightness)
-                    2 -> 2.0 * (g - lightness)
-                    else -> 2.0 * (b - lightness)
-                }
-                val y = wanted[4 * k + f]
-                xy += x * y
-                xx += x * x
-                yy += y * y
             }
         }
-        val size = sqrt(xx * yy)
-        return floor((if (size > 0) xy / size else 0.0) * 1e9 + 0.5) / 1e9
+        return floor((if (xx > 0) xy / sqrt(xx) else 0.0) * 1e9 + 0.5) / 1e9
     }
 
     private fun fewest(kind: ChartKind): Int = ceil(limits.seen * (kind.columns * kind.rows)).toInt()
 
-    private fun log(total: Int): Double {
-        val spots = limits.spots.size
-        return ln(total / (spots * spots).toDouble() + limits.floor)
-    }
-
-    companion object {
+    private companion object {
         /** Largest number of patches of a chart. */
-        private const val MOST_PATCHES = 300
-
-        /**
-         * A chart's colours (n, 3) in the form that [score] compares: lightness, and doubled chroma if there is
-         * colour.
-         */
-        fun features(colours: DoubleArray, channels: Int): DoubleArray {
-            val n = colours.size / 3
-            val means = DoubleArray(3)
-            for (k in 0 until n) for (c in 0..2) means[c] += ln(colours[3 * k + c])
-            for (c in 0..2) means[c] /= n.toDouble()
-            if (channels == 1) return DoubleArray(n) { ln(colours[3 * it + 1]) - means[1] }
-            val all = DoubleArray(4 * n)
-            for (k in 0 until n) {
-                val r = ln(colours[3 * k]) - means[0]
-                val g = ln(colours[3 * k + 1]) - means[1]
-                val b = ln(colours[3 * k + 2]) - means[2]
-                val lightness = (r + g + b) / 3.0
-                all[4 * k] = lightness
-                all[4 * k + 1] = 2.0 * (r - lightness)
-                all[4 * k + 2] = 2.0 * (g - lightness)
-                all[4 * k + 3] = 2.0 * (b - lightness)
-            }
-            return all
-        }
+        const val MOST_PATCHES = 300
     }
 }

@@ -84,11 +84,11 @@ public class CaptureGuide @JvmOverloads constructor(focal: Double = 0.75, chart:
      */
     public fun take(frame: Picture, found: Found, time: Long): Guidance {
         val candidate = found.candidate?.takeIf { it.confidence >= Limits.CONFIDENCE }
-        val pitch = candidate?.let { ChartPlane.of(it)?.pitch }
-        if (candidate == null || pitch == null) return missed()
+        val plane = candidate?.let { ChartPlane.of(it) }
+        if (candidate == null || plane == null) return missed()
         if (lost >= Limits.LOST) forget()
         lost = 0
-        val measures = meter.measure(frame, candidate, motion.speed(candidate, time, pitch)) ?: return missed()
+        val measures = meter.measure(frame, candidate, plane, motion.speed(candidate, time, plane.pitch))
         keep(measures)
         val due = when {
             candidate.mirrored || Finding.MIRRORED in found.findings -> Advice.MIRRORED

@@ -8,6 +8,7 @@ import kotlin.math.exp
 import kotlin.math.ln
 import kotlin.math.max
 import kotlin.math.sin
+import kotlin.math.sqrt
 
 /**
  * Measures how even the light on the chart is.
@@ -22,8 +23,7 @@ import kotlin.math.sin
  * **Glare** adds light, even to dark patches: a spot is much brighter than the rest of its own patch, by more than
  * the edge of a shadow explains. A veil over the whole chart is measured on the black patch.
  */
-internal class Evenness(kind: ChartKind) {
-    private val reference = Reference.of(kind)
+internal class Evenness(kind: ChartKind, private val reference: Reference?) {
     private val columns = kind.columns
     private val count = kind.columns * kind.rows
     private val size = 9 * count
@@ -38,6 +38,7 @@ internal class Evenness(kind: ChartKind) {
     private val used = BooleanArray(count)
     private val rest = DoubleArray(size)
     private val steps = DoubleArray(size)
+    private val sloped = DoubleArray(size)
     private val basis = Array(4) { DoubleArray(size) }
     private val slope = DoubleArray(count)
 
@@ -61,8 +62,8 @@ internal class Evenness(kind: ChartKind) {
      */
     fun look(light: PatchLight, white: Double) {
         for (i in 0 until count) used[i] = light.clipped[i] < MOSTLY_CLEAR && light.level[i] > FAINTEST
-        val within = ln(2.0) * gradients(light)
-        val step = if (reference == null) 0.0 else step(light)
+        val within = gradients(light)
+        val step = step(light)
         gradient = within / ln(2.0)
         shadow = if (reference == null) null else abs(step) / steepness / ln(2.0)
         // In the frame's own values, without correction for the tone curve.
@@ -73,7 +74,7 @@ internal class Evenness(kind: ChartKind) {
         }
     }
 
-    /** Gradient across the block, stops; 0 if fewer than a quarter of the patches can be used. */
+    /** Gradient across the block in ln; 0 if fewer than a quarter of the patches can be used. */
     private fun gradients(light: PatchLight): Double {
         var sum = 0.0
         for ((axis, across) in listOf(width, height).withIndex()) {
@@ -81,7 +82,8 @@ internal class Evenness(kind: ChartKind) {
             for (patch in 0 until count) {
                 if (!used[patch]) continue
                 val at = 9 * patch
-                var (low, high) = 0.0 to 0.0
+                var low = 0.0
+                var high = 0.0
                 for (k in 0..2) {
                     low += light.cells[if (axis == 0) at + 3 * k else at + k]
                     high += light.cells[if (axis == 0) at + 3 * k + 2 else at + 6 + k]
@@ -93,10 +95,10 @@ internal class Evenness(kind: ChartKind) {
             slope.sort(0, found)
             sum += abs((slope[(found - 1) / 2] + slope[found / 2]) / 2) * across
         }
-        return sum / ln(2.0)
+        return sum
     }
 
-    /** Step across the best line in ln, in the frame's own values; 0 if a plane fits about as well. */
+    /** Step across the best line in ln, in the frame's own values; 0 if a plane fits as well, or without a reference. */
     private fun step(light: PatchLight): Double {
         val reference = reference ?: return 0.0
         if (2 * used.count { it } < count) return 0.0
@@ -113,7 +115,7 @@ internal class Evenness(kind: ChartKind) {
         }
         for (k in basis.indices) {
             for (before in 0 until k) remove(basis[before], basis[k])
-            val length = kotlin.math.sqrt(dot(basis[k], basis[k]))
+            val length = sqrt(dot(basis[k], basis[k]))
             if (length < 1e-9) return 0.0
             for (cell in 0 until size) basis[k][cell] /= length
         }
@@ -121,8 +123,9 @@ internal class Evenness(kind: ChartKind) {
         basis.forEach { remove(it, rest) }
         for (cell in 0 until size) rest[cell] = rest[cell].coerceIn(-WILDEST, WILDEST)
         val whole = dot(rest, rest)
-        val plane = whole - gain(u) - gainBeside(u, v)
-        var (best, height) = 0.0 to 0.0
+        val plane = whole - planeGain()
+        var best = 0.0
+        var height = 0.0
         for (side in sides) {
             for (cell in 0 until size) steps[cell] = if (side[cell] && used[cell / 9]) 1.0 else 0.0
             basis.forEach { remove(it, steps) }
@@ -140,38 +143,37 @@ internal class Evenness(kind: ChartKind) {
 
     /** Norm of the part of the tone that a constant does not explain; [step] divides by it to get the steepness. */
     private fun spread(reference: Reference): Double {
-        var (sum, squares, n) = Triple(0.0, 0.0, 0)
+        var sum = 0.0
+        var squares = 0.0
+        var n = 0
         for (patch in 0 until count) {
             if (!used[patch]) continue
             sum += reference.tone[patch]
             squares += reference.tone[patch] * reference.tone[patch]
             n++
         }
-        return kotlin.math.sqrt(9 * max(squares - sum * sum / max(n, 1), 0.0))
+        return sqrt(9 * max(squares - sum * sum / max(n, 1), 0.0))
     }
 
-    /**
-     * Sum of squares of [rest] that a direction explains; [steps] then holds the direction, orthogonal to the basis.
-     */
-    private fun gain(direction: DoubleArray): Double {
-        free(direction)
+    /** Sum of squares of [rest] that a plane explains: a slope along u, and what one along v adds. */
+    private fun planeGain(): Double {
+        free(u)
+        steps.copyInto(sloped)
+        val gain = gain()
+        free(v)
+        val length = dot(sloped, sloped)
+        val share = if (length > 1e-9) dot(sloped, steps) / length else 0.0
+        for (cell in 0 until size) steps[cell] -= share * sloped[cell]
+        return gain + gain()
+    }
+
+    /** Sum of squares of [rest] that the direction [steps] explains. */
+    private fun gain(): Double {
         val length = dot(steps, steps)
         return if (length > 1e-9) dot(steps, rest).let { it * it / length } else 0.0
     }
 
-    private fun gainBeside(first: DoubleArray, second: DoubleArray): Double {
-        free(first)
-        val one = steps.copyOf()
-        free(second)
-        val length = dot(one, one)
-        if (length > 1e-9) {
-            val share = dot(one, steps) / length
-            for (cell in 0 until size) steps[cell] -= share * one[cell]
-        }
-        val left = dot(steps, steps)
-        return if (left > 1e-9) dot(steps, rest).let { it * it / left } else 0.0
-    }
-
+    /** Sets [steps] to a direction without what the basis explains. */
     private fun free(direction: DoubleArray) {
         for (cell in 0 until size) steps[cell] = if (used[cell / 9]) direction[cell] else 0.0
         basis.forEach { remove(it, steps) }

@@ -9,16 +9,15 @@ import kotlin.math.max
 internal class FrameMeter(private val focal: Double) {
     private class Kept(kind: ChartKind) {
         val light = PatchLight(kind.columns, kind.rows)
-        val evenness = Evenness(kind)
         val reference = Reference.of(kind)
+        val evenness = Evenness(kind, reference)
     }
 
     private val kept = HashMap<ChartKind, Kept>()
     private val sharpness = Sharpness()
 
-    /** The measures of a frame; null if the candidate is no quadrilateral. */
-    fun measure(picture: Picture, candidate: Candidate, speed: Double?): FrameMeasures? {
-        val plane = ChartPlane.of(candidate) ?: return null
+    /** The measures of a frame, in which the candidate lies in this plane. */
+    fun measure(picture: Picture, candidate: Candidate, plane: ChartPlane, speed: Double?): FrameMeasures {
         val pixels = Pixels(picture)
         val own = kept.getOrPut(candidate.kind) { Kept(candidate.kind) }
         val light = own.light

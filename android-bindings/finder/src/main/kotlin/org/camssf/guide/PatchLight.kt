@@ -58,7 +58,8 @@ internal class PatchLight(val columns: Int, val rows: Int) {
         sorted.sort(0, total)
         middle[patch] = sorted[total / 2]
         val few = total / 20 + 1
-        var (sum, best) = 0.0 to 0.0
+        var sum = 0.0
+        var best = 0.0
         for (i in 0 until total) {
             sum += sorted[i]
             if (i >= total - few) best += sorted[i]

@@ -75,7 +75,8 @@ internal class Pixels(picture: Picture) {
         val top = y.coerceIn(0.0, height - 1.000001)
         val column = left.toInt()
         val row = top.toInt()
-        val (p, q) = left - column to top - row
+        val p = left - column
+        val q = top - row
         val upper = LINEAR[sharp.at(column, row)] * (1 - p) + LINEAR[sharp.at(column + 1, row)] * p
         val lower = LINEAR[sharp.at(column, row + 1)] * (1 - p) + LINEAR[sharp.at(column + 1, row + 1)] * p
         return upper * (1 - q) + lower * q

@@ -12,30 +12,42 @@ import kotlin.math.sqrt
  */
 internal class Sharpness {
     private val profile = DoubleArray(LENGTH)
-    private val found = Array(2) { ArrayList<Double>() }
+
+    /** Standard deviations of the borders along both directions, px, and their numbers. */
+    private val blurs = arrayOf(DoubleArray(0), DoubleArray(0))
+    private val counts = IntArray(2)
 
     /**
      * Standard deviation of the blur, px, the worse of both directions; null if too few borders have enough contrast.
      */
     fun look(pixels: Pixels, plane: ChartPlane, light: PatchLight, white: Double): Double? {
-        found.forEach { it.clear() }
+        counts.fill(0)
+        if (blurs[0].size < 2 * light.count) for (i in 0..1) blurs[i] = DoubleArray(2 * light.count)
         for (patch in 0 until light.count) {
             val level = light.level[patch]
             if (level < BRIGHT * white || light.clipped[patch] > 0.02) continue
-            for (side in SIDES) border(pixels, plane, light, patch, side)?.let { found[side[0] and 1] += it }
+            for (side in SIDES) {
+                val blur = border(pixels, plane, light, patch, side)
+                val direction = side[0] and 1
+                if (blur.isFinite()) blurs[direction][counts[direction]++] = blur
+            }
         }
-        return found.mapNotNull { all ->
-            all.sort()
-            if (all.size >= FEWEST) all[all.size / 2] else null
-        }.maxOrNull()
+        var worst: Double? = null
+        for (direction in 0..1) {
+            val count = counts[direction]
+            blurs[direction].sort(0, count)
+            if (count >= FEWEST) worst = max(worst ?: 0.0, blurs[direction][count / 2])
+        }
+        return worst
     }
 
     /**
      * Standard deviation of one border's blur, px, from the mean profile of parallel lines that run from inside the
-     * patch to beyond its gap; null if the contrast is too small.
+     * patch to beyond its gap; NaN if the contrast is too small.
      */
-    private fun border(pixels: Pixels, plane: ChartPlane, light: PatchLight, patch: Int, side: IntArray): Double? {
-        val (u, v) = patch % light.columns to patch / light.columns
+    private fun border(pixels: Pixels, plane: ChartPlane, light: PatchLight, patch: Int, side: IntArray): Double {
+        val u = patch % light.columns
+        val v = patch / light.columns
         profile.fill(0.0)
         for (line in 0 until LINES) {
             val aside = ASIDE * ((2 * line + 1.0) / LINES - 1)
@@ -47,20 +59,24 @@ internal class Sharpness {
             }
         }
         val end = (FROM + TO) / 2
-        val length = (TO - FROM) * plane.let { step(it, u, v, side, end) } / (LENGTH - 1)
-        val gap = profile.indices.minByOrNull { profile[it] }!!
-        var (plateau, steepest) = 0.0 to 0.0
+        val length = (TO - FROM) * step(plane, u, v, side, end) / (LENGTH - 1)
+        var gap = 0
+        for (i in 1 until LENGTH) if (profile[i] < profile[gap]) gap = i
+        var plateau = 0.0
+        var steepest = 0.0
         for (i in 0 until INSIDE) plateau += profile[i] / INSIDE
         for (i in 2..gap) steepest = max(steepest, (profile[i - 2] - profile[i]) / (2 * length))
         val contrast = plateau - profile[gap]
-        if (contrast < CONTRAST * plateau || steepest <= 0) return null
+        if (contrast < CONTRAST * plateau || steepest <= 0) return Double.NaN
         return contrast / (steepest * sqrt(2 * PI))
     }
 
     /** Length of one pitch across this border, px. */
     private fun step(plane: ChartPlane, u: Int, v: Int, side: IntArray, at: Double): Double {
-        val (a, b) = u + (at - 0.05) * side[0] to v + (at - 0.05) * side[1]
-        val (c, d) = u + (at + 0.05) * side[0] to v + (at + 0.05) * side[1]
+        val a = u + (at - 0.05) * side[0]
+        val b = v + (at - 0.05) * side[1]
+        val c = u + (at + 0.05) * side[0]
+        val d = v + (at + 0.05) * side[1]
         return Math.hypot(plane.x(c, d) - plane.x(a, b), plane.y(c, d) - plane.y(a, b)) / 0.1
     }
 

@@ -21,9 +21,7 @@ class ComponentsTest {
             }
         }
         val found = ArrayList<List<Long>>()
-        components.each {
-            found += components.run { listOf(count[it], this.x[it], this.y[it], xx[it], xy[it], yy[it]) }
-        }
+        components.each { found += components.moments.slice(6 * it until 6 * it + 6) }
         return found
     }
 

@@ -4,7 +4,10 @@ import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertTrue
 import org.junit.jupiter.api.Test
 import kotlin.math.abs
+import kotlin.math.cos
 import kotlin.math.hypot
+import kotlin.math.sin
+import kotlin.math.sqrt
 
 /** Patches that were drawn, as blobs and as lattices. */
 class LatticesTest {
@@ -14,7 +17,7 @@ class LatticesTest {
     private val lattices = Lattices(blobs)
 
     /** Bright on dark, borders as light as the part of the pixel that they cover. */
-    private fun search(patches: List<Patch>, width: Int = 640, height: Int = 480): List<Grid> {
+    private fun search(patches: List<Patch>, width: Int = 640, height: Int = 480): List<BlobLattice> {
         val light = FloatArray(width * height) { 0.05f }
         fun cover(pixel: Int, middle: Double, size: Double) =
             (minOf(pixel + 0.5, middle + size / 2) - maxOf(pixel - 0.5, middle - size / 2)).coerceIn(0.0, 1.0)
@@ -43,16 +46,16 @@ class LatticesTest {
         .map { (i, j) -> Patch(x + pitch * i, y + pitch * j, size) }
 
     /** Each blob at most a quarter of a px from where the map says, and of the patch that lies there. */
-    private fun assertFits(grid: Grid, patches: List<Patch>, off: Double = 0.25) {
-        assertEquals(patches.size, grid.size)
-        assertEquals(grid.size, (0 until grid.size).map { grid.u[it] to grid.v[it] }.toSet().size)
-        val order = (0 until grid.size).map { 1000 * grid.u[it] + grid.v[it] }
+    private fun assertFits(lattice: BlobLattice, patches: List<Patch>, off: Double = 0.25) {
+        assertEquals(patches.size, lattice.size)
+        assertEquals(lattice.size, (0 until lattice.size).map { lattice.u[it] to lattice.v[it] }.toSet().size)
+        val order = (0 until lattice.size).map { 1000 * lattice.u[it] + lattice.v[it] }
         assertEquals(order.sorted(), order)
-        for (i in 0 until grid.size) {
-            val (u, v) = grid.u[i].toDouble() to grid.v[i].toDouble()
-            val (x, y) = Maps.x(grid.map, u, v) to Maps.y(grid.map, u, v)
-            assertTrue(hypot(x - blobs.x[grid.blob[i]], y - blobs.y[grid.blob[i]]) < off)
-            assertTrue(patches.any { hypot(it.x - blobs.x[grid.blob[i]], it.y - blobs.y[grid.blob[i]]) < 0.25 })
+        for (i in 0 until lattice.size) {
+            val (u, v) = lattice.u[i].toDouble() to lattice.v[i].toDouble()
+            val (x, y) = lattice.map.x(u, v) to lattice.map.y(u, v)
+            assertTrue(hypot(x - blobs.x[lattice.blob[i]], y - blobs.y[lattice.blob[i]]) < off)
+            assertTrue(patches.any { hypot(it.x - blobs.x[lattice.blob[i]], it.y - blobs.y[lattice.blob[i]]) < 0.25 })
         }
     }
 
@@ -106,9 +109,9 @@ class LatticesTest {
         val found = search(patches).single()
         assertFits(found, patches, 1.5)
         val h = found.map
-        val (x, y) = Maps.x(h, 0.0, 0.0) to Maps.y(h, 0.0, 0.0)
-        val (px, py) = Maps.x(h, 1.0, 0.0) - x to Maps.y(h, 1.0, 0.0) - y
-        val (qx, qy) = Maps.x(h, 0.0, 1.0) - x to Maps.y(h, 0.0, 1.0) - y
+        val (x, y) = h.x(0.0, 0.0) to h.y(0.0, 0.0)
+        val (px, py) = h.x(1.0, 0.0) - x to h.y(1.0, 0.0) - y
+        val (qx, qy) = h.x(0.0, 1.0) - x to h.y(0.0, 1.0) - y
         assertTrue(px * qy - py * qx > 0)
     }
 
@@ -189,5 +192,79 @@ class LatticesTest {
         val patches = grid(4, 3, x = 300.0)
         assertFits(search(patches).single(), patches)
         assertEquals(0, search(emptyList()).size)
+    }
+
+    /** A parallelogram that a linear map (a, b, c, d) and a shift make of a square with this middle and edge. */
+    private inner class Square(val x: Double, val y: Double, val edge: Double = 20.0) {
+        fun add(map: DoubleArray) {
+            val (a, b, c, d) = map
+            val variance = edge * edge / 12
+            val i = blobs.size++
+            blobs.x[i] = 320 + a * x + b * y
+            blobs.y[i] = 240 + c * x + d * y
+            blobs.area[i] = edge * edge * abs(a * d - b * c)
+            blobs.xx[i] = variance * (a * a + b * b)
+            blobs.xy[i] = variance * (a * c + b * d)
+            blobs.yy[i] = variance * (c * c + d * d)
+            blobs.det[i] = blobs.xx[i] * blobs.yy[i] - blobs.xy[i] * blobs.xy[i]
+        }
+    }
+
+    /** Turned by every angle, stretched, sheared, mirrored. */
+    private val linear = (0 until 360 step 25).flatMap { turn ->
+        val (c, s) = cos(Math.toRadians(turn.toDouble())) to sin(Math.toRadians(turn.toDouble()))
+        listOf(
+            doubleArrayOf(c, -s, s, c),
+            doubleArrayOf(1.4 * c, -0.6 * s, 1.4 * s, 0.6 * c),
+            doubleArrayOf(c + 0.5 * s, 0.5 * c - s, s, c),
+            doubleArrayOf(c, s, s, -c),
+        )
+    }
+
+    /** 6 × 4 squares; each pitch along x and y, and how far each row is shifted against the last. */
+    private fun squares(
+        across: Double,
+        down: Double = across,
+        shift: Double = 0.0,
+        edge: (Int) -> Double = { 20.0 },
+    ) = (0..23).map { Square(across * (it % 6) + shift * (it / 6), down * (it / 6), edge(it % 6 + it / 6)) }
+
+    private fun sizes(squares: List<Square>, map: DoubleArray): List<Int> {
+        blobs.size = 0
+        squares.forEach { it.add(map) }
+        val found = lattices.find()
+        for (lattice in found) {
+            for (i in 0 until lattice.size) {
+                val (u, v) = lattice.u[i].toDouble() to lattice.v[i].toDouble()
+                assertEquals(blobs.x[lattice.blob[i]], lattice.map.x(u, v), 1e-6)
+                assertEquals(blobs.y[lattice.blob[i]], lattice.map.y(u, v), 1e-6)
+            }
+        }
+        return found.map { it.size }
+    }
+
+    /** Distances and angles are told in a blob's own moments, so a linear map moves no limit of finder.json. */
+    @Test
+    fun `a lattice is the same from wherever it is seen`() {
+        val limits = FinderFile.limits
+        val nearest = 20 * sqrt(limits.neighbour[0] / 12)
+        val farthest = 20 * sqrt(limits.neighbour[1] / 12)
+        val longer = 28 * sqrt(limits.lengths)
+        val shift = 24 * limits.cosine / sqrt(1 - limits.cosine * limits.cosine)
+        val larger = 20 / sqrt(limits.sizes[0])
+        fun unlike(ratio: Double) = { place: Int -> if (place % 2 == 0) 20.0 else ratio * larger }
+        val whole = listOf(24)
+        for (map in linear) {
+            assertEquals(whole, sizes(squares(1.01 * nearest), map))
+            assertTrue(sizes(squares(0.99 * nearest), map) != whole)
+            assertEquals(whole, sizes(squares(0.99 * farthest), map))
+            assertEquals(emptyList<Int>(), sizes(squares(1.01 * farthest), map))
+            assertEquals(whole, sizes(squares(0.99 * longer, 28.0), map))
+            assertTrue(sizes(squares(1.01 * longer, 28.0), map) != whole)
+            assertEquals(whole, sizes(squares(24.0, shift = 0.98 * shift), map))
+            assertTrue(sizes(squares(24.0, shift = 1.02 * shift), map) != whole)
+            assertEquals(whole, sizes(squares(28.0, edge = unlike(0.99)), map))
+            assertTrue(sizes(squares(28.0, edge = unlike(1.01)), map) != whole)
+        }
     }
 }

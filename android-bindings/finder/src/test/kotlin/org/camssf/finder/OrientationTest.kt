@@ -1,5 +1,6 @@
 package org.camssf.finder
 
+import org.camssf.photo.Homography
 import org.junit.jupiter.api.Assertions.assertArrayEquals
 import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertNull
@@ -15,23 +16,23 @@ class OrientationTest {
     private val all = (0..5).flatMap { i -> (0..3).map { i to it } }
 
     /** The chart's patch (0, 0) stands at place (3, -2) of the lattice. */
-    private fun grid(x: Double, y: Double, seen: List<Pair<Int, Int>>): Grid {
-        val map = doubleArrayOf(40.0, 0.0, x - 220, 0.0, 40.0, y + 20, 0.0, 0.0, 1.0)
+    private fun lattice(x: Double, y: Double, seen: List<Pair<Int, Int>>): BlobLattice {
+        val map = Homography(doubleArrayOf(40.0, 0.0, x - 220, 0.0, 40.0, y + 20, 0.0, 0.0, 1.0))
         val order = seen.map { (i, j) -> i + 3 to j - 2 }.sortedWith(compareBy({ it.first }, { it.second }))
         val blob = IntArray(order.size) { it }
         for ((at, place) in order.withIndex()) {
-            blobs.x[at] = Maps.x(map, place.first.toDouble(), place.second.toDouble())
-            blobs.y[at] = Maps.y(map, place.first.toDouble(), place.second.toDouble())
+            blobs.x[at] = map.x(place.first.toDouble(), place.second.toDouble())
+            blobs.y[at] = map.y(place.first.toDouble(), place.second.toDouble())
         }
-        return Grid(map, order.map { it.first }.toIntArray(), order.map { it.second }.toIntArray(), blob)
+        return BlobLattice(map, order.map { it.first }.toIntArray(), order.map { it.second }.toIntArray(), blob)
     }
 
     private fun codes(painter: Painter) = Codes().also { it.read(painter.picture()) }
 
-    private fun orient(x: Double, y: Double, seen: List<Pair<Int, Int>> = all): OrientedGrid? =
-        orientation.orient(codes(Painter().chart(x, y, 40.0)), grid(x, y, seen), kind)
+    private fun orient(x: Double, y: Double, seen: List<Pair<Int, Int>> = all): Placement? =
+        orientation.orient(codes(Painter().chart(x, y, 40.0)), lattice(x, y, seen), kind)
 
-    private fun assertUpright(found: OrientedGrid?) {
+    private fun assertUpright(found: Placement?) {
         assertTrue(found!!.score > 0.99, "${found.score}")
         assertArrayEquals(IntArray(24) { it % 6 + 3 }, found.u)
         assertArrayEquals(IntArray(24) { it / 6 - 2 }, found.v)
@@ -50,12 +51,12 @@ class OrientationTest {
     @Test
     fun `a chart that stands on its head or is seen in a mirror is told so`() {
         val over = codes(Painter().chart(300.0, 250.0, 40.0, 180.0))
-        val head = orientation.orient(over, grid(300.0, 250.0, all), kind)!!
+        val head = orientation.orient(over, lattice(300.0, 250.0, all), kind)!!
         assertArrayEquals(IntArray(24) { 8 - it % 6 }, head.u)
         assertArrayEquals(IntArray(24) { 1 - it / 6 }, head.v)
         assertTrue(!head.mirrored && head.score > 0.99)
         val mirror = codes(Painter().chart(300.0, 250.0, 40.0, mirrored = true))
-        val seen = orientation.orient(mirror, grid(300.0, 250.0, all), kind)!!
+        val seen = orientation.orient(mirror, lattice(300.0, 250.0, all), kind)!!
         assertArrayEquals(IntArray(24) { 8 - it % 6 }, seen.u)
         assertArrayEquals(IntArray(24) { it / 6 - 2 }, seen.v)
         assertTrue(seen.mirrored && seen.score > 0.99)
@@ -103,40 +104,40 @@ class OrientationTest {
     fun `brightness alone has one number a patch`() {
         val painter = Painter().chart(300.0, 250.0, 40.0)
         val codes = Codes().also { it.read(Picture.luma(Plane(painter.planes[1], 640), 640, 480)) }
-        assertUpright(orientation.orient(codes, grid(300.0, 250.0, all), kind))
+        assertUpright(orientation.orient(codes, lattice(300.0, 250.0, all), kind))
     }
 
-    private fun placed(seen: List<Pair<Int, Int>>, off: Double): Pair<DoubleArray, Int>? {
+    private fun fit(seen: List<Pair<Int, Int>>, off: Double): Pair<Homography, Int>? {
         val found = orient(300.0, 250.0)!!
-        val grid = grid(300.0, 250.0, seen)
+        val lattice = lattice(300.0, 250.0, seen)
         // In pitches of 40 px; the third blob in the order of places.
         blobs.x[2] += 40 * off
-        return orientation.placed(grid, found)
+        return orientation.fit(lattice, found)
     }
 
     @Test
     fun `the chart's own map is fitted without strays`() {
-        val (exact, count) = placed(all, 0.0)!!
+        val (exact, count) = fit(all, 0.0)!!
         assertEquals(24, count)
-        assertEquals(200.0, Maps.x(exact, 0.0, 0.0), 1e-6)
-        assertEquals(310.0, Maps.y(exact, 5.0, 3.0), 1e-6)
-        assertEquals(400.0, Maps.x(exact, 5.0, 3.0), 1e-6)
-        val (straight, fewer) = placed(all, 0.07)!!
+        assertEquals(200.0, exact.x(0.0, 0.0), 1e-6)
+        assertEquals(310.0, exact.y(5.0, 3.0), 1e-6)
+        assertEquals(400.0, exact.x(5.0, 3.0), 1e-6)
+        val (straight, fewer) = fit(all, 0.07)!!
         assertEquals(23, fewer)
         for (i in 0..23) {
-            assertEquals(200 + 40.0 * (i % 6), Maps.x(straight, i % 6.0, (i / 6).toDouble()), 1e-6)
-            assertEquals(190 + 40.0 * (i / 6), Maps.y(straight, i % 6.0, (i / 6).toDouble()), 1e-6)
+            assertEquals(200 + 40.0 * (i % 6), straight.x(i % 6.0, (i / 6).toDouble()), 1e-6)
+            assertEquals(190 + 40.0 * (i / 6), straight.y(i % 6.0, (i / 6).toDouble()), 1e-6)
         }
-        assertEquals(24, placed(all, 0.02)!!.second)
+        assertEquals(24, fit(all, 0.02)!!.second)
         // What is no patch of the chart has no say.
-        assertEquals(24, placed(all + listOf(7 to 0, 0 to -2), 0.0)!!.second)
+        assertEquals(24, fit(all + listOf(7 to 0, 0 to -2), 0.0)!!.second)
     }
 
     @Test
     fun `too few patches that lie straight are no chart`() {
         val twelve = all.filterIndexed { i, _ -> i % 2 == 0 }
-        assertEquals(11, placed(twelve, 0.06)!!.second)
-        assertNull(placed(twelve.drop(1), 0.06))
-        assertTrue(abs(Maps.x(placed(twelve.drop(1), 0.0)!!.first, 0.0, 0.0) - 200) < 1e-6)
+        assertEquals(11, fit(twelve, 0.06)!!.second)
+        assertNull(fit(twelve.drop(1), 0.06))
+        assertTrue(abs(fit(twelve.drop(1), 0.0)!!.first.x(0.0, 0.0) - 200) < 1e-6)
     }
 }

@@ -169,10 +169,10 @@ internal data class Drawn(
         }
     }
 
-    fun rgb(): Picture {
-        val (r, g, b) = bytes.map { plane -> Plane(ByteArray(plane.size) { plane[it].toByte() }, width) }
-        return Picture.rgb(r, g, b, width, height)
-    }
+    /** Red, green and blue. */
+    fun planes(): List<Plane> = bytes.map { plane -> Plane(ByteArray(plane.size) { plane[it].toByte() }, width) }
+
+    fun rgb(): Picture = planes().let { (r, g, b) -> Picture.rgb(r, g, b, width, height) }
 
     private fun brightness(i: Int) = (0.299 * bytes[0][i] + 0.587 * bytes[1][i] + 0.114 * bytes[2][i])
 
@@ -212,7 +212,8 @@ internal data class Drawn(
         Found(listOf(candidate(Finding.MIRRORED in findings)), findings.toSet())
 
     /** The measures of this frame alone. */
-    fun measures(picture: Picture = rgb()): FrameMeasures = FrameMeter(focal).measure(picture, candidate(), null)!!
+    fun measures(picture: Picture = rgb()): FrameMeasures =
+        candidate().let { FrameMeter(focal).measure(picture, it, ChartPlane.of(it)!!, null) }
 
     companion object {
         private val CODED = DoubleArray(20001) {

@@ -7,6 +7,7 @@ import org.camssf.finder.Found
 import org.camssf.finder.Picture
 import org.camssf.finder.Plane
 import org.camssf.photo.Corners
+import org.camssf.photo.Homography
 import org.camssf.photo.Point
 import java.io.File
 import java.lang.management.ManagementFactory
@@ -56,18 +57,11 @@ object GuideJudge {
         return Picture.yuv(Plane(bytes, width), colour(y), colour(y + y / 4), width, height)
     }
 
-    /** The true corners' candidate: patch centres by the guide's own projective map, of a Classic's gap. */
+    /** The true corners' candidate, of a Classic's gap. */
     private fun candidate(numbers: DoubleArray): Candidate {
-        val corners = Corners.of(*numbers)
-        val near = 0.44 / 5.88 to 0.44 / 3.88 // from the block's border to the first centre, of its sides
-        val map = ChartPlane.square(corners.points)!!
-        val patches = List(24) {
-            val u = near.first + (1 - 2 * near.first) * (it % 6) / 5
-            val v = near.second + (1 - 2 * near.second) * (it / 6) / 3
-            val depth = map[6] * u + map[7] * v + map[8]
-            Point((map[0] * u + map[1] * v + map[2]) / depth, (map[3] * u + map[4] * v + map[5]) / depth)
-        }
-        return Candidate(corners, ChartKind.CLASSIC_24, false, 0.95, patches, 24)
+        val map = Homography.of(doubleArrayOf(-0.44, -0.44, 5.44, -0.44, 5.44, 3.44, -0.44, 3.44), numbers)!!
+        val patches = List(24) { i -> (i % 6.0 to i / 6 + 0.0).let { (u, v) -> Point(map.x(u, v), map.y(u, v)) } }
+        return Candidate(Corners.of(*numbers), ChartKind.CLASSIC_24, false, 0.95, patches, 24)
     }
 
     private fun allocated(): Long =

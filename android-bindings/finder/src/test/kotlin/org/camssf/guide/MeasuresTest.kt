@@ -39,31 +39,32 @@ class MeasuresTest {
         assertNull(plain.measures(plain.luma()).tint)
     }
 
+    private fun measures(candidate: Candidate, focal: Double = 0.75) =
+        FrameMeter(focal).measure(plain.rgb(), candidate, ChartPlane.of(candidate)!!, null)
+
     @Test
     fun `the tilt is the angle to the line of sight, about any axis`() {
         for (tilt in listOf(0.0, 8.0, 25.0, 40.0, 55.0)) {
             for (axis in listOf(0.0, 30.0, 90.0, 160.0)) {
                 val drawn = Drawn(tilt = tilt, axis = axis, rotation = 2 * axis)
-                val found = FrameMeter(0.75).measure(plain.rgb(), drawn.candidate(), null)!!
+                val found = measures(drawn.candidate())
                 assertEquals(tilt, found.tilt, 0.01, "about $axis")
             }
         }
         // Of a chart that faces the camera's plane beside its middle, the angle under which it is seen.
-        val aside = FrameMeter(0.75).measure(plain.rgb(), Drawn(shiftX = 0.3).candidate(), null)!!
+        val aside = measures(Drawn(shiftX = 0.3).candidate())
         assertEquals(Math.toDegrees(Math.atan(0.3 / 0.75)), aside.tilt, 0.01)
         // Half the focal length that was told: perspective says twice the tilt, or nearly.
-        assertTrue(FrameMeter(1.5).measure(plain.rgb(), Drawn(tilt = 20.0).candidate(), null)!!.tilt > 30)
+        assertTrue(measures(Drawn(tilt = 20.0).candidate(), 1.5).tilt > 30)
     }
 
     @Test
     fun `size and margin`() {
         for (fill in listOf(0.2, 0.35, 0.6)) {
-            val m = FrameMeter(0.75).measure(plain.rgb(), Drawn(fill = fill).candidate(), null)!!
+            val m = measures(Drawn(fill = fill).candidate())
             assertEquals(fill, m.size, 0.01)
         }
-        fun margin(x: Double, y: Double) =
-            FrameMeter(0.75)
-                .measure(plain.rgb(), Drawn(fill = 0.5, shiftX = x, shiftY = y).candidate(), null)!!.margin
+        fun margin(x: Double, y: Double) = measures(Drawn(fill = 0.5, shiftX = x, shiftY = y).candidate()).margin
         val pitch = 0.5 * 640 / 5.88
         assertEquals((239.5 - 2.25 * pitch) / pitch, margin(0.0, 0.0), 1e-3)
         assertEquals((319.5 - 3.25 * pitch - 0.2 * 640) / pitch, margin(0.2, 0.0), 1e-3)
@@ -183,7 +184,7 @@ class MeasuresTest {
             org.camssf.photo.Point(a.x + (b.x - a.x) * u, a.y + (b.y - a.y) * v)
         }
         val candidate = Candidate(own.corners, ChartKind.SG_140, false, 0.9, grid, 140)
-        val m = FrameMeter(0.75).measure(plain.rgb(), candidate, null)!!
+        val m = measures(candidate)
         assertNull(m.shadow)
         assertNull(m.veil)
         assertNotNull(m.tint)
@@ -196,7 +197,7 @@ class MeasuresTest {
             plain.candidate().corners, ChartKind.CLASSIC_24, false, 0.9,
             List(24) { org.camssf.photo.Point(it.toDouble(), 3.0) }, 24,
         )
-        assertNull(FrameMeter(0.75).measure(plain.rgb(), flat, null))
+        assertNull(ChartPlane.of(flat))
     }
 
     /** Speeds are of the fastest corner over a tenth of a second. */
