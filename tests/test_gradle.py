@@ -24,7 +24,7 @@ REPOSITORY = BINDINGS / "packaging" / "target" / "repository" / "org" / "camssf"
 SAMPLE = ROOT / "android-bindings" / "sample"
 PARENT = ET.parse(ROOT / "android-bindings" / "pom.xml").getroot()
 POM = {"m": "http://maven.apache.org/POM/4.0.0"}
-MODULES = ["bom", "camera2", "camerax", "colour", "core", "finder", "model", "passport", "testing"]
+MODULES = ["bom", "camera2", "camerax", "colour", "core", "finder", "model", "model-gaussian", "passport", "testing"]
 
 published = pytest.mark.skipif(not REPOSITORY.is_dir(), reason="no repository (mvn -f android-bindings verify)")
 pytestmark = pytest.mark.full

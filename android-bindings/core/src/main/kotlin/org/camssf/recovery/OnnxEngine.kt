@@ -167,6 +167,7 @@ internal class OnnxEngine private constructor(override val basis: String, privat
         private const val VOCABULARY = "1"
         private const val GRID = "380 to 720 nm every 0.5 nm"
         private const val ADVICE = "Add the artefacts camssf-core and camssf-model of one version, unchanged."
+        private const val PAPER_ADVICE = "Add the artefact camssf-model-gaussian of camssf-core's version, unchanged."
 
         /** Open models by the names of their files. */
         private val shared = HashMap<String, LoadedModel>()
@@ -184,16 +185,18 @@ internal class OnnxEngine private constructor(override val basis: String, privat
             }
             val name = if (basis == PAPER) "camssf-$PAPER.onnx" else "camssf-learned.onnx"
             return synchronized(shared) {
-                val model = shared[name] ?: loaded(name, shipped { Models.read(name) }).also { shared[name] = it }
+                val advice = if (basis == PAPER) PAPER_ADVICE else ADVICE
+                val model =
+                    shared[name] ?: loaded(name, shipped(advice) { Models.read(name) }).also { shared[name] = it }
                 engine(basis, name, model)
             }
         }
 
         /** Reads from the shipped files; one that is missing or changed is [InvalidArgument]. */
-        private fun <T> shipped(read: () -> T): T = try {
+        private fun <T> shipped(advice: String, read: () -> T): T = try {
             read()
         } catch (error: IllegalStateException) {
-            throw InvalidArgument(error.message.orEmpty(), ADVICE, cause = error)
+            throw InvalidArgument(error.message.orEmpty(), advice, cause = error)
         }
 
         /** The engine of a basis from the content of its model's file. */
@@ -207,7 +210,7 @@ internal class OnnxEngine private constructor(override val basis: String, privat
         }
 
         private fun engine(basis: String, name: String, model: LoadedModel): OnnxEngine {
-            val bases = if (basis == PAPER) null else shipped { BasisConstants.sha256 }
+            val bases = if (basis == PAPER) null else shipped(ADVICE) { BasisConstants.sha256 }
             model.users += 1
             val wanted = buildMap {
                 put("vocabulary", VOCABULARY)
