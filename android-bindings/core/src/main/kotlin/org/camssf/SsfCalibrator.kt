@@ -241,7 +241,7 @@ public class SsfCalibrator private constructor(
     public companion object {
         /**
          * Names that [open] accepts: "auto"; "phones" and "cameras", learned from measured curves; "ryyb", phones
-         * with yellow in green's place; "gaussian", the paper's basis, whose model is the artefact camssf-model-gaussian.
+         * with yellow in green's place; "gaussian", the paper's basis, of the artefact camssf-model-gaussian.
          */
         @JvmField
         public val BASES: List<String> = (listOf(Choice.AUTO) + SHIPPED_BASES).frozen()

@@ -2,7 +2,7 @@ package org.camssf.model
 
 import java.io.InputStream
 
-/** The files in this jar: the model, bases, tables and rules that Python also uses, each with the SHA-256 of its build. */
+/** The files in this jar: model, bases, tables and rules that Python also uses, each with the SHA-256 of its build. */
 public object Models {
     private const val FOLDER = "org/camssf/model"
 

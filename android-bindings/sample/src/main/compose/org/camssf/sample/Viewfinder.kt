@@ -27,6 +27,8 @@ import org.camssf.guide.Advice
 import org.camssf.guide.Guidance
 import org.camssf.photo.Corners
 
+private val SHADE = Color.Black.copy(alpha = 0.6f)
+
 /**
  * The camera's preview, the outline of the chart in it, and the guide's advice.
  *
@@ -60,7 +62,7 @@ fun Viewfinder(
         }
         BasicText(
             guidance?.words.orEmpty(),
-            Modifier.align(Alignment.BottomCenter).fillMaxWidth().background(Color.Black.copy(alpha = 0.6f)).padding(24.dp),
+            Modifier.align(Alignment.BottomCenter).fillMaxWidth().background(SHADE).padding(24.dp),
             TextStyle(colour, 20.sp),
         )
     }
