@@ -329,7 +329,7 @@ def test_every_block_is_of_a_kind_that_is_checked() -> None:
     """Kotlin's are for a compiler: android-bindings' own tests do what docs/android.md shows; XML is docs/jvm.md's
     POM, which `tests/test_recipes.py` builds."""
     kinds = {kind for page in PAGES for kind in re.findall(r"^ *```(\w+)$", page.read_text("utf-8"), re.MULTILINE)}
-    assert kinds == {"python", "sh", "text", "json", "csv", "kotlin", "xml"}
+    assert kinds == {"python", "sh", "text", "json", "csv", "java", "kotlin", "xml"}
 
 
 def test_the_sidecar_of_raw_md_is_one(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ REPOSITORY = BINDINGS / "packaging" / "target" / "repository" / "org" / "camssf"
 SAMPLE = ROOT / "android-bindings" / "sample"
 PARENT = ET.parse(ROOT / "android-bindings" / "pom.xml").getroot()
 POM = {"m": "http://maven.apache.org/POM/4.0.0"}
-MODULES = ["bom", "camera2", "camerax", "colour", "core", "finder", "model", "passport", "testing"]
+MODULES = ["bom", "camera2", "camerax", "colour", "core", "finder", "model", "model-gaussian", "passport", "testing"]
 
 published = pytest.mark.skipif(not REPOSITORY.is_dir(), reason="no repository (mvn -f android-bindings verify)")
 pytestmark = pytest.mark.full
@@ -167,3 +167,13 @@ def test_the_samples_build_files_agree() -> None:
     assert set(refs) == set(catalogue["versions"])
     assert catalogue["versions"]["camssf"] == text(PARENT, "version")
     assert catalogue["versions"]["camerax"] == text(PARENT, "properties/m:camerax.version")
+
+
+def test_the_samples_wrapper_is_gradles_own() -> None:
+    """The jar's hash is the one that Gradle publishes for 8.14.3, which the properties fetch by its hash."""
+    wrapper = SAMPLE / "gradle" / "wrapper"
+    published = "7d3a4ac4de1c32b59bc6a4eb8ecb8e612ccd0cf1ae1e99f66902da64df296172"
+    assert hashlib.sha256((wrapper / "gradle-wrapper.jar").read_bytes()).hexdigest() == published
+    properties = (wrapper / "gradle-wrapper.properties").read_text("utf-8")
+    assert "/gradle-8.14.3-bin.zip\ndistributionSha256Sum=" in properties
+    assert os.access(SAMPLE / "gradlew", os.X_OK)

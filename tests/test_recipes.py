@@ -98,12 +98,33 @@ def test_a_first_result_takes_twelve_lines_and_four_imports(page: str) -> None:
 @pytest.mark.parametrize("kotlin", kotlin_versions())
 def test_a_new_jvm_project_by_the_page_alone(kotlin: str, tmp_path: Path, cache: Path) -> None:
     folder = project(tmp_path / "first", cache, f"-Dkotlin.version={kotlin}")
-    (pom,) = blocks(JVM_PAGE, "xml")
+    pom, _ = blocks(JVM_PAGE, "xml")
     (source,) = blocks(JVM_PAGE, "kotlin")
     (command,) = blocks(JVM_PAGE, "sh")
     assert JVM_PAGE.index("`pom.xml`") < JVM_PAGE.index(pom) < JVM_PAGE.index("`src/main/kotlin/First.kt`")
     write(folder, "pom.xml", pom)
     write(folder, "src/main/kotlin/First.kt", source)
+    check_first_result(command, folder)
+
+
+@pytest.mark.requirement("R-RECIPE")
+def test_a_new_java_project_by_the_page_alone(tmp_path: Path, cache: Path) -> None:
+    folder = project(tmp_path / "first", cache)
+    pom, properties = blocks(JVM_PAGE, "xml")
+    (source,) = blocks(JVM_PAGE, "java")
+    (command,) = blocks(JVM_PAGE, "sh")
+    (main,) = re.findall(r"with `(-Dexec.mainClass=First)`", JVM_PAGE)
+    plugin = r" *<plugin>\n *<groupId>org.jetbrains.kotlin<(?s:.*?)</plugin>\n"
+    removed = rf" *<sourceDirectory>.*</sourceDirectory>\n|{plugin}"
+    pom, count = re.subn(removed, "", re.sub(r" *<kotlin.version>.*\n", properties, pom))
+    assert count == 2
+    write(folder, "pom.xml", pom)
+    write(folder, "src/main/java/First.java", source)
+    check_first_result(command.replace("-Dexec.mainClass=FirstKt", main), folder)
+
+
+def check_first_result(command: str, folder: Path) -> None:
+    """The page's command prints an accepted verdict and writes the result."""
     said = run(command.replace("/path/to/camssf", str(ROOT)), folder)
     assert said.lower().startswith("accepted, red at 600 nm: 0."), said
     result = json.loads((folder / "result.json").read_text("utf-8"))

@@ -103,6 +103,20 @@ def test_with_a_key_every_file_is_signed_and_summed(key: tuple[str, dict[str, st
     assert "No token for Maven Central" in refused.stdout
 
 
+def test_the_self_test_app_is_an_asset_only_with_its_native_library(tmp_path: Path) -> None:
+    apk = tmp_path / "built.apk"
+    settings = ["antrun:run@asset", f"-Drelease.apk={apk}", f"-Drelease.out={tmp_path}"]
+    asset = tmp_path / f"camssf-selftest-{version()}.apk"
+    for name in ("classes.dex", "lib/arm64-v8a/libonnxruntime.so"):
+        with zipfile.ZipFile(apk, "w") as archive:
+            archive.writestr(name, name)
+        done = mvn(*settings)
+        assert (done.returncode == 0) == asset.is_file() == name.endswith(".so"), done.stdout
+        assert ("without ONNX Runtime's Android library. Build it: mvn" in done.stdout) == name.endswith(".dex")
+    said = Path(f"{asset}.sha256").read_text("utf-8").split()
+    assert said == [hashlib.sha256(apk.read_bytes()).hexdigest(), f"*{asset.name}"]
+
+
 def test_nothing_that_was_not_signed_is_uploaded(tmp_path: Path) -> None:
     done = mvn("antrun:run@upload", f"-Drelease.out={tmp_path}")
     assert done.returncode != 0

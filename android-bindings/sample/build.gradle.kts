@@ -1,6 +1,7 @@
 plugins {
     alias(libs.plugins.android)
     alias(libs.plugins.kotlin)
+    alias(libs.plugins.compose)
 }
 
 android {
@@ -13,6 +14,10 @@ android {
         versionCode = 1
         versionName = libs.versions.camssf.get()
     }
+    buildFeatures {
+        compose = true
+    }
+    sourceSets["main"].kotlin.srcDir("src/main/compose") // apart from src/main/kotlin, which Maven compiles without Compose
     buildTypes {
         release {
             isMinifyEnabled = true // with the rules that camssf's artefacts bring
@@ -25,9 +30,10 @@ kotlin {
 }
 
 dependencies {
-    implementation(libs.activity)
+    implementation(libs.activity.compose)
     implementation(libs.camera.lifecycle)
     implementation(libs.camera.view)
     implementation(libs.camssf.camerax)
+    implementation(libs.compose.foundation)
     implementation(libs.lifecycle)
 }

@@ -6,9 +6,8 @@ output; for golden cases also that of ARM from the stored outputs, which are the
 max |a - b| / max |b| <= 1e-10; and the duality gap on ARM <= 1e-9. It also counts the calls that need the finish on
 one of the two only. Emulation is exact arithmetic by the processor's rules, not timing.
 
-Needs qemu-user-static, debootstrap and dpkg, and root for debootstrap. The
-first run fetches a minimal arm64 Debian from the machine's own apt source and two wheels from pip's own index
-into the cache folder, 0.4 GB unpacked; later runs need no network.
+Needs qemu-user-static and a Debian's apt-get, but no root. The first run fetches arm64 packages from the machine's
+own apt source and two wheels from pip's own index into the cache folder; later runs need no network.
 """
 
 from __future__ import annotations
@@ -18,6 +17,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -31,7 +31,7 @@ from camssf.recovery.onnx_model import SHIPPED, load_model
 
 BAR, GAP_BAR = 1e-10, 1e-9
 UNCOMPARED = ("gap", "layers_gap", "finish_steps")
-TOOLS = {"qemu-aarch64-static": "qemu-user-static", "debootstrap": "debootstrap", "dpkg-deb": "dpkg"}
+TOOLS = {"qemu-aarch64-static": "qemu-user-static", "apt-get": "apt", "dpkg-deb": "dpkg"}
 CPUINFO = """processor\t: 0
 BogoMIPS\t: 100.00
 Features\t: fp asimd evtstrm aes pmull sha1 sha2 crc32 cpuid
@@ -51,44 +51,44 @@ class Unavailable(Exception):
 
 def tools() -> None:
     """Raises Unavailable where a program is missing."""
-    search = os.pathsep.join([os.environ.get("PATH", ""), "/usr/sbin", "/sbin"])
-    missing = [package for program, package in TOOLS.items() if shutil.which(program, path=search) is None]
+    missing = [package for program, package in TOOLS.items() if shutil.which(program) is None]
     if missing:
         raise Unavailable(f"missing: {', '.join(missing)}. Install with: apt-get install {' '.join(missing)}")
-    os.environ["PATH"] = search
 
 
-def apt_source() -> tuple[str, str]:
-    """Release and address of the machine's own main archive."""
-    form = "$(REPO_URI)|$(CODENAME)|$(COMPONENT)|$(CREATED_BY)"
-    try:
-        lines = _run("apt-get", "indextargets", "--format", form).splitlines()
-    except FileNotFoundError as error:
-        raise Unavailable("apt-get is missing: give --suite and --mirror of a Debian archive.") from error
-    for line in lines:
-        uri, codename, component, kind = line.split("|")
+def apt_source() -> str:
+    """The file that names the machine's own main archive and its key."""
+    form = "$(SOURCESENTRY)|$(CODENAME)|$(COMPONENT)|$(CREATED_BY)"
+    for line in _run("apt-get", "indextargets", "--format", form).splitlines():
+        entry, codename, component, kind = line.split("|")
         if kind == "Packages" and component == "main" and "-" not in codename:
-            return codename, uri
-    raise Unavailable("apt has no main archive: run apt-get update, or give --suite and --mirror.")
+            return entry.rpartition(":")[0]
+    raise Unavailable("apt has no main archive: run apt-get update.")
 
 
-def root_folder(work: Path, suite: str | None, mirror: str | None, package: str = "python3") -> Path:
-    """A minimal arm64 system with a package (Python, or a JVM), unpacked; no second stage, no chroot."""
-    root = work / ("root" if package == "python3" else f"root-{package}")
+def root_folder(work: Path, package: str = "python3") -> Path:
+    """The files of a package for arm64 (Python, or a JVM) and of all that it needs; nothing in it is set up."""
+    root = work / f"root-{package}"
     done = root.with_name(root.name + ".done")
     if done.exists():
         return root
-    if suite is None or mirror is None:
-        own = apt_source()
-        suite, mirror = suite or own[0], mirror or own[1]
-    if os.geteuid() != 0:
-        raise Unavailable("debootstrap wants root: run this command as root.")
     shutil.rmtree(root, ignore_errors=True)
     root.mkdir(parents=True)
-    fetch = ["--arch=arm64", "--variant=minbase", "--foreign", f"--include={package}"]
-    _run("debootstrap", *fetch, suite, str(root), mirror)
-    for package in sorted((root / "var/cache/apt/archives").glob("*.deb")):
-        _run("dpkg-deb", "-x", str(package), str(root))
+    with tempfile.TemporaryDirectory() as temporary:
+        apt = Path(temporary)
+        for name in ("state/lists/partial", "cache/archives/partial"):
+            (apt / name).mkdir(parents=True)
+        (apt / "status").touch()  # nothing is installed there, so that apt fetches everything
+        settings = {
+            "APT::Architecture": "arm64", "APT::Architectures": "arm64", "APT::Sandbox::User": "root",
+            "Dir::State": apt / "state", "Dir::State::status": apt / "status", "Dir::Cache": apt / "cache",
+            "Dir::Etc::sourcelist": apt_source(), "Dir::Etc::sourceparts": "-",
+        }  # fmt: skip
+        apt_get = ["apt-get", "-qq", *(f"-o{name}={value}" for name, value in settings.items())]
+        _run(*apt_get, "update")
+        _run(*apt_get, "install", "--yes", "--download-only", "--no-install-recommends", package)
+        for archive in sorted((apt / "cache/archives").glob("*.deb")):
+            _run("dpkg-deb", "-x", str(archive), str(root))
     for name, text in {
         "proc/cpuinfo": CPUINFO,
         "sys/devices/system/cpu/possible": "0\n",
@@ -203,17 +203,13 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--work", type=Path, default=cache, help="folder to keep the arm64 system in")
     parser.add_argument("--count", type=int, default=60, help="seeded problems, besides the golden cases")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--suite", help="Debian release to fetch (default: apt's own)")
-    parser.add_argument("--mirror", help="Debian archive to fetch from (default: apt's own)")
     options = parser.parse_args(arguments)
     out, err = console(), progress().console
     work = options.work.absolute()
     try:
         tools()
-        err.print(
-            "preparing the arm64 system (once) ..." if not (work / "root.done").exists() else "arm64 system: kept"
-        )
-        root = root_folder(work, options.suite, options.mirror)
+        err.print("preparing the arm64 system, once ...")
+        root = root_folder(work)
         packages = wheels(work, root)
         cases = {}
         for i in range(options.count):

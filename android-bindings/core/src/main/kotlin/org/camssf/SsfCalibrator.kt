@@ -335,7 +335,7 @@ public class SsfCalibrator private constructor(
     public companion object {
         /**
          * Names of bases: "auto"; "phones" and "cameras", learned from measured curves; "ryyb", phones
-         * with yellow in green's place; "gaussian", the paper's basis.
+         * with yellow in green's place; "gaussian", the paper's basis, of the artefact camssf-model-gaussian.
          */
         @JvmField
         public val BASES: List<String> = (listOf(Choice.AUTO) + SHIPPED_BASES).frozen()

@@ -92,6 +92,7 @@ internal class OnnxEngine private constructor(
         const val PAPER = "gaussian"
         private const val HASH = "basis_sha256"
         private const val VERDICT = "camssf-verdict.onnx"
+        private const val PAPER_ADVICE = "Add the artefact camssf-model-gaussian of camssf-core's version, unchanged."
 
         /**
          * The engine of a basis; its models are loaded unless another engine holds them. Checks the hashes of models and
@@ -105,7 +106,8 @@ internal class OnnxEngine private constructor(
                 throw InvalidArgument("There is no basis '$basis'.", "Take one of ${known.joinToString()}.")
             }
             val name = if (basis == PAPER) "camssf-$PAPER.onnx" else "camssf-learned.onnx"
-            return engine(basis) { OnnxSession.open(name, it, ModelOutputs.NAMES) }
+            val advice = if (basis == PAPER) PAPER_ADVICE else OnnxSession.ADVICE
+            return engine(basis) { OnnxSession.open(name, it, ModelOutputs.NAMES, advice) }
         }
 
         /** The engine of a basis from the content of its model's file. */

@@ -37,7 +37,7 @@ internal class OnnxSession private constructor(private val model: OnnxModel, con
     }
 
     companion object {
-        private const val ADVICE = "Add the artefacts camssf-core and camssf-model of one version, unchanged."
+        const val ADVICE = "Add the artefacts camssf-core and camssf-model of one version, unchanged."
         private const val VOCABULARY = "1"
         private const val GRID = "380 to 720 nm every 0.5 nm"
 
@@ -49,13 +49,17 @@ internal class OnnxSession private constructor(private val model: OnnxModel, con
          *
          * @param metadata what else the model must say of itself.
          * @param outputs that it must have.
+         * @param advice where the file is missing.
          * @throws InvalidArgument the model is missing or does not belong to this version.
          */
-        fun open(name: String, metadata: Map<String, String?>, outputs: List<String>): OnnxSession =
-            synchronized(shared) {
-                val session = shared.getOrPut(name) { loaded(name, shipped { Models.read(name) }) }
-                session.used(metadata, outputs)
-            }
+        fun open(
+            name: String,
+            metadata: Map<String, String?>,
+            outputs: List<String>,
+            advice: String = ADVICE,
+        ): OnnxSession = synchronized(shared) {
+            shared.getOrPut(name) { loaded(name, shipped(advice) { Models.read(name) }) }.used(metadata, outputs)
+        }
 
         /** As the other function, from the content of a file that nobody shares. */
         fun open(name: String, content: ByteArray, metadata: Map<String, String?>, outputs: List<String>) =
@@ -65,10 +69,10 @@ internal class OnnxSession private constructor(private val model: OnnxModel, con
             OnnxSession(OnnxModel(name, content, ADVICE), content)
 
         /** Reads from the shipped files; one that is missing or changed is [InvalidArgument]. */
-        fun <T> shipped(read: () -> T): T = try {
+        fun <T> shipped(advice: String = ADVICE, read: () -> T): T = try {
             read()
         } catch (error: IllegalStateException) {
-            throw InvalidArgument(error.message.orEmpty(), ADVICE, cause = error)
+            throw InvalidArgument(error.message.orEmpty(), advice, cause = error)
         }
     }
 }

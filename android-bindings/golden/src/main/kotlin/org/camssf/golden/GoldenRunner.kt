@@ -296,12 +296,21 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         @JvmField
         public val CAPABILITIES: Set<String> = GoldenCase.CAPABILITIES - "reference"
 
-        /** Runs all cases of a folder, or of the resources under golden/; the last line sums up, a fault gives status 1. */
+        /**
+         * Runs the cases of a folder, or of the resources under golden/: those that the further arguments name, or
+         * all. The last line sums up, a fault gives status 1.
+         */
         @JvmStatic
         public fun main(arguments: Array<String>) {
             val folder = arguments.firstOrNull()
             val files = if (folder == null) GoldenFiles.resources("golden/") else GoldenFiles.of(File(folder))
-            val outcomes = GoldenRunner(files).use { runner -> runner.names().map { runner.run(it) } }
+            val named = arguments.drop(1)
+            val outcomes = GoldenRunner(files).use { runner ->
+                val all = runner.names()
+                val unknown = named - all
+                if (unknown.isNotEmpty()) throw GoldenError("the manifest has no case ${unknown.joinToString()}")
+                named.ifEmpty { all }.map { runner.run(it) }
+            }
             for (outcome in outcomes) {
                 outcome.skipped?.let { println("skipped ${outcome.case}: $it") }
                 outcome.faults.forEach { println("FAULT ${outcome.case}: $it") }

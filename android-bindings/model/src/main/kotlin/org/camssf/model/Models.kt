@@ -2,14 +2,14 @@ package org.camssf.model
 
 import java.io.InputStream
 
-/** The files in this jar: the models, bases, tables and rules that Python also uses, each with the SHA-256 of its build. */
+/** The files in this jar: model, bases, tables and rules that Python also uses, each with the SHA-256 of its build. */
 public object Models {
     private const val FOLDER = "org/camssf/model"
 
     /** Names of the files. */
     @JvmField
     public val NAMES: List<String> = listOf(
-        "camssf-learned.onnx", "camssf-gaussian.onnx", "camssf-verdict.onnx", "bases.f64",
+        "camssf-learned.onnx", "camssf-verdict.onnx", "bases.f64",
         "spectra.json", "rules.json", "finder.json", "forms.json",
     )
 
@@ -22,7 +22,7 @@ public object Models {
     public fun open(name: String): InputStream = open(Models::class.java, FOLDER, name)
 
     /**
-     * Reads one of [NAMES] and checks its hash.
+     * Reads one of [NAMES], or `camssf-gaussian.onnx` of the artefact `camssf-model-gaussian`, and checks its hash.
      *
      * @throws IllegalStateException the file is missing or differs from the one that this jar was built with.
      */
@@ -44,7 +44,7 @@ public object Models {
     }
 
     private fun open(owner: Class<*>, folder: String, name: String): InputStream =
-        checkNotNull(owner.getResourceAsStream("/$folder/$name")) {
+        checkNotNull(owner.classLoader!!.getResourceAsStream("$folder/$name")) {
             "$name is missing from the app: keep the resources $folder/* when packaging."
         }
 

@@ -5,7 +5,12 @@ import java.io.File
 /** The files that this build ships. */
 internal object Artifacts {
     /** Modules that apps take: jars, and camera2 an AAR around its jar. */
-    val SHIPPED = listOf("model", "core", "colour", "finder", "camera2", "camerax", "passport", "testing")
+    val SHIPPED = listOf(
+        "model", "model-gaussian", "core", "colour", "finder", "camera2", "camerax", "passport", "testing",
+    )
+
+    /** Those with classes: one is a model alone. */
+    val OF_CODE = SHIPPED - "model-gaussian"
 
     /** The folder android-bindings. */
     val FOLDER = File(System.getProperty("camssf.root"), "android-bindings")
@@ -13,8 +18,8 @@ internal object Artifacts {
     val CLASS_PATH: List<File> = System.getProperty("java.class.path").split(File.pathSeparator).map(::File)
 
     /** The jar of a module, as Maven hands it to its neighbours. */
-    fun jar(module: String): File = CLASS_PATH.single {
-        it.name.startsWith("camssf-$module-") &&
-            it.name.endsWith(".jar")
+    fun jar(module: String): File {
+        val name = "camssf-$module-${System.getProperty("camssf.version")}.jar"
+        return CLASS_PATH.single { it.name == name }
     }
 }

@@ -18,7 +18,7 @@ import java.util.zip.ZipFile
 @Tag("R-ANDROID")
 class ClassFilesTest {
     @TestFactory
-    fun `Java 8 class files without desktop classes`(): List<DynamicTest> = Artifacts.SHIPPED.map { name ->
+    fun `Java 8 class files without desktop classes`(): List<DynamicTest> = Artifacts.OF_CODE.map { name ->
         dynamicTest(name) {
             var count = 0
             ZipFile(Artifacts.jar(name)).use { jar ->
@@ -37,7 +37,7 @@ class ClassFilesTest {
 
     /** A compiler reads the metadata of the version after its own: that of Kotlin 2.1 those of 2.2 (docs/jvm.md). */
     @TestFactory
-    fun `every class speaks the Kotlin that the docs name`(): List<DynamicTest> = Artifacts.SHIPPED.map { name ->
+    fun `every class speaks the Kotlin that the docs name`(): List<DynamicTest> = Artifacts.OF_CODE.map { name ->
         dynamicTest(name) {
             val found = HashSet<String>()
             ZipFile(Artifacts.jar(name)).use { jar ->
