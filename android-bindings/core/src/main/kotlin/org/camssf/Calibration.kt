@@ -103,7 +103,7 @@ public class Calibrated internal constructor(
  * @property error the reason; its advice says what to do next.
  */
 public class Refused internal constructor(
-    public val error: CalibrationException,
+    public val error: Refusal,
     override val verdict: Verdict,
     private val partial: PartialCapture,
 ) : Calibration() {

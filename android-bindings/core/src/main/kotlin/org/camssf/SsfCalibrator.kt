@@ -19,7 +19,6 @@ import org.camssf.recovery.OnnxEngine
 import org.camssf.recovery.OnnxLibrary
 import org.camssf.recovery.SHIPPED_BASES
 import org.camssf.spectra.ChartTable
-import org.camssf.verdict.Reason
 import org.camssf.verdict.Reasons
 import org.camssf.verdict.Status
 import org.camssf.verdict.Verdict
@@ -188,11 +187,8 @@ public class SsfCalibrator private constructor(
             }
             val basis = solution.ssf.basis
             return Calibrated(solution, modelHashes.getValue(basis), basisHashes[basis])
-        } catch (error: InvalidArgument) {
-            throw error
-        } catch (error: CalibrationException) {
-            val reason = Reason(error.code, error.message, error.advice, error.value, error.threshold)
-            return Refused(error, Verdict(Status.REFUSED, listOf(reason)), partial())
+        } catch (error: Refusal) {
+            return Refused(error, Verdict(Status.REFUSED, listOf(error.reason)), partial())
         }
     }
 
@@ -285,8 +281,7 @@ public class SsfCalibrator private constructor(
             work()
         } catch (error: OutOfMemoryError) {
             val most = Runtime.getRuntime().maxMemory() shr 20
-            val message = "The calibration needs more than the $most MB that this process may use."
-            throw OutOfMemory(message, OutOfMemory.ADVICE, most.toDouble(), null, error)
+            throw Refusal.of("out_of_memory.calibration", "most" to most, value = most.toDouble(), cause = error)
         } catch (error: Exception) {
             if (error is InterruptedException || error is CancellationException || !interrupt(error)) throw error
             Thread.interrupted()

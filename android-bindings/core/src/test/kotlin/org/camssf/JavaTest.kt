@@ -55,7 +55,9 @@ class JavaTest {
                         double end = steps.get(steps.size() - 1).getPart();
                         return word + " " + red + " " + Grid.copyWavelengths().length + " " + end;
                     } catch (UnreadableRaw error) {
-                        throw new UnsupportedRaw("a", "b", null, null, error);
+                        throw Refusal.of("unsupported_raw.big_tiff", new kotlin.Pair<>("file", path));
+                    } catch (Misuse error) {
+                        throw new IllegalStateException(error.getReason().getMessage(), error);
                     }
                 }
             }

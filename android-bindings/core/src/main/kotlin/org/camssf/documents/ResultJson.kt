@@ -54,7 +54,7 @@ internal object ResultJson {
         "reasons" to verdict.reasons.map {
             Forms.plain(
                 "Reason", "code" to it.code, "message" to it.message, "advice" to it.advice, "value" to it.value,
-                "threshold" to it.threshold,
+                "threshold" to it.threshold, "key" to it.key, "arguments" to it.arguments,
             )
         },
         "checks" to verdict.checks.map {

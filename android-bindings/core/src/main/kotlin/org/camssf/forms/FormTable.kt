@@ -189,7 +189,9 @@ internal const val FORM_TABLE: String = """
   "message": {"is":"text"},
   "advice": {"is":"text"},
   "value": {"is":"number","null":true,"default":null},
-  "threshold": {"is":"number","null":true,"default":null}
+  "threshold": {"is":"number","null":true,"default":null},
+  "key": {"is":"text","default":""},
+  "arguments": {"is":"map","key":{"is":"text"},"of":{"is":"argument"},"default":{}}
  },
  "Check": {
   "name": {"is":"text"},

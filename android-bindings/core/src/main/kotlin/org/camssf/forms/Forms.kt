@@ -179,6 +179,12 @@ internal class Forms(
                 }
             }
 
+            "argument" -> when (value) {
+                is String -> text(form, value, place)
+                is Number -> number(form + ("is" to if (isWhole(value)) "whole" else "number"), value, place)
+                else -> throw BrokenDocument(place, "must be a text or a number${shown(value)}")
+            }
+
             "either" -> either(form(form["of"]), value, place)
 
             "own" -> try {
@@ -370,8 +376,8 @@ internal class Forms(
         private fun clipped(text: String) = if (text.length <= 60) text else text.take(60) + "…"
 
         /** As Python's `:g`. */
-        fun general(value: Double): String =
-            decimal(BigDecimal(value).round(MathContext(6, RoundingMode.HALF_EVEN)), 6).removeSuffix(".0")
+        fun general(value: Double, digits: Int = 6): String =
+            decimal(BigDecimal(value).round(MathContext(digits, RoundingMode.HALF_EVEN)), digits).removeSuffix(".0")
 
         /** As Python writes floats, with an exponent where the first digit stands below 1e-4 or from `most` digits on. */
         private fun decimal(value: BigDecimal, most: Int): String {

@@ -139,9 +139,7 @@ internal class DocumentForm private constructor(
         }
 
         private fun checkWavelengths(wavelengths: DoubleArray) = try {
-            SpectraFile.checkWavelengths(wavelengths, "it") { message, advice, value, threshold ->
-                InvalidArgument(message, advice, value, threshold)
-            }
+            SpectraFile.checkWavelengths(wavelengths, "it", "chart_unfit")
         } catch (error: CalibrationException) {
             throw BrokenDocument("chart.wavelengths", "does not fit: ${error.message.trimEnd('.')}")
         }

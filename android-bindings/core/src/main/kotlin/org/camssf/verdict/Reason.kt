@@ -1,5 +1,7 @@
 package org.camssf.verdict
 
+import org.camssf.Messages
+
 /**
  * Why a result is not accepted.
  *
@@ -8,6 +10,8 @@ package org.camssf.verdict
  * @property advice what to do next.
  * @property value the number that decided, or null.
  * @property threshold the bound that it broke, or null.
+ * @property key of the message in messages.json, by which an app finds its own text; empty if there is none.
+ * @property arguments values of the message's placeholders: each a String, a Long or a Double. Not modifiable.
  */
 public class Reason internal constructor(
     public val code: String,
@@ -16,8 +20,18 @@ public class Reason internal constructor(
     public val value: Double?,
     public val threshold: Double?,
     internal val fatal: Boolean = false,
+    public val key: String = "",
+    public val arguments: Map<String, Any> = emptyMap(),
 ) {
-    private fun parts() = listOf(code, message, advice, value, threshold)
+    /**
+     * A text of the app, in its own language, with the placeholders that the English text of this [key] has, filled in
+     * as there: `{share:percent1}` is a share as per cent with one decimal.
+     *
+     * @throws NoSuchElementException it has a placeholder that is not among the [arguments].
+     */
+    public fun inWords(template: String): String = Messages.fill(template, arguments)
+
+    private fun parts() = listOf(code, message, advice, value, threshold, key, arguments)
 
     override fun equals(other: Any?): Boolean = other is Reason && parts() == other.parts()
 

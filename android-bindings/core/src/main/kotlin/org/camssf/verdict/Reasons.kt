@@ -1,16 +1,10 @@
 package org.camssf.verdict
 
-import org.camssf.CalibrationException
-import org.camssf.CameraUnusual
-import org.camssf.ChartUnfit
-import org.camssf.FramesDiffer
-import org.camssf.Glare
-import org.camssf.LampUnfit
-import org.camssf.NotSensorRaw
+import org.camssf.Messages
+import org.camssf.Refusal
 import org.camssf.Rules
-import org.camssf.UnevenLight
 
-/** Creates reasons with the texts and limits of rules.json. */
+/** Creates reasons with the limits of rules.json and the texts of messages.json. */
 internal object Reasons {
     /**
      * Creates the reason of that name.
@@ -28,25 +22,12 @@ internal object Reasons {
         fatal: Boolean = false,
         threshold: Double? = null,
     ): Reason {
-        val wording = Rules.shipped.wording(name)
-        val limit = if (fatal) wording.limits.last() else wording.limits.first()
+        val ground = Rules.shipped.ground(name)
+        val limit = if (fatal) ground.limits.last() else ground.limits.first()
         val bound = threshold ?: Rules.shipped.number("verdict.$limit")
-        return Reason(wording.code, wording.message(words), wording.advice(words), value, bound, fatal)
+        return Messages.reason(ground.message, words, value, bound, fatal)
     }
 
     /** The error that a refused verdict raises: that of its first fatal reason. */
-    fun refusal(verdict: Verdict): CalibrationException {
-        val reason = verdict.reasons.first { it.fatal }
-        val (message, advice) = reason.message to reason.advice
-        return when (reason.code) {
-            "glare" -> Glare(message, advice, reason.value, reason.threshold)
-            "chart_unfit" -> ChartUnfit(message, advice, reason.value, reason.threshold)
-            "frames_differ" -> FramesDiffer(message, advice, reason.value, reason.threshold)
-            "uneven_light" -> UnevenLight(message, advice, reason.value, reason.threshold)
-            "not_sensor_raw" -> NotSensorRaw(message, advice, reason.value, reason.threshold)
-            "lamp_unfit" -> LampUnfit(message, advice, reason.value, reason.threshold)
-            "camera_unusual" -> CameraUnusual(message, advice, reason.value, reason.threshold)
-            else -> error("no verdict refuses for ${reason.code}")
-        }
-    }
+    fun refusal(verdict: Verdict): Refusal = Refusal.of(verdict.reasons.first { it.fatal })
 }

@@ -1,10 +1,10 @@
 package org.camssf.testing
 
 import org.camssf.Calibrated
-import org.camssf.CalibrationException
 import org.camssf.Grid
 import org.camssf.InvalidArgument
 import org.camssf.Nodes
+import org.camssf.Refusal
 import org.camssf.Refused
 import org.camssf.documents.Predictions
 import org.camssf.documents.Solution
@@ -91,14 +91,13 @@ public object Fakes {
     /**
      * A refusal.
      *
-     * @param error its cause, for example `Overexposed("Too bright.", "Close the lens by a stop.")`.
+     * @param error its cause, for example `Refusal.of("overexposed.region", "region" to 1, "share" to 0.4)`.
      */
     @JvmStatic
-    public fun refused(error: CalibrationException): Refused {
-        val reason = Reason(error.code, error.message, error.advice, error.value, error.threshold, fatal = true)
+    public fun refused(error: Refusal): Refused {
         val shot = SampleCapture.measured()
         val partial = PartialCapture(SampleCapture.chart(), listOf(shot.lamp), listOf(shot))
-        return Refused(error, Verdict(Status.REFUSED, listOf(reason)), partial)
+        return Refused(error, Verdict(Status.REFUSED, listOf(error.reason)), partial)
     }
 
     private fun mean(): DoubleArray {
