@@ -118,16 +118,26 @@ public sealed class Refusal(reason: Reason, cause: Throwable?) : CalibrationExce
         @JvmOverloads
         public fun of(
             key: String,
-            vararg arguments: Pair<String, Any>,
+            arguments: Map<String, Any>,
             value: Double? = null,
             threshold: Double? = null,
             cause: Throwable? = null,
         ): Refusal = try {
-            of(Messages.reason(key, mapOf(*arguments), value, threshold, fatal = true), cause)
+            of(Messages.reason(key, arguments, value, threshold, fatal = true), cause)
         } catch (error: NoSuchElementException) {
             val advice = "Take a key of messages.json, and give each of its placeholders."
             throw InvalidArgument("The message $key cannot be said: ${error.message}", advice, cause = error)
         }
+
+        /** The same for Kotlin: `Refusal.of("unreadable_raw.missing", "file" to name)`. */
+        @JvmSynthetic
+        public fun of(
+            key: String,
+            vararg arguments: Pair<String, Any>,
+            value: Double? = null,
+            threshold: Double? = null,
+            cause: Throwable? = null,
+        ): Refusal = of(key, mapOf(*arguments), value, threshold, cause)
 
         /** The error that gives this reason. */
         internal fun of(reason: Reason, cause: Throwable? = null): Refusal =

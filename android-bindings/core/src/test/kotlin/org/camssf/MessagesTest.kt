@@ -49,15 +49,14 @@ class MessagesTest {
             DngSource.of(File(System.getProperty("camssf.root"), "golden/dng/chart-turned-0.dng")),
         )
         val sensor = Mosaic.Sensor(whole.sensor.cfa, whole.sensor.copyBlack(), whole.samples.max() / 4.0)
-        val bright =
-            Mosaic(whole.origin, whole.width, whole.height, whole.region, whole.samples, sensor)
+        val bright = Mosaic(whole.origin, whole.width, whole.height, whole.region, whole.samples, sensor)
         val corners = Corners.of(22.44, 17.44, 156.56, 22.44, 162.56, 116.56, 16.44, 109.56)
         val capture = Capture(Shot(PhotoSource.of(bright), Lamp.read("E"), corners), ChartTable.read("classic24"))
         val refused = SsfCalibrator.open("phones").use { it.calibrateBlocking(capture) } as Refused
         val reason = refused.error.reason
         assertEquals(listOf(reason), refused.verdict.reasons)
         val (text, advice) = inGerman(reason)
-        assertTrue(text.startsWith("Aufnahme 1: ") && advice.endsWith("neu aufnehmen."), "${reason.key}: $text $advice")
+        assertTrue(text.startsWith("Aufnahme 1: ") && advice.endsWith("neu aufnehmen."), "$reason")
         assertTrue(numbers(text).isNotEmpty() && numbers(reason.message).containsAll(numbers(text)), text)
         assertTrue("\"key\":\"${reason.key}\"" in refused.toJson().replace(": ", ":"))
     }
