@@ -152,10 +152,7 @@ public object RawFrames {
         val shortfalls = CaptureRequirements.check(result, camera)
         shortfalls.firstOrNull { it.fatal }?.let {
             throw Refusal.of(
-                "not_sensor_raw.frame_setting",
-                "file" to name,
-                "setting" to it.key,
-                "state" to it.found,
+                "not_sensor_raw.frame_setting", "file" to name, "setting" to it.key, "state" to it.found,
                 "advice" to it.advice,
             )
         }

@@ -86,10 +86,7 @@ public class PhotoLight internal constructor(
             val chiSquared = light.chiSquared ?: return
             if (chiSquared > CONTRADICTED) {
                 throw Refusal.of(
-                    "lamp_unfit.reference",
-                    "lamp" to light.name,
-                    "misfit" to chiSquared,
-                    value = chiSquared,
+                    "lamp_unfit.reference", "lamp" to light.name, "misfit" to chiSquared, value = chiSquared,
                     threshold = CONTRADICTED,
                 )
             }

@@ -73,10 +73,7 @@ public class RawRegion internal constructor(
                 val limit = Rules.shipped.number("signals.clipped")
                 if (clipped > limit) {
                     throw Refusal.of(
-                        "overexposed.region",
-                        "region" to i + 1,
-                        "share" to clipped,
-                        value = clipped,
+                        "overexposed.region", "region" to i + 1, "share" to clipped, value = clipped,
                         threshold = limit,
                     )
                 }

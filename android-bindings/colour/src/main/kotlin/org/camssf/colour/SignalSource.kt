@@ -34,21 +34,15 @@ internal class SignalSource(val photo: Facts, val shading: LensShading) {
         val (here, there) = photo.origin to other.photo.origin
         if (differ(here.make, there.make) || differ(here.model, there.model)) {
             throw Refusal.of(
-                "frames_differ.reference_camera",
-                "file" to there.name,
-                "camera" to "${there.make} ${there.model}",
-                "reference" to here.name,
-                "other" to "${here.make} ${here.model}",
+                "frames_differ.reference_camera", "file" to there.name, "camera" to "${there.make} ${there.model}",
+                "reference" to here.name, "other" to "${here.make} ${here.model}",
             )
         }
         PhysicalCamera.check("the reference's photo ${here.name}", here.camera, there.name, there.camera)
         if (photo.sensor.white != other.photo.sensor.white) {
             throw Refusal.of(
-                "frames_differ.reference_white_level",
-                "file" to there.name,
-                "white" to other.photo.sensor.white,
-                "reference" to here.name,
-                "other" to photo.sensor.white,
+                "frames_differ.reference_white_level", "file" to there.name, "white" to other.photo.sensor.white,
+                "reference" to here.name, "other" to photo.sensor.white,
             )
         }
         return ratio(here.exposure, there.exposure, "exposure time", other) * ratio(here.iso, there.iso, "ISO", other)
@@ -63,10 +57,7 @@ internal class SignalSource(val photo: Facts, val shading: LensShading) {
         if (here == null || there == null || !(here > 0 && there > 0)) {
             val silent = if (here != null && here > 0) other.photo.name else photo.name
             throw Refusal.of(
-                "frames_differ.reference_silent",
-                "silent" to silent,
-                "setting" to word,
-                "file" to other.photo.name,
+                "frames_differ.reference_silent", "silent" to silent, "setting" to word, "file" to other.photo.name,
                 "reference" to photo.name,
             )
         }
@@ -90,9 +81,7 @@ internal class CameraOfCurves(val make: String, val model: String, val unit: Phy
         val photo = source.photo.origin
         if (differ(make, photo.make) || differ(model, photo.model)) {
             throw Refusal.of(
-                "frames_differ.result_camera",
-                "file" to photo.name,
-                "camera" to "${photo.make} ${photo.model}",
+                "frames_differ.result_camera", "file" to photo.name, "camera" to "${photo.make} ${photo.model}",
                 "other" to "$make $model",
             )
         }

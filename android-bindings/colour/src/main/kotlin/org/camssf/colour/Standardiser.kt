@@ -100,9 +100,7 @@ public class Standardiser private constructor(
         val colour = colourOf(reference.relative(raw, standardError))
         if (colour.reach > SurfaceDistance.FARTHEST) {
             throw Refusal.of(
-                "colour_out_of_reach.colour",
-                "distance" to colour.reach,
-                value = colour.reach,
+                "colour_out_of_reach.colour", "distance" to colour.reach, value = colour.reach,
                 threshold = SurfaceDistance.FARTHEST,
             )
         }

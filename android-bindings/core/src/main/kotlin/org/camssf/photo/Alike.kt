@@ -42,10 +42,7 @@ internal object Alike {
         compare("iso", frame.origin.iso, chart.origin.iso, "")?.let { differ += it }
         if (differ.isNotEmpty()) {
             throw Refusal.of(
-                "frames_differ.settings",
-                "frame" to word,
-                "file" to frame.name,
-                "chart" to chart.name,
+                "frames_differ.settings", "frame" to word, "file" to frame.name, "chart" to chart.name,
                 "differences" to differ.joinToString("; "),
             )
         }

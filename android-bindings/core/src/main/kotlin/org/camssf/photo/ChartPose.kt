@@ -75,11 +75,8 @@ public class ChartPose internal constructor(
             }
             if (min(facts.width, facts.height) < SMALLEST) {
                 throw Refusal.of(
-                    "chart_not_found.small_photo",
-                    "file" to facts.name,
-                    "width" to facts.width,
-                    "height" to facts.height,
-                    value = min(facts.width, facts.height).toDouble(),
+                    "chart_not_found.small_photo", "file" to facts.name, "width" to facts.width,
+                    "height" to facts.height, value = min(facts.width, facts.height).toDouble(),
                     threshold = SMALLEST.toDouble(),
                 )
             }

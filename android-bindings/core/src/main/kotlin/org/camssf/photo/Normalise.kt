@@ -142,11 +142,7 @@ internal object Normalise {
         val share = clipped.max()
         if (share > CLIPPED) {
             return Refusal.of(
-                "overexposed.white",
-                "shot" to number,
-                "share" to share,
-                "frame" to word,
-                value = share,
+                "overexposed.white", "shot" to number, "share" to share, "frame" to word, value = share,
                 threshold = CLIPPED,
             )
         }
@@ -162,11 +158,7 @@ internal object Normalise {
         val noise = signal.indices.maxOf { standardError[it] / signal[it] }
         if (noise > NOISY) {
             return Refusal.of(
-                "underexposed.noisy_white",
-                "shot" to number,
-                "frame" to word,
-                "noise" to noise,
-                value = noise,
+                "underexposed.noisy_white", "shot" to number, "frame" to word, "noise" to noise, value = noise,
                 threshold = NOISY,
             )
         }
@@ -182,8 +174,7 @@ internal object Normalise {
         return Refusal.of(
             if (over >= under) "overexposed.few_left" else "underexposed.few_left",
             "shot" to number, "left" to left, "all" to patches, "over" to over, "under" to under, "least" to FEWEST,
-            value = left.toDouble(),
-            threshold = FEWEST.toDouble(),
+            value = left.toDouble(), threshold = FEWEST.toDouble(),
         )
     }
 }

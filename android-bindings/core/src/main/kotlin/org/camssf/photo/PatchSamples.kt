@@ -110,12 +110,7 @@ internal object PatchSamples {
     }
 
     fun tooSmall(frame: String, patch: Int, count: Int) = Refusal.of(
-        "chart_not_found.few_samples",
-        "file" to frame,
-        "patch" to patch,
-        "count" to count,
-        "least" to FEWEST,
-        value = count.toDouble(),
-        threshold = FEWEST.toDouble(),
+        "chart_not_found.few_samples", "file" to frame, "patch" to patch, "count" to count, "least" to FEWEST,
+        value = count.toDouble(), threshold = FEWEST.toDouble(),
     )
 }

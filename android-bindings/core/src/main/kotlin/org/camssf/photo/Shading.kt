@@ -13,10 +13,7 @@ internal object Shading {
         for (map in photo.corrections.gainMaps) {
             if (map.list == 1 || max(map.rowPitch, map.columnPitch) > 2) {
                 throw Refusal.of(
-                    "unsupported_raw.shading_map",
-                    "file" to photo.name,
-                    "list" to map.list,
-                    "rows" to map.rowPitch,
+                    "unsupported_raw.shading_map", "file" to photo.name, "list" to map.list, "rows" to map.rowPitch,
                     "columns" to map.columnPitch,
                 )
             }

@@ -286,10 +286,7 @@ public class ChartTable internal constructor(
             val here = misfit { it }
             if (found.value < 0.5 * here) {
                 throw Refusal.of(
-                    "chart_unfit.order",
-                    "file" to name,
-                    "order" to found.key,
-                    value = here,
+                    "chart_unfit.order", "file" to name, "order" to found.key, value = here,
                     threshold = 2 * found.value,
                 )
             }

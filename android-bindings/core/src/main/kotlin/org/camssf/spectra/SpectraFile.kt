@@ -234,13 +234,8 @@ internal object SpectraFile {
         val widest = inside.maxBy { steps[it] }
         if (steps[widest] > 20.0) {
             throw Refusal.of(
-                "$code.spectral_gap",
-                "file" to name,
-                "gap" to steps[widest],
-                "first" to wavelengths[widest],
-                "last" to wavelengths[widest + 1],
-                value = steps[widest],
-                threshold = 20.0,
+                "$code.spectral_gap", "file" to name, "gap" to steps[widest], "first" to wavelengths[widest],
+                "last" to wavelengths[widest + 1], value = steps[widest], threshold = 20.0,
             )
         }
     }

@@ -74,8 +74,7 @@ public object DngReader {
         work()
     } catch (error: OutOfMemoryError) {
         throw Refusal.of(
-            if (region == null) "out_of_memory.whole_photo" else "out_of_memory.part",
-            "file" to source.name,
+            if (region == null) "out_of_memory.whole_photo" else "out_of_memory.part", "file" to source.name,
             cause = error,
         )
     }

@@ -55,9 +55,7 @@ public interface DngSource : Closeable {
                 FileInputStream(file)
             } catch (error: IOException) {
                 throw Refusal.of(
-                    "unreadable_raw.no_access",
-                    "file" to file.name,
-                    "detail" to error.message.orEmpty(),
+                    "unreadable_raw.no_access", "file" to file.name, "detail" to error.message.orEmpty(),
                     cause = error,
                 )
             }

@@ -19,12 +19,8 @@ internal fun cfa(tiff: Tiff, raw: Directory): String {
     if (!square || letters !in Mosaic.CFA_ORDERS || tiff.one(raw, Tag.CFA_LAYOUT, 1) != 1L) {
         val sides = if (size.isEmpty()) longArrayOf(2, 2) else size
         throw Refusal.of(
-            "unsupported_raw.colour_filters",
-            "file" to tiff.name,
-            "filters" to letters.ifEmpty { "unnamed" },
-            "rows" to sides[0],
-            "columns" to sides[1],
-            "orders" to Mosaic.CFA_ORDERS.joinToString(),
+            "unsupported_raw.colour_filters", "file" to tiff.name, "filters" to letters.ifEmpty { "unnamed" },
+            "rows" to sides[0], "columns" to sides[1], "orders" to Mosaic.CFA_ORDERS.joinToString(),
         )
     }
     return letters

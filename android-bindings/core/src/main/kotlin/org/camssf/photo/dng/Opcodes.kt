@@ -65,11 +65,8 @@ internal class Opcodes(private val tiff: Tiff, raw: Directory) {
     }
 
     private fun required(number: Int, list: Int) = Refusal.of(
-        "unsupported_raw.opcode",
-        "file" to tiff.name,
-        "opcode" to (number.toLong() and 0xffffffffL),
-        "name" to (NAMES[number] ?: "unknown"),
-        "list" to list,
+        "unsupported_raw.opcode", "file" to tiff.name, "opcode" to (number.toLong() and 0xffffffffL),
+        "name" to (NAMES[number] ?: "unknown"), "list" to list,
     )
 
     private fun wanted(buffer: ByteBuffer, bytes: Long, tag: Int) {

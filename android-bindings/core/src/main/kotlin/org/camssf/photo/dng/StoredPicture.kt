@@ -181,10 +181,7 @@ private fun pieces(
     checkExtent(tiff, picture)
     if (width * height > MAX_SAMPLES) {
         throw Refusal.of(
-            "unsupported_raw.too_large",
-            "file" to tiff.name,
-            "width" to width,
-            "height" to height,
+            "unsupported_raw.too_large", "file" to tiff.name, "width" to width, "height" to height,
             "most" to MAX_SAMPLES / 1_000_000,
         )
     }
