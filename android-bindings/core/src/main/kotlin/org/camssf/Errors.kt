@@ -1,7 +1,5 @@
 package org.camssf
 
-import org.camssf.verdict.Reason
-
 /**
  * All errors of camssf: a tree of classes with one code for each leaf, the same in Python, Kotlin and JSON. Its three
  * branches are misuse, which the app's code causes and no result contains; refusals, which a [Refused] result states;

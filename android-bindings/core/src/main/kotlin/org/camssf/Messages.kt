@@ -1,8 +1,6 @@
 package org.camssf
 
-import org.camssf.forms.Forms
 import org.camssf.json.JsonText
-import org.camssf.verdict.Reason
 import java.util.Collections
 
 /**
@@ -53,7 +51,7 @@ internal object Messages {
         when (if (number == null) "" else kind) {
             "percent" -> percent(number!!, digits.toInt())
             "fixed" -> fixed(number!!, digits.toInt())
-            "general" -> Forms.general(number!!, digits.toInt())
+            "general" -> general(number!!, digits.toInt())
             "scientific" -> scientific(number!!, digits.toInt())
             else -> value.toString()
         }

@@ -1,6 +1,4 @@
-package org.camssf.verdict
-
-import org.camssf.Messages
+package org.camssf
 
 /**
  * Why a result is not accepted.

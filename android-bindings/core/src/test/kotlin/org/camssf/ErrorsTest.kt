@@ -1,6 +1,5 @@
 package org.camssf
 
-import org.camssf.verdict.Reason
 import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Test
 import java.io.File

@@ -70,8 +70,8 @@ class LayersTest {
     private companion object {
         const val LONGEST = 450
         val GROUND = setOf(
-            "Camssf", "Channel", "Errors", "Grid", "Interrupts", "LeastSquares", "Nodes", "Numbers", "Rules", "Stage",
-            "ProgressReporter",
+            "Camssf", "Channel", "Errors", "Grid", "Interrupts", "LeastSquares", "Messages", "Nodes", "Numbers",
+            "ProgressReporter", "Reason", "Rules", "Stage",
         )
         val ALLOWED = linkedMapOf(
             "json" to emptySet(),

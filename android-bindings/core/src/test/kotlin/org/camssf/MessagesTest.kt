@@ -9,7 +9,6 @@ import org.camssf.photo.dng.DngReader
 import org.camssf.photo.dng.DngSource
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
-import org.camssf.verdict.Reason
 import org.camssf.verdict.Reasons
 import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertThrows

@@ -7,6 +7,7 @@ import org.camssf.forms.Fields
 import org.camssf.forms.Forms
 import org.camssf.forms.Numbers
 import org.camssf.forms.need
+import org.camssf.general
 import org.camssf.spectra.ChartLayout
 import org.camssf.spectra.Lamp
 import org.camssf.spectra.SpectraFile
@@ -170,7 +171,7 @@ internal class DocumentForm private constructor(
         private fun checkAnswer(answer: Fields) {
             for (colour in COLOURS) {
                 val peak = answer.part("curves").array(colour).max()
-                need(abs(peak - 1) <= 1e-6, "curves.$colour") { "must have peak 1, has ${Forms.general(peak)}" }
+                need(abs(peak - 1) <= 1e-6, "curves.$colour") { "must have peak 1, has ${general(peak)}" }
             }
             val proof = answer.part("proof")
             val problems = proof.array("layers_gap").size

@@ -1,5 +1,6 @@
 package org.camssf.verdict
 
+import org.camssf.Reason
 import org.camssf.Rules
 import org.camssf.median
 import org.camssf.photo.FrameMeans

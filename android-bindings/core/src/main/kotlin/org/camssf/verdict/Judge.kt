@@ -1,5 +1,6 @@
 package org.camssf.verdict
 
+import org.camssf.Reason
 import org.camssf.Rules
 import org.camssf.photo.Agreement
 import org.camssf.photo.MeasuredShot

@@ -1,6 +1,7 @@
 package org.camssf.verdict
 
 import org.camssf.Messages
+import org.camssf.Reason
 import org.camssf.Refusal
 import org.camssf.Rules
 

@@ -2,6 +2,7 @@ package org.camssf.verdict
 
 import org.camssf.Grid
 import org.camssf.LeastSquares
+import org.camssf.Reason
 import org.camssf.Rules
 import org.camssf.recovery.Choice
 import org.camssf.recovery.LearnedBasis

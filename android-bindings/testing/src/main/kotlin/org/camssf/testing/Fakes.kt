@@ -4,6 +4,7 @@ import org.camssf.Calibrated
 import org.camssf.Grid
 import org.camssf.InvalidArgument
 import org.camssf.Nodes
+import org.camssf.Reason
 import org.camssf.Refusal
 import org.camssf.Refused
 import org.camssf.documents.Predictions
@@ -17,7 +18,6 @@ import org.camssf.photo.PartialCapture
 import org.camssf.recovery.BasisConstants
 import org.camssf.recovery.Ssf
 import org.camssf.recovery.predictSignals
-import org.camssf.verdict.Reason
 import org.camssf.verdict.Status
 import org.camssf.verdict.Verdict
 
