@@ -145,10 +145,11 @@ def python(case: Case) -> Json:
     result = attempt(shots, chart=chart, options=Options(**options), previous=previous)
     document = dict(json.loads(document_bytes(result)))
     del document["sha256"]
-    for reason in document["verdict"].get("reasons", []):
-        for shot in case.shots:
-            for path in filter(None, (shot.chart, shot.white, shot.dark)):
-                reason["message"] = reason["message"].replace(str(path), path.name)
+    reasons = json.dumps(document["verdict"].get("reasons", []))
+    for shot in case.shots:
+        for path in filter(None, (shot.chart, shot.white, shot.dark)):
+            reasons = reasons.replace(str(path), path.name)
+    document["verdict"] |= {"reasons": json.loads(reasons)} if "reasons" in document["verdict"] else {}
     return document
 
 
@@ -192,8 +193,8 @@ EXACT = (
     f"{MEANS}/black", f"{MEANS}/saturation", "/capture/shots/photo", "/capture/shots/white", "/capture/shots/dark",
     "/capture/shots/lamp/name", "/capture/shots/lamp/tolerance", "/capture/shots/lamp/source", "/capture/chart",
     "/capture/files", "/answer/used", "/answer/model", "/assumptions", "/verdict/status", "/verdict/reasons/code",
-    "/verdict/reasons/threshold", "/verdict/checks/name", "/verdict/checks/shot", "/verdict/checks/refuses",
-    "/verdict/checks/beyond",
+    "/verdict/reasons/key", "/verdict/reasons/threshold", "/verdict/checks/name", "/verdict/checks/shot",
+    "/verdict/checks/refuses", "/verdict/checks/beyond",
 )  # fmt: skip
 BOUNDS = {
     **{f"{MEANS}/{role}/standard_error": 1e-15 for role in ("chart", "white", "dark")},

@@ -236,6 +236,8 @@ class Screen(private val contentResolver: ContentResolver, private val filesDir:
     ) {{
 {colours}
     }}
+
+{language}
 }}
 """
 SCREEN_TEST = """package example
@@ -355,6 +357,7 @@ def test_a_new_android_module_by_the_page_alone(tmp_path: Path, cache: Path) -> 
         "binding": "bindToLifecycle",
         "camerax": "awaitChart",
         "colours": "Standardiser.of",
+        "language": "inWords",
     }
     code = {
         name: next(block for block in blocks(ANDROID_PAGE, "kotlin") if begin in block)

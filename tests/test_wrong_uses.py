@@ -59,7 +59,7 @@ AREA = "--region 190,170,40,40 --white-region 190,450,40,40"
 INPUTS = [
     Wrong("calibrate chart.dgn --lamp D55 -o out", 3, "no file chart.dgn", "Check the path."),
     Wrong("calibrate '' --lamp D55 -o out", 2, "PHOTO is empty", "Give the path"),
-    Wrong("calibrate folder --lamp D55 -o out", 3, "folder is a folder", "Name a DNG file."),
+    Wrong("calibrate folder --lamp D55 -o out", 3, "folder is a folder", "Name a file, not a folder."),
     Wrong("calibrate *.nef --lamp D55 -o out", 3, "no file *.nef", "Check the path."),
     Wrong(
         r"calibrate 'C:\Users\me\chart.dng' --lamp D55 -o out", 3, r"no file C:\Users\me\chart.dng", "Check the path."
@@ -401,7 +401,7 @@ def test_no_advice_of_the_library_names_an_option() -> None:
                         words = re.sub("`.*?`", "", text.value)  # a command as a whole may be named
                         assert not re.search(r"(^|\s|\()--[a-z]", words), f"{path.name}: {text.value}"
     page = reference / "camssf_app" / "data"
-    data = [reference / "camssf" / "data" / name for name in ("errors.json", "rules.json", "lamp-names.json")]
+    data = [reference / "camssf" / "data" / name for name in ("errors.json", "messages.json", "lamp-names.json")]
     for path in (*data, page / "app.js", page / "index.html"):
         assert not re.search(r"--[a-z]", path.read_text("utf-8")), path.name
 

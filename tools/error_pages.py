@@ -1,6 +1,6 @@
 """A page of docs/errors for each error code, and their list: `python -m tools.error_pages [--check]`.
 
-What they say stands in data/errors.json and data/rules.json, as `camssf explain CODE` prints it.
+What they say stands in data/errors.json, data/messages.json and data/rules.json, as `camssf explain CODE` prints it.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from camssf.error_codes import Explained, codes, explain_code
+from camssf.messages import messages
 from tools.pages import markdown_table, parser, template, write_or_check
 
 COMMAND = "python -m tools.error_pages"
@@ -28,7 +29,10 @@ def pages() -> dict[str, str]:
 
 def _page(each: Explained) -> str:
     limits = dict.fromkeys(name for reason in each.reasons for name in reason.limits)
-    return template("error.md", mark=MADE, error=each, limits=limits)
+    said = [message for message in messages().values() if message.code == each.code]
+    rows = [(f"`{message.key}`", f"{message.text} *{message.advice}*") for message in said]
+    table = markdown_table(("key", "text and *advice*"), rows) if rows else ""
+    return template("error.md", mark=MADE, error=each, limits=limits, messages=table)
 
 
 def _first_sentence(text: str) -> str:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from camssf.documents.document import Document
 from camssf.documents.forms import fields_of, mark_of, to_plain
-from camssf.shapes import MOST, Bounds, Pattern, Shape, Words
+from camssf.shapes import MOST, Argument, Bounds, Pattern, Shape, Words
 
 FILE = Path(__file__).parents[1] / "reference/camssf/data/forms.json"
 LONGEST = 4096
@@ -52,6 +52,8 @@ def _form(hint: Any, parts: dict[str, Any]) -> dict[str, Any]:
     if get_origin(hint) is Annotated:
         hint = get_args(hint)[0]
     origin, inner = get_origin(hint), get_args(hint)
+    if hint == Argument:
+        return {"is": "argument"}
     if origin in (Union, UnionType):
         kinds = [kind for kind in inner if kind is not NoneType]
         null = {"null": True} if len(kinds) < len(inner) else {}

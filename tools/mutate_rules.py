@@ -1,7 +1,7 @@
 """A mutation run over data/rules.json and its two readers: `python -m tools.mutate_rules [--kotlin]`
 
 Every number is changed (times 1.5, times 0.5 or plus and minus 1, and exchanged with its neighbour), every reason
-given another code, another sentence and another advice. Each mutant is loaded by the reader itself from a changed
+given another message. Each mutant is loaded by the reader itself from a changed
 copy of the file, and the golden cases must notice: in this process for Python, in a JVM each for Kotlin's jar. Rival
 lamps and makers are left out: no golden case can hold a photo for each of them.
 Survivors that are not among `EQUIVALENT`, each with its reason, give exit status 1. Kotlin needs
@@ -72,15 +72,11 @@ def mutants(document: Json) -> Iterator[Mutant]:
             if theirs != value and isinstance(theirs, int) == whole:
                 swapped = _with(document, (group, word, theirs), (group, other, value))
                 yield Mutant(f"{group}.{word} <> {other}", swapped)
+    keys = [entry["message"] for entry in document["reasons"].values()]
     for name, entry in document["reasons"].items():
-        for key, changed_text in (
-            ("code", "blurred" if entry["code"] != "blurred" else "glare"),
-            ("message", entry["message"] + " Truly."),
-            ("advice", entry["advice"] + " Truly."),
-        ):
-            other_words = copy.deepcopy(document)
-            other_words["reasons"][name][key] = changed_text
-            yield Mutant(f"{name}, another {key}", other_words)
+        another = copy.deepcopy(document)
+        another["reasons"][name]["message"] = keys[keys.index(entry["message"]) - 1]
+        yield Mutant(f"{name}, another message", another)
 
 
 def _with(document: Json, *changes: tuple[str, str, float]) -> Json:

@@ -1,4 +1,4 @@
-"""Explains error codes: meaning, causes and what to do, from data/errors.json, `camssf.errors` and the rules.
+"""Explains error codes: meaning, causes and what to do, from data/errors.json, messages and rules.
 
 `camssf explain CODE` prints the explanation; `python -m tools.error_pages` writes a page of each to docs/errors.
 """
@@ -11,8 +11,9 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
-from camssf.errors import CalibrationError, InvalidArgument
-from camssf.rules import PLACEHOLDER, Number, Wording, rules
+from camssf.errors import BY_CODE, InvalidArgument
+from camssf.messages import PLACEHOLDER
+from camssf.rules import Ground, Number, rules
 
 FORMAT = "camssf-errors/1"
 
@@ -39,12 +40,12 @@ class Explained:
     causes: tuple[str, ...]
     do: tuple[str, ...]
     see: tuple[str, ...]
-    reasons: tuple[Wording, ...]
+    reasons: tuple[Ground, ...]
 
 
 def codes() -> tuple[str, ...]:
     """Every code, in the order of `camssf.errors`."""
-    return tuple(kind.code for kind in _leaves())
+    return tuple(BY_CODE)
 
 
 def explain_code(code: str) -> Explained:
@@ -59,7 +60,7 @@ def explain_code(code: str) -> Explained:
         'Expose less: the white at about 80 % of full scale.'
     """
     word = code.strip().casefold().replace("-", "_")
-    kind = next((leaf for leaf in _leaves() if word in (leaf.code, leaf.__name__.casefold())), None)
+    kind = next((leaf for leaf in BY_CODE.values() if word in (leaf.code, leaf.__name__.casefold())), None)
     if kind is None:
         from difflib import get_close_matches
 
@@ -69,7 +70,7 @@ def explain_code(code: str) -> Explained:
             (f"Did you mean {' or '.join(near)}? " if near else "") + f"The codes: {', '.join(codes())}.",
         )
     entry = _table()[kind.code]
-    reasons = tuple(reason for reason in rules().reasons.values() if reason.code == kind.code)
+    reasons = tuple(reason for reason in rules().reasons.values() if reason.message.code == kind.code)
     return Explained(
         kind.code, kind.__name__, kind.exit_status, entry["means"], tuple(entry["causes"]), tuple(entry["do"]),
         tuple(entry["see"]), reasons,
@@ -85,7 +86,7 @@ def as_text(explanation: Explained) -> str:
     if explanation.reasons:
         lines += ["", "Reasons of the verdict with this code:"]
         for reason in explanation.reasons:
-            lines += [f"  - {without_holes(reason.message)}", f"    {without_holes(reason.advice)}"]
+            lines += [f"  - {without_holes(reason.message.text)}", f"    {without_holes(reason.message.advice)}"]
             lines += [f"    {limit_in_words(limit)}" for limit in limits_of(reason)]
     lines += [
         "",
@@ -94,7 +95,7 @@ def as_text(explanation: Explained) -> str:
     return "\n".join(lines)
 
 
-def limits_of(reason: Wording) -> tuple[Number, ...]:
+def limits_of(reason: Ground) -> tuple[Number, ...]:
     """The numbers of the rules that decide a reason."""
     return tuple(rules().numbers[f"verdict.{name}"] for name in reason.limits)
 
@@ -107,21 +108,6 @@ def limit_in_words(number: Number) -> str:
 def without_holes(template: str) -> str:
     """A message template with "…" in place of each value."""
     return PLACEHOLDER.sub("…", template)
-
-
-def _leaves() -> list[type[CalibrationError]]:
-    """The error classes without subclasses, in the order of `camssf.errors`."""
-    leaves: list[type[CalibrationError]] = []
-
-    def walk(kind: type[CalibrationError]) -> None:
-        below = [subclass for subclass in kind.__subclasses__() if subclass.__module__ == "camssf.errors"]
-        for subclass in below:
-            walk(subclass)
-        if not below:
-            leaves.append(kind)
-
-    walk(CalibrationError)
-    return leaves
 
 
 @cache

@@ -25,11 +25,15 @@ CalibrationError
 ├── PassportInvalid        passport_invalid   10   a signed document
 └── OutOfMemory            out_of_memory      11   the photo, too large for the free memory
 
-The codes are the same in Python, Kotlin and JSON. Every error has an advice: what to do next.
+InvalidArgument is misuse: the caller's code or command is wrong. PassportInvalid is about a signed document. All
+others are refusals, which a result can state; data/messages.json has their texts. The codes are the same in Python,
+Kotlin and JSON. Every error has an advice: what to do next.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 
@@ -42,6 +46,8 @@ class CalibrationError(Exception):
         message: what is wrong, with the file or patch concerned.
         advice: what to do next.
         value, threshold: the number that decided and the bound that it broke; None if there is none.
+        key: of the message in data/messages.json (`camssf.messages`); empty if it is not in it.
+        arguments: values of that message's placeholders.
         reasons, checks: those of the verdict if the verdict refused, else empty.
         capture: what was measured until then, a `Capture`; None if nothing was.
     """
@@ -50,13 +56,22 @@ class CalibrationError(Exception):
     exit_status: ClassVar[int] = 1
 
     def __init__(
-        self, message: str, advice: str, *, value: float | None = None, threshold: float | None = None
+        self,
+        message: str,
+        advice: str,
+        *,
+        value: float | None = None,
+        threshold: float | None = None,
+        key: str = "",
+        arguments: Mapping[str, str | int | float] = MappingProxyType({}),
     ) -> None:
         super().__init__(f"{message} {advice}")
         self.message = message
         self.advice = advice
         self.value = value
         self.threshold = threshold
+        self.key = key
+        self.arguments = dict(arguments)
         self.reasons: tuple[Any, ...] = ()
         self.checks: tuple[Any, ...] = ()
         self.capture: Any = None
@@ -209,3 +224,13 @@ class OutOfMemory(CalibrationError):
 
     code = "out_of_memory"
     exit_status = 11
+
+
+BY_CODE: Mapping[str, type[CalibrationError]] = MappingProxyType(
+    {
+        kind.code: kind
+        for kind in tuple(globals().values())
+        if isinstance(kind, type) and issubclass(kind, CalibrationError) and kind.code != CalibrationError.code
+    }
+)
+"""Each leaf of the tree by its code."""

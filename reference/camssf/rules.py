@@ -1,12 +1,11 @@
-"""Reads data/rules.json: all thresholds, the rival lamps, makers' names, and the texts of the verdict.
+"""Reads data/rules.json: all thresholds, the rival lamps, makers' names, and the limits of the verdict's reasons.
 
-Python and Kotlin read the same file, so that no number and no text is duplicated. docs/verdict.md lists the
+Python and Kotlin read the same file, so that no number is duplicated. docs/verdict.md lists the
 thresholds as a table and describes the file's format.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -15,14 +14,12 @@ from math import isfinite
 from types import MappingProxyType
 from typing import Any
 
-from camssf import errors
-from camssf.errors import CalibrationError, InvalidArgument
+from camssf.errors import InvalidArgument
+from camssf.messages import Message, messages
 from camssf.strict_json import parse_strict
 
 FORMAT = "camssf-rules/1"
 PLACE = files("camssf") / "data" / "rules.json"
-PLACEHOLDER = re.compile(r"\{([a-z]+)(?::(percent|fixed)([0-9]))?\}")
-"""`{name}`, `{name:percent1}` (a share as per cent with one decimal), `{name:fixed2}` (two decimals)."""
 
 
 @dataclass(frozen=True)
@@ -49,25 +46,18 @@ class Number:
 
 
 @dataclass(frozen=True)
-class Wording:
-    """The texts of a reason of the verdict.
+class Ground:
+    """A reason of the verdict: what it says, and which numbers decide.
 
     Attributes:
         name: of the reason, for example "veil".
-        code: its error code (`camssf.errors`).
+        message: its texts.
         limits: the numbers of the group "verdict" that decide: the doubtful one, then the refusing one if it exists.
-        message, advice: with placeholders.
     """
 
     name: str
-    code: str
+    message: Message
     limits: tuple[str, ...]
-    message: str
-    advice: str
-
-    def say(self, values: Mapping[str, str | float]) -> tuple[str, str]:
-        """Message and advice with the placeholders filled in."""
-        return fill(self.message, values), fill(self.advice, values)
 
 
 @dataclass(frozen=True)
@@ -84,7 +74,7 @@ class Rules:
     numbers: Mapping[str, Number]
     rivals: tuple[str, ...]
     makers: Mapping[str, tuple[str, ...]]
-    reasons: Mapping[str, Wording]
+    reasons: Mapping[str, Ground]
 
     def number(self, name: str) -> float:
         """A number by group and word.
@@ -148,24 +138,8 @@ def parse(text: str) -> Rules:
     for basis, names in document["makers"].items():
         _need(_texts(names) and len(set(names)) == len(names), f"makers, {basis} is no list of different names")
     makers = {basis: tuple(names) for basis, names in document["makers"].items()}
-    reasons = {name: _wording(name, entry, numbers) for name, entry in document["reasons"].items()}
+    reasons = {name: _ground(name, entry, numbers) for name, entry in document["reasons"].items()}
     return Rules(MappingProxyType(numbers), tuple(rivals), MappingProxyType(makers), MappingProxyType(reasons))
-
-
-def fill(template: str, values: Mapping[str, str | float]) -> str:
-    """Fill in the placeholders of a template.
-
-    Raises:
-        KeyError: a placeholder has no value.
-    """
-
-    def text(match: re.Match[str]) -> str:
-        value, kind, digits = values[match[1]], match[2], match[3]
-        if kind is None:
-            return str(value)
-        return f"{value:.{digits}{'%' if kind == 'percent' else 'f'}}"
-
-    return PLACEHOLDER.sub(text, template)
 
 
 def _number(name: str, entry: Any) -> Number:
@@ -190,24 +164,15 @@ def _check_graver(number: Number, numbers: Mapping[str, Number]) -> None:
     _need(said == ("doubtful", "refused", number.unit, number.beyond), f"{number.name} refuses by {number.refuses!r}")
 
 
-def _wording(name: str, entry: Any, numbers: Mapping[str, Number]) -> Wording:
-    _keys(name, entry, {"code", "limits", "message", "advice"})
-    words = [entry[key] for key in ("code", "message", "advice")]
-    _need(_texts(words), f"{name} has an empty text")
-    _need(entry["code"] in _codes(), f"{name} has the code {entry['code']!r}, which the vocabulary lacks")
-    for template in words:
-        _need(not set("{}") & set(PLACEHOLDER.sub("", template)), f"{name} has a wrong placeholder in {template!r}")
+def _ground(name: str, entry: Any, numbers: Mapping[str, Number]) -> Ground:
+    _keys(name, entry, {"message", "limits"})
+    key = entry["message"]
+    _need(isinstance(key, str) and key in messages(), f"{name} has the message {key!r}, which messages.json lacks")
     limits = entry["limits"]
     _need(_texts(limits) and len(limits) in (1, 2), f"{name} has the limits {limits!r} instead of one or two names")
     makes = [numbers[f"verdict.{limit}"].makes if f"verdict.{limit}" in numbers else "nothing" for limit in limits]
     _need(makes == ["doubtful", "refused"][: len(makes)], f"{name} has limits that make {makes}")
-    return Wording(name, entry["code"], tuple(limits), entry["message"], entry["advice"])
-
-
-@cache
-def _codes() -> frozenset[str]:
-    kinds = [kind for kind in vars(errors).values() if isinstance(kind, type) and issubclass(kind, CalibrationError)]
-    return frozenset(kind.code for kind in kinds) - {CalibrationError.code}
+    return Ground(name, messages()[key], tuple(limits))
 
 
 def _texts(values: Any) -> bool:

@@ -79,6 +79,7 @@ Positive: TypeAlias = Annotated[float, Bounds(1e-9)]
 Share: TypeAlias = Annotated[float, Bounds(0.0, 1.0)]
 Count: TypeAlias = Annotated[int, Bounds(0, 10**9)]
 Whole: TypeAlias = Annotated[int, Bounds(1, 10**9)]
+Argument: TypeAlias = str | int | float
 
 _GRID = WAVELENGTHS.size
 Spectrum: TypeAlias = Annotated[Floats, _shape(_GRID)]

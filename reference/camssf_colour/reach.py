@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from camssf.errors import ColourOutOfReach
 from camssf.grid import Floats
+from camssf.messages import fail
 from camssf.recovery.basis import fold
 from camssf_colour.light import Light
 
@@ -45,10 +45,10 @@ def check_reach(reach: Floats) -> None:
     """
     far = np.flatnonzero(reach > REACH)
     if far.size:
-        raise ColourOutOfReach(
-            f"Colour {far[0] + 1} cannot be a surface's colour under this lamp: {reach[far[0]]:.1f} standard "
-            "deviations from the nearest.",
-            "Check the white reference and the lamp; leave out glare, light sources and fluorescent surfaces.",
+        raise fail(
+            "colour_out_of_reach.numbered",
             value=float(reach[far[0]]),
             threshold=REACH,
+            number=far[0] + 1,
+            distance=reach[far[0]],
         )

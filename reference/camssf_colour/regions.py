@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from camssf.errors import ChartNotFound, FramesDiffer, InvalidArgument, Overexposed
+from camssf.errors import ChartNotFound, InvalidArgument
 from camssf.grid import Floats
+from camssf.messages import fail
 from camssf.photo.find.pose import Pose
 from camssf.photo.patches import FEWEST, SHRINK, measure_patches
 from camssf.photo.read.dng import Mosaic
@@ -102,12 +103,7 @@ def measure_regions(
         ) from error
     for number, clipped in enumerate(means.chart.clipped.max(axis=1), 1):
         if clipped > CLIPPED:
-            raise Overexposed(
-                f"Region {number}: {clipped:.1%} of its samples are at the ceiling.",
-                "Take the photo again with less exposure.",
-                value=float(clipped),
-                threshold=CLIPPED,
-            )
+            raise fail("overexposed.region", value=float(clipped), threshold=CLIPPED, region=number, share=clipped)
     black = means.black if means.dark is None else means.dark.mean
     of_black = 0.0 if means.dark is None else means.dark.standard_error
     raw, spread = means.chart.mean - black, np.hypot(means.chart.standard_error, of_black)
@@ -159,10 +155,7 @@ def measure_photo(
     if Unit(mosaic.make, mosaic.model).differs(Unit(*camera)):
         make, model = camera
         name = model if model.casefold().startswith(make.casefold()) else f"{make} {model}"
-        raise FramesDiffer(
-            f"{photo} was taken by {mosaic.make} {mosaic.model}, the result is of {name}.",
-            "Calibrate that camera; each has its own curves.",
-        )
+        raise fail("frames_differ.result_camera", file=photo, camera=f"{mosaic.make} {mosaic.model}", other=name)
     frame = None if dark is None else read_raw(dark)
     shading = lens_shading if mosaic.gain_maps else "as-stored"
     *regions, first = measure_regions(mosaic, [*rectangles, white], dark=frame, lens_shading=shading)

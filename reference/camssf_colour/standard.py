@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from camssf.colorimetry import adaptation, lab, lab_slopes, white_of, xyz_of
-from camssf.errors import InvalidArgument, LampUnfit
+from camssf.errors import InvalidArgument
 from camssf.grid import Floats
+from camssf.messages import fail
 from camssf.spectra import Lamp, LampLike, read_lamp, read_light
 from camssf.spectra.bundled import observer
 from camssf_colour.camera import Camera, ColourCamera, as_camera
@@ -183,11 +184,12 @@ def check_light(light: Light) -> None:
         LampUnfit: they contradict it.
     """
     if light.chi_squared is not None and light.chi_squared > CONTRADICTED:
-        raise LampUnfit(
-            f"The reference is not white under {light.name}: raw ratios differ, χ² = {light.chi_squared:.0f}.",
-            "Check the lamp, and that the reference is neutral and lit by it alone; or leave the lamp unnamed.",
+        raise fail(
+            "lamp_unfit.reference",
             value=light.chi_squared,
             threshold=CONTRADICTED,
+            lamp=light.name,
+            misfit=light.chi_squared,
         )
 
 

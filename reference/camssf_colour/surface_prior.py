@@ -174,7 +174,7 @@ def _from_file(path: Path) -> Floats:
     """Reflectances (N, 35) of a file; linear between its wavelengths, constant outside."""
     table = read_spectra(path)
     wavelengths, columns = ascending(table.wavelengths, table.values.T)
-    check_wavelengths(wavelengths, path, InvalidArgument)
+    check_wavelengths(wavelengths, path, "invalid_argument")
     values = columns.T
     if np.isfinite(values).all() and values.max() > 2.0:
         values = values / 100.0

@@ -16,8 +16,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from camssf.errors import CalibrationError, InvalidArgument, UnreadableRaw
-from camssf.files import error_in_words, local_folder, read_advice, settle, temporary_folder, write_file, write_files
+from camssf.errors import CalibrationError, InvalidArgument
+from camssf.files import error_in_words, local_folder, settle, temporary_folder, write_file, write_files
+from camssf.messages import fail
 from camssf.photo.read.unit import photo_hash
 from camssf.places import absolute, fetch, folder_place, is_remote, place
 from camssf.progress import Progress
@@ -218,7 +219,7 @@ def inputs_hash(job: Job) -> str:
         try:
             contents.append(specification if path is None else f"{kind}:{photo_hash(path)}")
         except OSError as error:
-            raise UnreadableRaw(f"{path} cannot be read ({error_in_words(error)}).", read_advice(error)) from error
+            raise fail("unreadable_raw.no_access", file=path, detail=error_in_words(error)) from error
     basis = basis_hash(job.basis)
     name = job.basis if basis is None else f"{Path(job.basis).stem}:{basis}"
     options = (len(job.photos), name, job.lens_shading)

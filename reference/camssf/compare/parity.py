@@ -45,7 +45,9 @@ POSE = 0.02
 """Bound in parts of the patch pitch; repeating the refinement moves a pose by less."""
 AGREEMENT = 0.01
 """Bound for a pose's score, which changes with the refinement."""
-UNREPEATED = tuple(f"/verdict/reasons/{key}" for key in ("message", "advice", "value", "threshold"))
+UNREPEATED = tuple(
+    f"/verdict/reasons/{field}" for field in ("message", "advice", "value", "threshold", "key", "arguments")
+)
 """What is said of a chart that was not found depends on the corners that the search started from, which a refused
 result does not hold."""
 
@@ -232,14 +234,17 @@ def _of_shots(stated: Json, shots: list[Json]) -> Iterable[Finding]:
 
 
 def _rename(made: Json, capture: Capture, frames: Frames) -> None:
-    """Replace our file paths in the messages by the other side's file names."""
+    """Replace our file paths in the messages and their arguments by the other side's file names."""
     for reason in made["verdict"].get("reasons", ()):
+        words = reason.get("arguments", {})
         for role, paths in frames.items():
             for j, path in enumerate(paths):
                 if path is not None:
                     frame = _frame(capture, j, role)
                     name = frame.name if frame is not None else Path(path).name
                     reason["message"] = reason["message"].replace(str(path), name)
+                    texts = {key: text for key, text in words.items() if isinstance(text, str)}
+                    words |= {key: text.replace(str(path), name) for key, text in texts.items()}
 
 
 def _frame(capture: Capture, j: int, role: str) -> Photo | None:

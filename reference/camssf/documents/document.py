@@ -310,7 +310,7 @@ def check_capture(capture: Capture) -> None:
     need(table.white < n, "chart.white", f"must be a number from 0 to {n - 1}")
     need(bool(table.reflectance[table.white].min() > 0), "chart.reflectance", "must be above 0 for the white patch")
     try:
-        check_wavelengths(table.wavelengths, Path("it"), InvalidArgument)
+        check_wavelengths(table.wavelengths, Path("it"), "invalid_argument")
     except InvalidArgument as error:
         raise BrokenError("capture.chart.wavelengths", f"does not fit: {error.message.rstrip('.')}") from None
     for i, shot in enumerate(capture.shots):

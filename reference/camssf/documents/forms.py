@@ -2,8 +2,8 @@
 
 A field's type says what it may hold (`camssf.shapes`). Supported are dataclasses, None, bool, int, float, str,
 Literal, tuples, dicts with text keys, arrays, `Any` (foreign JSON as it is), unions of dataclasses that have a
-`KIND`, which is their key "kind", and unions of one dataclass and one other type. A class with its own form has
-`to_plain`, `from_plain` and `PLAIN`, the form's JSON Schema.
+`KIND`, which is their key "kind", unions of one dataclass and one other type, and `Argument`, a text or a number. A
+class with its own form has `to_plain`, `from_plain` and `PLAIN`, the form's JSON Schema.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import numpy as np
 
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.files import PHOTO, kind_of, readable
-from camssf.shapes import MOST, Apart, Bounds, Pattern, Shape, Words
+from camssf.shapes import MOST, Apart, Argument, Bounds, Pattern, Shape, Words
 from camssf.strict_json import parse_strict
 
 Part = TypeVar("Part")
@@ -166,6 +166,9 @@ def _value(hint: Any, value: Any, place: str) -> Any:
         hint = get_args(hint)[0]
     origin, inner = get_origin(hint), get_args(hint)
     if origin in (Union, UnionType):
+        if hint == Argument:
+            _need(type(value) in inner, place, f"must be a text or a number{_is(value)}")
+            return _value(type(value), value, place)
         kinds = [kind for kind in inner if kind is not NoneType]
         if value is None and len(kinds) < len(inner):
             return None

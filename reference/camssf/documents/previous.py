@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from camssf.documents.document import Document
-from camssf.errors import InvalidArgument, UnitDiffers
+from camssf.errors import InvalidArgument
+from camssf.messages import fail
 from camssf.photo.capture import CHART_TABLE, Capture, MeasuredShot, Photo, check_alike
 from camssf.photo.read.unit import check_unit
 from camssf.photo.signals import normalise
@@ -91,10 +92,7 @@ class PreviousResult:
         pairs.append(("size", f"{stored.width} × {stored.height}", f"{photo.width} × {photo.height}"))
         differ = [f"{word} {there} against {here}" for word, there, here in pairs if there and here != there and here]
         if differ:
-            raise UnitDiffers(
-                f"The previous result {self.name} is of another camera than {photo.name}: {'; '.join(differ)}.",
-                "Give the result of this unit, or calibrate it anew without a previous result.",
-            )
+            raise fail("unit_differs.previous", previous=self.name, file=photo.name, differences="; ".join(differ))
         name = f"the photo {stored.name} of the previous result {self.name}"
         check_unit(name, (stored.unit, stored.active_area), photo.name, (photo.unit, photo.active_area))
 

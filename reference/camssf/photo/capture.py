@@ -14,8 +14,9 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from camssf.errors import CalibrationError, FramesDiffer, InvalidArgument
+from camssf.errors import CalibrationError, InvalidArgument
 from camssf.grid import Floats
+from camssf.messages import fail
 from camssf.options import DEFAULTS, Options
 from camssf.photo.find.pose import Pose, chart_area, find_chart
 from camssf.photo.patches import LENS_SHADING, PatchMeans, measure_patches
@@ -335,10 +336,7 @@ def check_alike(shots: Sequence[MeasuredShot]) -> None:
             check_roles([chart, (f"the dark frame of shot {k}", other.dark)])
     bodies = {(shot.photo.make, shot.photo.model) for shot in shots}
     if len(bodies) > 1:
-        raise FramesDiffer(
-            f"The photos come from different cameras: {', '.join(sorted(' '.join(b) for b in bodies))}.",
-            "Calibrate one camera at a time.",
-        )
+        raise fail("frames_differ.cameras", cameras=", ".join(sorted(" ".join(b) for b in bodies)))
     first = shots[0].photo
     for shot in shots[1:]:
         photo = shot.photo

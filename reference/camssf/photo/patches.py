@@ -11,8 +11,9 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
-from camssf.errors import ChartNotFound, FramesDiffer, InvalidArgument
+from camssf.errors import InvalidArgument
 from camssf.grid import Floats
+from camssf.messages import fail
 from camssf.photo.find.pose import Pose
 from camssf.photo.read.dng import Mosaic, shading
 from camssf.photo.read.unit import check_unit
@@ -161,9 +162,8 @@ def _check_alike(chart: Mosaic, frame: Mosaic, word: str) -> None:
         if theirs is not None and ours is not None and abs(theirs - ours) > ALIKE * max(theirs, ours):
             differ.append(f"{name} {theirs:g}{unit} against {ours:g}{unit}")
     if differ:
-        raise FramesDiffer(
-            f"The {word} frame {frame.path} differs from the chart photo {chart.path}: {'; '.join(differ)}.",
-            "Take chart, white and dark frame with one camera in manual mode: same exposure time, ISO, aperture.",
+        raise fail(
+            "frames_differ.settings", frame=word, file=frame.path, chart=chart.path, differences="; ".join(differ)
         )
     check_unit(
         f"the chart photo {chart.path}", (chart.unit, chart.active_area),
@@ -211,10 +211,7 @@ def _select(
     moved = 16 * (centre + SHRINK * (quad - centre))
     limit = 16 * np.array([shape[1] - 1, shape[0] - 1])
     if not all(isfinite(v) for v in moved.flat) or np.any(moved < 0) or np.any(moved > limit):
-        raise ChartNotFound(
-            f"Patch {patch} leaves the photo.",
-            "Take the photo with the whole chart in view, or correct the corners.",
-        )
+        raise fail("chart_not_found.outside", patch=patch)
     corners = np.floor(moved + 0.5).astype(np.int64)
     low, high = (corners.min(axis=0) + 15) // 16, corners.max(axis=0) // 16
     rows = np.arange(low[1] + (cell[0] - low[1]) % 2, high[1] + 1, 2)
@@ -231,11 +228,14 @@ def _centre(quad: Floats) -> Floats:
 
 
 def _too_small(frame: Mosaic, patch: int, count: int) -> None:
-    raise ChartNotFound(
-        f"{frame.path}: patch {patch} holds only {count} good samples of a colour, {FEWEST} are needed.",
-        "Go closer so that the chart fills the frame, and wipe dust off chart and lens.",
+    raise fail(
+        "chart_not_found.few_samples",
         value=float(count),
         threshold=float(FEWEST),
+        file=frame.path,
+        patch=patch,
+        count=count,
+        least=FEWEST,
     )
 
 

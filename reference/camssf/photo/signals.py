@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from camssf.errors import FramesDiffer, InvalidArgument, Overexposed, Underexposed
+from camssf.errors import InvalidArgument
 from camssf.grid import Floats
+from camssf.messages import fail
 from camssf.photo.patches import PatchMeans
 from camssf.rules import rules
 from camssf.shapes import Text
@@ -142,35 +143,18 @@ def _check_white(b: Floats, se_W: Floats, clipped: Floats, shot: PatchMeans, num
     word = "white patch" if shot.white is None else "white frame"
     part = b / (shot.saturation - shot.black)
     if shot.white is not None and shot.dark is not None and 2 * np.count_nonzero(part < -FAINT) > part.size:
-        raise FramesDiffer(
-            f"Shot {number}: the dark frame is brighter than the white frame: they seem to be swapped.",
-            "Give the bright frame as the white one, and the one with the lens cap on as the dark one.",
-        )
+        raise fail("frames_differ.swapped", shot=number)
     share = float(clipped.max())
     if share > CLIPPED:
-        raise Overexposed(
-            f"Shot {number}: up to {share:.1%} of a patch's samples are at the ceiling in the {word}.",
-            "Take chart and white again with less exposure: white below 80 % in its brightest channel.",
-            value=share,
-            threshold=CLIPPED,
-        )
+        raise fail("overexposed.white", value=share, threshold=CLIPPED, shot=number, share=share, frame=word)
     level = float(part.min())
     if not level >= FAINT:
-        height = f"lies only {level:.2%} of the range above dark" if level >= 0 else "is darker than dark"
-        raise Underexposed(
-            f"Shot {number}: in one channel the {word} {height}.",
-            "Expose longer or use more light. The dark frame must be taken in the dark, or with the torch off.",
-            value=level,
-            threshold=FAINT,
-        )
+        if level < 0:
+            raise fail("underexposed.white_below_dark", value=level, threshold=FAINT, shot=number, frame=word)
+        raise fail("underexposed.weak_white", value=level, threshold=FAINT, shot=number, frame=word, level=level)
     noise = float((se_W / b).max())
     if noise > NOISY:
-        raise Underexposed(
-            f"Shot {number}: the {word} is too noisy: its standard error is {noise:.0%} of its value.",
-            "Expose longer or use more light; fill the frame with the chart.",
-            value=noise,
-            threshold=NOISY,
-        )
+        raise fail("underexposed.noisy_white", value=noise, threshold=NOISY, shot=number, frame=word, noise=noise)
 
 
 def _check_left(used: NDArray[np.bool_], clipped: NDArray[np.bool_], lost: NDArray[np.bool_], number: int) -> None:
@@ -179,13 +163,17 @@ def _check_left(used: NDArray[np.bool_], clipped: NDArray[np.bool_], lost: NDArr
     if left >= FEWEST:
         return
     over, under = int(np.count_nonzero(clipped)), int(np.count_nonzero(lost))
-    message = (
-        f"Shot {number}: only {left} of {used.size} patches are usable ({over} clipped, {under} "
-        f"lost in noise), {FEWEST} are needed."
+    raise fail(
+        "overexposed.few_left" if over >= under else "underexposed.few_left",
+        value=left,
+        threshold=FEWEST,
+        shot=number,
+        left=left,
+        all=used.size,
+        over=over,
+        under=under,
+        least=FEWEST,
     )
-    if over >= under:
-        raise Overexposed(message, "Take the photo again with less exposure.", value=left, threshold=FEWEST)
-    raise Underexposed(message, "Take the photo again with more exposure or light.", value=left, threshold=FEWEST)
 
 
 def _assumptions(shot: PatchMeans, table: ChartTable, number: int) -> list[Assumption]:

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from camssf.errors import InvalidArgument, LampUnfit
+from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.messages import fail
 from camssf.recovery.basis import Basis
 from camssf.rules import rules
 from camssf.spectra.charts import faded
@@ -70,10 +71,7 @@ class Observation:
         lamp = array_of("lamp", self.lamp)
         lamp = np.broadcast_to(lamp, (k, m)) if lamp.shape == (m,) else array_of("lamp", lamp, (k, m))
         if (lamp < 0).any() or (lamp.max(axis=1) <= 0).any():
-            raise LampUnfit(
-                "The lamp has negative power, or none at all, between 380 and 720 nm.",
-                "Give the spectrum of the light that fell on the chart, in nm and relative power.",
-            )
+            raise fail("lamp_unfit.unlit")
         rho = array_of("white_reflectance", self.white_reflectance, (m,))
         if not (rho >= 0).all() or not (rho @ lamp.T > 0).all():
             raise InvalidArgument(

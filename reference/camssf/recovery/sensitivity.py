@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from camssf.errors import InvalidArgument, NotConverged
+from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.messages import fail
 from camssf.recovery.basis import LEARNED, Basis, basis_of, widened
 from camssf.recovery.inputs import observation_arrays, stacks_of
 from camssf.recovery.observation import Observation
@@ -369,19 +370,15 @@ def half_widths_of(std: Floats) -> Floats:
 def _check_converged(gap: Floats) -> None:
     """Raise unless every gap is a number of at most LARGEST_GAP."""
     if not (gap <= LARGEST_GAP).all():
-        raise NotConverged(
-            f"The solver did not converge: relative duality gap {gap.max():.1e}.",
-            "Look for a patch or lamp that does not belong to the photo; otherwise report this with the file.",
+        raise fail(
+            "not_converged.gap",
             value=float(gap.max()) if np.isfinite(gap).all() else None,
             threshold=LARGEST_GAP,
+            gap=gap.max(),
         )
 
 
 def _check_responds_to_white(response: Floats) -> None:
     """Raise unless every curve responds to white."""
     if not (np.isfinite(response).all() and (response > 0).all()):
-        raise NotConverged(
-            "A recovered curve has no response to white: the penalty gamma is too large, or the signals of a "
-            "channel are empty.",
-            "Take a smaller gamma, and check that the photo is exposed in all three channels.",
-        )
+        raise fail("not_converged.no_response")

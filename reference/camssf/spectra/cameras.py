@@ -178,7 +178,7 @@ def _no_object(label: str) -> InvalidArgument:
 
 def _checked(wavelengths: Floats, curves: Floats, path: Path) -> Floats:
     wavelengths, curves = ascending(wavelengths, curves)
-    check_wavelengths(wavelengths, path, InvalidArgument, whole=False)
+    check_wavelengths(wavelengths, path, "invalid_argument", whole=False)
     if not np.isfinite(curves).all() or np.abs(curves).max() > 1e100:
         raise InvalidArgument(f"{path} has a sensitivity that is not a number.", "Give measured curves.")
     values = _on_grid(wavelengths, curves)

@@ -16,8 +16,9 @@ from typing import Annotated, TypeAlias
 
 import numpy as np
 
-from camssf.errors import ChartUnfit, InvalidArgument
+from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats, frozen
+from camssf.messages import fail
 from camssf.shapes import MOST_PATCHES, Bounds, Count, Reflectances, Share, Sizes, Text, Tolerances
 from camssf.spectra.bundled import bundled, reflectances
 from camssf.spectra.layouts import LAYOUTS, ChartLayout, read_layout
@@ -270,19 +271,15 @@ def _measured(
             value=count,
         )
     wavelengths, columns = ascending(wavelengths, table.T)
-    check_wavelengths(wavelengths, path, ChartUnfit)
+    check_wavelengths(wavelengths, path, "chart_unfit")
     table = columns.T
     if not np.isfinite(table).all():
-        raise ChartUnfit(f"{path} has a reflectance that is not a number.", "Measure that patch again.")
+        raise fail("chart_unfit.not_a_number", file=path)
     if table.max() > 2.0:
         table = table / 100.0
     worst = float(min(table.min(), 0.0) or table.max())
     if not 0.0 <= worst <= 1.2:
-        raise ChartUnfit(
-            f"{path} has a reflectance of {worst:g}.",
-            "Give all as 0 to 1, or all in percent; a patch that fluoresces above 1.2 does not serve.",
-            value=worst,
-        )
+        raise fail("chart_unfit.reflectance", value=worst, file=path, reflectance=worst)
     order = _reading_order(names, layout)
     chart = ChartTable(
         name=name,
@@ -325,12 +322,7 @@ def _check_order(values: Floats, path: Path) -> None:
     misfit = {way: _rms(values[order.ravel()] - known) for way, order in orders.items()}
     way = min(misfit, key=lambda each: misfit[each])
     if misfit[way] < 0.5 * _rms(values - known):
-        raise ChartUnfit(
-            f"The patches in {path} run {way}.",
-            "Sort them in reading order (dark skin first, black last), or name them A1 to D6.",
-            value=_rms(values - known),
-            threshold=2 * misfit[way],
-        )
+        raise fail("chart_unfit.order", value=_rms(values - known), threshold=2 * misfit[way], file=path, order=way)
 
 
 def _rms(values: Floats) -> float:
@@ -353,7 +345,7 @@ def _white(values: Floats, names: tuple[str, ...], layout: ChartLayout, path: Pa
     level = visible.mean(axis=1)
     brightness = np.where(visible.std(axis=1) <= 0.08 * level, level, 0.0)
     if brightness.max() <= 0:
-        raise ChartUnfit(f"{path} has no neutral patch.", "Check its columns: a chart's white patch is flat.")
+        raise fail("chart_unfit.no_neutral", file=path)
     e5 = 4 * 14 + 4
     if layout.name == "sg140" and brightness[e5] >= 0.95 * brightness.max():
         return e5

@@ -19,8 +19,9 @@ from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 
-from camssf.errors import InvalidArgument, LampUnfit
+from camssf.errors import InvalidArgument
 from camssf.grid import STEP, WAVELENGTHS, Floats, frozen
+from camssf.messages import fail
 from camssf.rules import rules
 from camssf.shapes import Modes, Power, Size, Text
 from camssf.spectra.bundled import bundled, daylight, illuminant, linear, planck
@@ -412,27 +413,21 @@ def _given_lamp(given: Spectrum | Pair, modes: Floats) -> Lamp:
 def _power(wavelengths: Floats, power: Floats, path: Path) -> Floats:
     """Check measured power (w,) and convert it to the grid, (681,); `path` is its name in messages."""
     wavelengths, power = ascending(wavelengths, power)
-    check_wavelengths(wavelengths, path, LampUnfit)
-    advice = "Measure it again, or name a lamp that is like it."
+    check_wavelengths(wavelengths, path, "lamp_unfit")
     # Nodes that the grid needs; a spectrometer's noise beyond them does not matter.
     first = max(int(np.searchsorted(wavelengths, WAVELENGTHS[0] - STEP, side="right")) - 1, 0)
     last = int(np.searchsorted(wavelengths, WAVELENGTHS[-1] + STEP)) + 1
     wavelengths, power = wavelengths[first:last], power[first:last]
     if not np.isfinite(power).all():
-        raise LampUnfit(f"The lamp in {path} has a power that is not a number.", advice)
+        raise fail("lamp_unfit.not_a_number", file=path)
     seen = power[(wavelengths >= WAVELENGTHS[0]) & (wavelengths <= WAVELENGTHS[-1])]
     peak = float(seen.max())
     if peak <= 0:
-        raise LampUnfit(f"The lamp in {path} has no power from 380 to 720 nm.", advice)
+        raise fail("lamp_unfit.no_power", file=path)
     power = power / peak
     least = float(seen.min()) / peak
     if least < -NOISE_BELOW_ZERO:
-        raise LampUnfit(
-            f"The lamp in {path} has negative power from 380 to 720 nm.",
-            "Correct the spectrometer's dark signal, or set noise below zero to 0.",
-            value=least,
-            threshold=-NOISE_BELOW_ZERO,
-        )
+        raise fail("lamp_unfit.negative", value=least, threshold=-NOISE_BELOW_ZERO, file=path)
     fine = np.diff(wavelengths).min() < 0.99 * STEP
     power = np.maximum(power, 0.0)
     return _step_means(wavelengths, power) if fine else np.interp(WAVELENGTHS, wavelengths, power)

@@ -17,10 +17,11 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from camssf.errors import CalibrationError, InvalidArgument
+from camssf.errors import InvalidArgument
 from camssf.files import check_local
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.libraries import library, prepare_matplotlib
+from camssf.messages import fail
 from camssf.spectra.bundled import sprague
 from camssf.spectra.text import path_text
 
@@ -181,11 +182,11 @@ def ascending(wavelengths: Floats, values: Floats) -> tuple[Floats, Floats]:
     return (wavelengths[::-1], values[::-1]) if (np.diff(wavelengths) < 0).all() else (wavelengths, values)
 
 
-def check_wavelengths(wavelengths: Floats, path: Path, unfit: type[CalibrationError], *, whole: bool = True) -> None:
+def check_wavelengths(wavelengths: Floats, path: Path, code: str, *, whole: bool = True) -> None:
     """Check wavelengths: increasing, in nm, at least 6, no gap on the grid; with `whole`, covering 400 to 700 nm.
 
     Raises:
-        InvalidArgument: they do not increase or are not in nm. Any other fault raises `unfit`.
+        InvalidArgument: they do not increase or are not in nm. Any other fault raises the error of this code.
     """
     steps = np.diff(wavelengths)
     if len(wavelengths) < 2 or not np.isfinite(wavelengths).all():
@@ -197,26 +198,17 @@ def check_wavelengths(wavelengths: Floats, path: Path, unfit: type[CalibrationEr
             f"The wavelengths in {path} do not increase: {wavelengths[at]:g} is followed by {wavelengths[at + 1]:g}.",
             _SORTED,
         )
-    span = f"{wavelengths[0]:g} to {wavelengths[-1]:g} nm"
+    ends = {"file": path, "first": wavelengths[0], "last": wavelengths[-1]}
     if whole and (wavelengths[0] > _FIRST or wavelengths[-1] < _LAST):
-        raise unfit(f"{path} covers only {span}.", "It must cover 400 to 700 nm, better 380 to 720 nm.")
+        raise fail(f"{code}.narrow", **ends)
     inside = np.where((wavelengths[:-1] < WAVELENGTHS[-1]) & (wavelengths[1:] > WAVELENGTHS[0]), steps, 0.0)
     widest = int(inside.argmax())
     if len(wavelengths) < 6:
-        raise unfit(
-            f"{path} has only {len(wavelengths)} wavelengths from {span}.",
-            "Give a spectrum every 20 nm or finer; 5 nm is usual.",
-            value=float(steps.max()),
-            threshold=_GAP,
-        )
+        largest = float(steps.max())
+        raise fail(f"{code}.few_wavelengths", value=largest, threshold=_GAP, **ends, count=len(wavelengths))
     if steps[widest] > _GAP:
-        raise unfit(
-            f"{path} has a gap of {steps[widest]:g} nm: nothing from {wavelengths[widest]:g} to "
-            f"{wavelengths[widest + 1]:g} nm.",
-            "Give a spectrum every 20 nm or finer; 5 nm is usual. A list of lines alone is no spectrum.",
-            value=float(steps[widest]),
-            threshold=_GAP,
-        )
+        gap, first, last = (float(number) for number in (steps[widest], *wavelengths[widest : widest + 2]))
+        raise fail(f"{code}.spectral_gap", value=gap, threshold=_GAP, file=path, gap=gap, first=first, last=last)
 
 
 def _check_unit(first: float, last: float, path: Path) -> None:

@@ -19,34 +19,34 @@ SMOOTH, ROUGH = _NUMBER("verdict.smooth"), _NUMBER("verdict.rough")
 GREENS, DIRTY = _NUMBER("verdict.greens"), _NUMBER("verdict.dirty")
 
 
-def exposure(name: str, signals: Signals, j: int, shot: PatchMeans, checks: Checks) -> list[Reason]:
+def exposure(signals: Signals, j: int, shot: PatchMeans, checks: Checks) -> list[Reason]:
     """Check the white's level and the darkest patch's signal of shot j."""
     reasons: list[Reason] = []
     span = shot.saturation - signals.dark[j]
     level = float(((signals.white[j] - signals.dark[j]) / span).mean(axis=0).max())
     checks.note("dark_white", level, j)
     if level < DARK_WHITE:
-        reasons.append(because("dark_white", level, {"shot": name, "level": level}))
+        reasons.append(because("dark_white", level, {"shot": j + 1, "level": level}))
     veil = float(signals.values[j].min(axis=0).max())
     checks.note("veil", veil, j)
     if veil > VEIL:
-        reasons.append(because("darkest_patch", veil, {"shot": name, "share": veil}, fatal=veil > VEIL_REFUSES))
+        reasons.append(because("darkest_patch", veil, {"shot": j + 1, "share": veil}, fatal=veil > VEIL_REFUSES))
     return reasons
 
 
-def few(name: str, used: NDArray[np.bool_], j: int, means: PatchMeans, checks: Checks) -> list[Reason]:
+def few(used: NDArray[np.bool_], j: int, means: PatchMeans, checks: Checks) -> list[Reason]:
     """Check that shot j has enough usable patches."""
     count = int(used.sum())
     checks.note("few_patches", count, j)
     if count >= FEW_PATCHES:
         return []
     clipped = bool((means.chart.clipped[~used] > 0).any())
-    return [because("few_clipped" if clipped else "few_dark", count, {"shot": name, "left": count, "all": used.size})]
+    return [
+        because("few_clipped" if clipped else "few_dark", count, {"shot": j + 1, "left": count, "all": used.size})
+    ]
 
 
-def samples(
-    name: str, means: PatchMeans, used: NDArray[np.bool_], j: int, table: ChartTable, checks: Checks
-) -> list[Reason]:
+def samples(means: PatchMeans, used: NDArray[np.bool_], j: int, table: ChartTable, checks: Checks) -> list[Reason]:
     """Check noise and green channels (rule 6) and outliers of shot j."""
     reasons: list[Reason] = []
     chart = means.chart
@@ -54,20 +54,20 @@ def samples(
     share = float(chart.dead[dirty].max())
     checks.note("dirty", share, j)
     if share > DIRTY:
-        reasons.append(because("dirt", share, {"shot": name, "share": share, "patch": table.patches[dirty]}))
+        reasons.append(because("dirt", share, {"shot": j + 1, "share": share, "patch": table.patches[dirty]}))
     above = np.maximum(chart.greens.mean(axis=1) - means.black[1], 1.0)
     greens = float(np.median((np.abs(chart.greens[:, 0] - chart.greens[:, 1]) / above)[used]))
     checks.note("greens", greens, j)
     if greens > GREENS:
-        reasons.append(because("greens", greens, {"shot": name, "share": greens}))
+        reasons.append(because("greens", greens, {"shot": j + 1, "share": greens}))
     if means.white is not None and means.dark is not None:
         grain, texture = noise(chart, means.white, means.dark, used)
         checks.note("smooth", grain, j)
         checks.note("rough", texture, j)
         if grain < SMOOTH:
-            reasons.append(because("smooth", grain, {"shot": name, "grain": grain}))
+            reasons.append(because("smooth", grain, {"shot": j + 1, "grain": grain}))
         if texture > ROUGH:
-            reasons.append(because("rough", texture, {"shot": name, "texture": texture}))
+            reasons.append(because("rough", texture, {"shot": j + 1, "texture": texture}))
     return reasons
 
 

@@ -2,7 +2,7 @@
 
 Captures that cannot be solved at all were already refused by an earlier stage. RMSRE is not used: both of its sides
 contain the same lamp, so it stays small when the lamp is wrong. docs/verdict.md states the rules for this package and
-for Kotlin; data/rules.json holds the thresholds and the words. `python -m benchmarks.claims.faults` counts what the
+for Kotlin; data/rules.json holds the thresholds. `python -m benchmarks.claims.faults` counts what the
 rules catch and what they miss.
 """
 
@@ -87,18 +87,15 @@ def judge(
     checks = Checks()
     reasons = _unexplained(together, by_shot, table, checks)
     for j, means in enumerate(inputs.means):
-        name = f"shot {j + 1}"
-        reasons += exposure(name, signals, j, means, checks)
-        reasons += few(name, signals.used[j], j, means, checks)
-        reasons += samples(name, means, signals.used[j], j, table, checks)
-        reasons += _disagreeing(name, signals.values[j], j, table, answers[j], checks)
+        reasons += exposure(signals, j, means, checks)
+        reasons += few(signals.used[j], j, means, checks)
+        reasons += samples(means, signals.used[j], j, table, checks)
+        reasons += _disagreeing(signals.values[j], j, table, answers[j], checks)
     limits = [WHITE_BALANCE_MISMATCH_UNNAMED if light else WHITE_BALANCE_MISMATCH for light in unnamed] or [
         WHITE_BALANCE_MISMATCH
     ] * len(lamps)
     whites = [
-        white_balance_mismatch(
-            f"shot {j + 1}", lamp, neutrals[j] if neutrals else (), signals, j, answers[j], checks, limits[j]
-        )
+        white_balance_mismatch(lamp, neutrals[j] if neutrals else (), signals, j, answers[j], checks, limits[j])
         for j, lamp in enumerate(lamps)
     ]
     reasons += [reason for white in whites for reason in white]
@@ -131,7 +128,7 @@ def _unexplained(
             name, words = _reason_of(explanation, table)
             value = over if misfit_refuses else explanation.gain
             bound = BLACK if not misfit_refuses and explanation.gain <= strongest_explanation(one)[1] else None
-            words["shot"] = f"shot {j + 1}"
+            words["shot"] = j + 1
             reasons.append(because(name, value, words, fatal=misfit_refuses, threshold=bound))
         _note_explanations(one, j, checks)
     worst = max(one.z for one in by_shot)
@@ -248,11 +245,11 @@ def _drifted(drift: float, unnamed: bool, checks: Checks) -> list[Reason]:
     return [because("drift", drift, {"probability": drift}, threshold=limit)] if drift > limit else []
 
 
-def _disagreeing(name: str, values: Floats, j: int, table: ChartTable, answer: Ssf, checks: Checks) -> list[Reason]:
+def _disagreeing(values: Floats, j: int, table: ChartTable, answer: Ssf, checks: Checks) -> list[Reason]:
     """Check rule 9: the patches' colours against the chart's, for a simple camera model under the answer's lamp."""
     score = agreement(values, plain_signals(table, answer.lamp[0]))
     checks.note("poor_pose", score, j)
-    return [because("pose", score, {"shot": name, "score": score})] if score < POOR_POSE else []
+    return [because("pose", score, {"shot": j + 1, "score": score})] if score < POOR_POSE else []
 
 
 def _band_too_wide(ssf: Ssf, checks: Checks) -> list[Reason]:

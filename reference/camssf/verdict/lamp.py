@@ -72,7 +72,7 @@ def rival_lamp(
     # The best gain is subtracted because e^gain overflows if a lamp is grossly wrong.
     odds = best.gain + np.log(np.mean(np.exp(own - best.gain)) * MISNAMED / (1.0 - MISNAMED))
     words: dict[str, str | float] = {
-        "shot": f"shot {best.shot + 1}",
+        "shot": best.shot + 1,
         "rival": best.lamp,
         "lamp": lamps[best.shot].name,
         "probability": float(1.0 / (1.0 + np.exp(-odds))),
@@ -82,7 +82,6 @@ def rival_lamp(
 
 
 def white_balance_mismatch(
-    name: str,
     lamp: Lamp,
     neutrals: Sequence[Neutral],
     signals: Signals,
@@ -105,5 +104,5 @@ def white_balance_mismatch(
     if not offs or min(offs) <= limit:
         return []
     off = min(offs)
-    words: dict[str, str | float] = {"shot": name, "share": float(np.expm1(off)), "lamp": lamp.name}
+    words: dict[str, str | float] = {"shot": j + 1, "share": float(np.expm1(off)), "lamp": lamp.name}
     return [because("tint", off, words, threshold=limit)]

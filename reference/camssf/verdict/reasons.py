@@ -1,4 +1,4 @@
-"""What a verdict consists of: the numbers that were compared, and its reasons, worded by data/rules.json."""
+"""What a verdict consists of: the numbers that were compared, and its reasons."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from camssf import errors
-from camssf.errors import CalibrationError
+from camssf.errors import BY_CODE, CalibrationError
+from camssf.messages import plain
 from camssf.rules import rules
-from camssf.shapes import Number, Text, Whole, Words
+from camssf.shapes import Argument, Number, Text, Whole, Words
 
 
 @dataclass(frozen=True)
@@ -83,6 +83,8 @@ class Reason:
         message: what is wrong.
         advice: what to do next.
         value, threshold: the number that decided and the bound that it broke; missing if there is none.
+        key: of the message in camssf's messages.json, by which an app finds its own text; missing if there is none.
+        arguments: values of the message's placeholders, texts and numbers.
     """
 
     code: Text
@@ -90,11 +92,15 @@ class Reason:
     advice: Text
     value: Number | None = None
     threshold: Number | None = None
+    key: Text = ""
+    arguments: dict[Text, Argument] = field(default_factory=dict, hash=False)
 
 
 def reason_of(error: CalibrationError) -> Reason:
     """The reason that an error gives."""
-    return Reason(error.code, error.message, error.advice, error.value, error.threshold)
+    return Reason(
+        error.code, error.message, error.advice, error.value, error.threshold, error.key, error.arguments
+    )  # fmt: skip
 
 
 class Fatal(Reason):
@@ -119,7 +125,7 @@ class Verdict:
 def because(
     name: str,
     value: float,
-    words: Mapping[str, str | float],
+    arguments: Mapping[str, object],
     *,
     fatal: bool = False,
     threshold: float | None = None,
@@ -129,21 +135,22 @@ def because(
     Args:
         name: in data/rules.json.
         value: the number that decided.
-        words: values of the placeholders.
+        arguments: values of the placeholders, as `camssf.messages.plain` takes them.
         fatal: whether the number passed the limit that refuses.
         threshold: the bound that was broken, if it is not the rule's own limit.
     """
-    wording = rules().reasons[name]
-    bound = rules().numbers[f"verdict.{wording.limits[-1 if fatal else 0]}"].value if threshold is None else threshold
-    message, advice = wording.say(words)
-    return (Fatal if fatal else Reason)(wording.code, message, advice, value, bound)
+    ground, values = rules().reasons[name], plain(arguments)
+    bound = rules().numbers[f"verdict.{ground.limits[-1 if fatal else 0]}"].value if threshold is None else threshold
+    said = ground.message
+    return (Fatal if fatal else Reason)(said.code, *said.say(values), value, bound, said.key, values)
 
 
 def refusal(verdict: Verdict) -> CalibrationError:
     """The error that a refused verdict raises: that of its first fatal reason, with all reasons attached."""
     reason = next(r for r in verdict.reasons if isinstance(r, Fatal))
-    kinds = [kind for kind in vars(errors).values() if isinstance(kind, type) and issubclass(kind, CalibrationError)]
-    kind = next(kind for kind in kinds if kind.code == reason.code)
-    error = kind(reason.message, reason.advice, value=reason.value, threshold=reason.threshold)
+    error = BY_CODE[reason.code](
+        reason.message, reason.advice, value=reason.value, threshold=reason.threshold, key=reason.key,
+        arguments=reason.arguments,
+    )  # fmt: skip
     error.reasons, error.checks = verdict.reasons, verdict.checks
     return error

@@ -17,7 +17,8 @@ from typing import Any
 from camssf.documents import forms
 from camssf.documents.document import ADVICE, Document
 from camssf.documents.excerpt import LARGEST_PASSPORT, Excerpt, check_whole
-from camssf.errors import InvalidArgument, PassportInvalid, UnitDiffers
+from camssf.errors import InvalidArgument, PassportInvalid
+from camssf.messages import fail
 from camssf.photo.read.unit import Unit, read_unit
 from camssf.version import __version__
 from camssf_fleet.passport.claims import FORMAT, PASSPORT, Claims, Serials, Software, StatedUnit, read_claims
@@ -76,10 +77,7 @@ class Passport:
             pairs = "; ".join(
                 f"{part} {of_photo!r} against {of_passport!r}" for part, of_photo, of_passport in values
             )
-            raise UnitDiffers(
-                f"{name} was taken by another unit than that of the passport: {pairs}.",
-                "Take the photo with the unit of the passport, or give the passport of this unit.",
-            )
+            raise fail("unit_differs.passport", file=name, differences=pairs)
 
     def claims(self) -> Claims:
         """The payload; `jti`, `iat`, `nbf` and `exp` as in RFC 7519, for any reader of JWT."""

@@ -45,7 +45,7 @@ def excerpt_of(document: Document) -> Excerpt:
     assert verdict is not None
     assert verdict.status != "refused"
     table, first = capture.chart, capture.photos[0]
-    reasons = tuple(WrittenReason(**vars(reason)) for reason in verdict.reasons)
+    reasons = tuple(WrittenReason(**same_named(WrittenReason, reason)) for reason in verdict.reasons)
     return Excerpt(
         **same_named(Excerpt, answer, but=("uncertainty",)),
         **same_named(Excerpt, answer.proof),

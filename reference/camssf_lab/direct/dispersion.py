@@ -14,8 +14,9 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from camssf.errors import LampUnfit
+from camssf.errors import CalibrationError
 from camssf.grid import Floats
+from camssf.messages import fail
 
 LINES = (
     ("K", 393.366, 0.25, 0.50),
@@ -310,11 +311,13 @@ def _fit(dips: list[_Dip], before: Floats) -> tuple[Floats, list[_Dip]]:
     return before, dips
 
 
-def _few(name: str, count: int, why: str) -> LampUnfit:
-    return LampUnfit(
-        f"{name} cannot be calibrated in wavelength: {why}; {FEWEST} Fraunhofer lines over {SPAN:g} nm are needed.",
-        "Point the spectrograph at the sky or the sun, focus its slit to 3 nm or finer, and expose so that blue and "
-        "red are clearly above the noise.",
+def _few(name: str, count: int, why: str) -> CalibrationError:
+    return fail(
+        "lamp_unfit.few_lines",
         value=float(count),
         threshold=float(FEWEST),
+        file=name,
+        detail=why,
+        least=FEWEST,
+        span=SPAN,
     )

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from camssf.errors import Underexposed
 from camssf.grid import Floats
+from camssf.messages import fail
 from camssf_lab.direct.dispersion import fine_structure
 
 _LEAST_CONTRAST = 20.0
@@ -55,18 +55,15 @@ def extract(light: Floats, cell: NDArray[np.int64], name: str, black: str) -> Fr
     """
     height, width = (side // 2 * 2 for side in light.shape)
     if height < 8 or width < 200:
-        raise Underexposed(f"{name} is only {width} × {height} samples.", "Give at least 200 columns and 8 rows.")
+        raise fail("underexposed.small_spectrum", file=name, width=width, height=height)
     light = light[:height, :width]
     grey = light.reshape(height // 2, 2, width // 2, 2).sum(axis=(1, 3))
     profile = grey.mean(axis=1)
     noise = float(np.median(np.abs(np.diff(grey, axis=1)))) / np.sqrt(width / 2)
     lit = np.flatnonzero(profile > 0.5 * np.quantile(profile, 0.98))
     if not profile.max() > _LEAST_CONTRAST * max(noise, 1e-9) or len(lit) < 4:
-        raise Underexposed(
-            f"{name} shows no spectrum: no rows exceed the noise.",
-            "Expose it longer, with the spectrum along the rows.",
-            value=float(profile.max()),
-            threshold=_LEAST_CONTRAST * noise,
+        raise fail(
+            "underexposed.no_spectrum", value=float(profile.max()), threshold=_LEAST_CONTRAST * noise, file=name
         )
     top, bottom = int(lit[0]), int(lit[-1]) + 1
     middle = float(top + bottom - 1) / 2

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from camssf.errors import InvalidArgument, Underexposed
+from camssf.errors import InvalidArgument
 from camssf.grid import CHANNELS, WAVELENGTHS
+from camssf.messages import fail
 from camssf_lab.direct.columns import PathLike, read_columns
 from camssf_lab.direct.result import FIRST, LAST, Direct, checked, identified
 
@@ -32,11 +33,12 @@ def sweep(path: PathLike) -> Direct:
         )
     power = columns[3]
     if power.min() <= 0:
-        raise Underexposed(
-            f"{path} has a line without reference power, at {nm[np.argmin(power)]:g} nm.",
-            "Leave out what the lamp does not reach, and subtract the detector's dark signal.",
+        raise fail(
+            "underexposed.no_reference_power",
             value=float(power.min()),
             threshold=0.0,
+            file=path,
+            wavelength=nm[np.argmin(power)],
         )
     with np.errstate(over="ignore"):
         shares = [column / power for column in columns[:3]]

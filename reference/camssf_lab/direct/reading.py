@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from camssf.errors import FramesDiffer, InvalidArgument, Overexposed, UnreadableRaw
+from camssf.errors import InvalidArgument
 from camssf.files import local
 from camssf.grid import CHANNELS, Floats
+from camssf.messages import fail
 from camssf.photo.read.dng import Mosaic, read_dng
 from camssf_lab.direct.columns import PathLike, read_columns
 from camssf_lab.direct.extraction import FrameSpectrum, extract
@@ -63,12 +64,7 @@ def _check_ceiling(samples: Floats, ceiling: float, name: str) -> None:
     heap = len(counts) > 4 and counts[-1] > 3 * counts[-5:-1].mean()
     share = float(np.mean(bright >= (levels[-1] if heap else ceiling))) if bright.size else 0.0
     if share > _CLIPPED:
-        raise Overexposed(
-            f"{name} is clipped: {share:.1%} of its bright samples lie at {levels[-1]:g} DN.",
-            "Expose it shorter; no part of the spectrum may reach the sensor's ceiling.",
-            value=share,
-            threshold=_CLIPPED,
-        )
+        raise fail("overexposed.spectrum", value=share, threshold=_CLIPPED, file=name, share=share, level=levels[-1])
 
 
 def _black(samples: Floats, mosaic: Mosaic | None, dark: PathLike | None, name: str) -> tuple[Floats | float, str]:
@@ -79,22 +75,24 @@ def _black(samples: Floats, mosaic: Mosaic | None, dark: PathLike | None, name: 
         for word in ("exposure", "iso"):
             ours, theirs = getattr(mosaic, word, None), getattr(closed, word, None)
             if ours is not None and theirs is not None and abs(theirs / ours - 1.0) > 0.01:
-                raise FramesDiffer(
-                    f"{name} was taken at {word} {ours:g}, its dark frame at {theirs:g}.",
-                    "Take both with the same settings.",
+                raise fail(
+                    "frames_differ.dark_setting",
                     value=float(theirs),
                     threshold=float(ours),
+                    file=name,
+                    setting=word,
+                    here=ours,
+                    there=theirs,
                 )
         if other.shape != samples.shape:
-            raise FramesDiffer(
-                f"{name} has {samples.shape[1]} × {samples.shape[0]} samples, its dark frame "
-                f"{other.shape[1]} × {other.shape[0]}.",
-                "Take both with the same camera and settings.",
+            raise fail(
+                "frames_differ.dark_size",
+                file=name,
+                size=f"{samples.shape[1]} × {samples.shape[0]}",
+                other=f"{other.shape[1]} × {other.shape[0]}",
             )
         if other.mean() >= samples.mean():
-            raise FramesDiffer(
-                f"The dark frame of {name} is not darker.", "Take it with the slit closed, at the same exposure."
-            )
+            raise fail("frames_differ.bright_dark_frame", file=name)
         return float(other.mean()) if mosaic is None else _cell_means(other), "a dark frame"
     if mosaic is not None:
         repeat = (samples.shape[0] // 2 + 1, samples.shape[1] // 2 + 1)
@@ -124,14 +122,9 @@ def _read_tiff(path: PathLike) -> NDArray[Any]:
                 raise ValueError(f"{file.filehandle.size} bytes cannot hold {size}")
             samples = file.asarray()
     except FileNotFoundError as error:
-        raise UnreadableRaw(f"There is no file {path}.", "Check the path.") from error
+        raise fail("unreadable_raw.missing", file=path) from error
     except Exception as error:  # tifffile and its codecs raise many kinds
-        raise UnreadableRaw(
-            f"{path} cannot be read as TIFF ({error}).", "Save it as an uncompressed TIFF."
-        ) from error
+        raise fail("unreadable_raw.undecodable_tiff", file=path, detail=error) from error
     if samples.ndim != 2 or samples.dtype.kind != "u" or samples.size == 0:
-        raise UnreadableRaw(
-            f"{path} holds {samples.dtype} samples of shape {samples.shape}.",
-            "Save the mono camera's frame as one grey page of 8 or 16 bits, without processing.",
-        )
+        raise fail("unreadable_raw.no_mono_tiff", file=path, type=samples.dtype, shape=samples.shape)
     return np.asarray(samples)

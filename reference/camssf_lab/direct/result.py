@@ -12,9 +12,10 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from camssf.errors import InvalidArgument, Underexposed
+from camssf.errors import InvalidArgument
 from camssf.files import local_folder, write_files
 from camssf.grid import CHANNELS, WAVELENGTHS, Floats
+from camssf.messages import fail
 from camssf.version import __version__
 from camssf_lab.direct.columns import PathLike
 from camssf_lab.direct.dispersion import Dispersion
@@ -121,7 +122,7 @@ def checked(direct: Direct) -> Direct:
         Underexposed: a channel has no signal.
     """
     if not np.isfinite(direct.values).all() or (direct.values.max(axis=0) <= 0).any():
-        raise Underexposed("A channel holds no signal.", "Expose the colour camera's frame longer.")
+        raise fail("underexposed.empty_channel")
     if direct.covered[0] <= WAVELENGTHS[0] and direct.covered[1] >= WAVELENGTHS[-1]:
         return direct
     low, high = (f"{nm:.1f}" for nm in direct.covered)

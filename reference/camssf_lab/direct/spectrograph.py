@@ -12,11 +12,13 @@ The brackets convert signal a pixel to signal a nanometre, so the two cameras ma
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from camssf.errors import FramesDiffer, InvalidArgument
+from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.messages import fail
 from camssf.progress import Progress, part_of
 from camssf_lab.direct.columns import PathLike, read_columns
 from camssf_lab.direct.dispersion import Dispersion, disperse
@@ -89,14 +91,11 @@ def divide(
     if known is not None:
         first, last = max(first, known[0][0]), min(last, known[0][-1])
     if first > FIRST or last < LAST:
-        raise FramesDiffer(
-            f"{colour.name}, {grey.name} and the mono camera's response share only {first:.0f} to {last:.0f} nm."
-            if first < last
-            else f"{colour.name} and {grey.name} share no wavelengths.",
-            f"All must cover {FIRST:g} to {LAST:g} nm: turn both cameras to the same part of the spectrum.",
-            value=max(0.0, last - first),
-            threshold=LAST - FIRST,
-        )
+        words: dict[str, Any] = {"file": colour.name, "other": grey.name, "first": FIRST, "last": LAST}
+        shared = {"value": max(0.0, last - first), "threshold": LAST - FIRST}
+        if first >= last:
+            raise fail("frames_differ.spectra_apart", **shared, **words)
+        raise fail("frames_differ.spectra_narrow", **shared, **words, start=first, end=last)
     inside = ((first <= WAVELENGTHS) & (last >= WAVELENGTHS))[:, None]
     light = np.where(inside, light, 1.0)
     weight = 1.0 if known is None else np.interp(WAVELENGTHS, *known)[:, None]

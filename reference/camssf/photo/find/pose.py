@@ -8,8 +8,9 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike
 
-from camssf.errors import Blurred, ChartNotFound, InvalidArgument
+from camssf.errors import CalibrationError, InvalidArgument
 from camssf.grid import Floats
+from camssf.messages import fail
 from camssf.photo.find.geometry import (
     area,
     block_corners,
@@ -94,7 +95,6 @@ SMALLEST = 64
 """Smallest side of a photo that can be searched, px."""
 
 CORNERS = "Give four points x,y in pixels of the photo, one after the other around the block of patches."
-FILTERS = "A file may also name its colour filters wrongly: in another order, or quad Bayer (4 × 4) as 2 × 2."
 
 
 @dataclass(frozen=True)
@@ -150,11 +150,13 @@ def find_chart(mosaic: Mosaic, table: ChartTable, *, corners: ArrayLike | None =
         )
     height, width = mosaic.samples.shape
     if min(height, width) < SMALLEST:
-        raise ChartNotFound(
-            f"{mosaic.path}: the photo has only {width} × {height} px.",
-            "Give the RAW photo of the whole sensor.",
+        raise fail(
+            "chart_not_found.small_photo",
             value=float(min(height, width)),
             threshold=float(SMALLEST),
+            file=mosaic.path,
+            width=width,
+            height=height,
         )
     expected = plain_signals(table)
     if corners is not None:
@@ -163,20 +165,13 @@ def find_chart(mosaic: Mosaic, table: ChartTable, *, corners: ArrayLike | None =
     if not matches or matches[0].score < ACCEPT:
         width = edge_width(mosaic)
         if width is not None and width > WIDEST_EDGE:
-            raise Blurred(
-                f"{mosaic.path}: no chart was found, and the photo is blurred: its sharpest edges are {width:.1f} px "
-                "wide (one standard deviation).",
-                "Focus on the chart, and put the camera on a tripod.",
-                value=width,
-                threshold=WIDEST_EDGE,
-            )
-        raise ChartNotFound(
-            f"{mosaic.path}: no chart {table.name!r} was found in the photo.",
-            "Let the chart fill more of the frame, tilt it less than 45°, keep its black border in view, in focus "
-            "and free of shadows and reflections, and hold the camera still. Check the chart's name, and that chart, "
-            f"white and dark frame are not exchanged. {FILTERS} Else mark the block's outer corners by hand.",
+            raise fail("blurred.no_chart", value=width, threshold=WIDEST_EDGE, file=mosaic.path, width=width)
+        raise fail(
+            "chart_not_found.none",
             value=matches[0].score if matches else 0.0,
             threshold=ACCEPT,
+            file=mosaic.path,
+            chart=table.name,
         )
     best = matches[0]
     if best.mirrored:
@@ -202,13 +197,7 @@ def _by_hand(mosaic: Mosaic, layout: ChartLayout, expected: Floats, corners: Flo
     else:
         notes = ("No patch borders lie near the corners given by hand: they were kept as they are.",)
     if best.score < ACCEPT_BY_HAND:
-        raise ChartNotFound(
-            f"{mosaic.path}: the colours inside the corners given by hand do not agree with the chart.",
-            "Give the outer corners of the block of patches, one after the other, and check the chart's name. "
-            f"{FILTERS}",
-            value=best.score,
-            threshold=ACCEPT_BY_HAND,
-        )
+        raise fail("chart_not_found.by_hand", value=best.score, threshold=ACCEPT_BY_HAND, file=mosaic.path)
     best = replace(best, corners=small.to_mosaic(best.corners))
     if best.mirrored:
         raise _mirrored(mosaic, best)
@@ -268,11 +257,8 @@ def _checked(corners: ArrayLike, mosaic: Mosaic) -> Floats:
     return points
 
 
-def _mirrored(mosaic: Mosaic, match: Match) -> ChartNotFound:
-    return ChartNotFound(
-        f"{mosaic.path}: the chart is mirrored (its mirror image agrees, {match.score:.2f}).",
-        "Photograph the chart itself, not its mirror image, and export the RAW without flipping it.",
-    )
+def _mirrored(mosaic: Mosaic, match: Match) -> CalibrationError:
+    return fail("chart_not_found.mirrored", file=mosaic.path, score=match.score)
 
 
 def _notes(matches: list[Match]) -> tuple[str, ...]:

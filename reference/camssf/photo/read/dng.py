@@ -17,18 +17,16 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from camssf.errors import NotSensorRaw, OutOfMemory, UnreadableRaw, UnsupportedRaw
-from camssf.files import local
+from camssf.files import error_in_words, local
 from camssf.grid import Floats
+from camssf.messages import fail
 from camssf.photo.read.colour_matrix import ColourMatrix, colour_matrix, no_light
 from camssf.photo.read.gain_maps import GAIN_MAP, HARMLESS, OPCODES, GainMap, read_gain_map, read_opcodes
 from camssf.photo.read.pieces import DEFLATE, LOSSLESS_JPEG, MAX_SIDE, PLAIN, Picture, decode, picture_of
-from camssf.photo.read.tiff import CONVERT, NO_DNG, Directory, Tiff
+from camssf.photo.read.tiff import Directory, Tiff
 from camssf.photo.read.unit import Area, Unit, unit_of
 
 CFA_ORDERS = ("RGGB", "GRBG", "GBRG", "BGGR")
-
-RAW_MODE = "Photograph in the camera's plain RAW (DNG) mode, without merging, and try again."
 
 _CODECS = {
     5: "LZW",
@@ -121,17 +119,13 @@ def read_dng(path: str | Path, part: Area | None = None, rest: bool = False) -> 
             stream.seek(0)
             return replace(mosaic, sha256=hashlib.file_digest(stream, "sha256").hexdigest())
     except IsADirectoryError as error:
-        raise UnreadableRaw(f"{file} is a folder.", "Name a DNG file.") from error
+        raise fail("unreadable_raw.folder", file=file) from error
     except FileNotFoundError as error:
-        raise UnreadableRaw(f"There is no file {file}.", "Check the path.") from error
+        raise fail("unreadable_raw.missing", file=file) from error
     except MemoryError as error:
-        raise OutOfMemory(
-            f"{file} needs more memory than there is.",
-            "Close other programs, or photograph at the sensor's ordinary resolution: 12 megapixels are enough.",
-        ) from error
+        raise fail("out_of_memory.computer", file=file) from error
     except (OSError, ValueError) as error:  # ValueError: a path with a zero byte
-        reason = getattr(error, "strerror", None) or error
-        raise UnreadableRaw(f"{file} cannot be read: {reason}.", "Check the path and its permissions.") from error
+        raise fail("unreadable_raw.no_access", file=file, detail=error_in_words(error)) from error
 
 
 def shading(mosaic: Mosaic, x: float, y: float) -> Floats:
@@ -147,10 +141,12 @@ def shading(mosaic: Mosaic, x: float, y: float) -> Floats:
     factors = np.ones((2, 2))
     for gains in mosaic.gain_maps:
         if gains.stage == 1 or max(gains.row_pitch, gains.column_pitch) > 2:
-            raise UnsupportedRaw(
-                f"{mosaic.path} holds a lens-shading map that camssf does not apply (opcode list {gains.stage}, "
-                f"every {gains.row_pitch} rows and {gains.column_pitch} columns).",
-                "Leave the samples as stored, and take a white frame.",
+            raise fail(
+                "unsupported_raw.shading_map",
+                file=mosaic.path,
+                list=gains.stage,
+                rows=gains.row_pitch,
+                columns=gains.column_pitch,
             )
         for row, column in np.ndindex(2, 2):
             plane = "RGB".index(mosaic.cfa[2 * row + column]) if gains.stage == 3 else 0
@@ -199,19 +195,17 @@ def _raw_directory(tiff: Tiff) -> Directory:
     version = tiff.raw_bytes(tiff.main[0], 50706)
     if not version:
         if any(32803 in tiff.whole(directory, 262)[:1] for directory in tiff.all):
-            raise UnsupportedRaw(f"{tiff.file} {NO_DNG}", CONVERT)
-        raise UnreadableRaw(
-            f"{tiff.file} is a TIFF picture, not a DNG.", "Give the camera's RAW photo as DNG, not a picture."
-        )
+            raise fail("unsupported_raw.no_dng", file=tiff.file)
+        raise fail("unreadable_raw.tiff_picture", file=tiff.file)
     if version[0] != 1:
-        raise UnsupportedRaw(f"{tiff.file} has DNG version {version[0]}.", CONVERT)
+        raise fail("unsupported_raw.dng_version", file=tiff.file, version=version[0])
     full = [directory for directory in tiff.all if tiff.one(directory, 254, 0) == 0]
     mosaics = [directory for directory in full if tiff.one(directory, 262, -1) == 32803]
     if mosaics:
         return max(mosaics, key=lambda each: tiff.one(each, 256, 0) * tiff.one(each, 257, 0))
     if any(tiff.one(directory, 262, -1) == 34892 for directory in full):
-        raise NotSensorRaw(f"{tiff.file} is a linear DNG: its samples are demosaiced, not the sensor's.", RAW_MODE)
-    raise UnsupportedRaw(f"{tiff.file} holds no mosaic of sensor samples.", RAW_MODE)
+        raise fail("not_sensor_raw.linear_dng", file=tiff.file)
+    raise fail("unsupported_raw.no_mosaic", file=tiff.file)
 
 
 def _picture(tiff: Tiff, raw: Directory) -> Picture:
@@ -221,18 +215,18 @@ def _picture(tiff: Tiff, raw: Directory) -> Picture:
         raise tiff.damaged(f"a picture of {width} × {height} samples")
     bits, samples = tiff.whole(raw, 258) or [1], tiff.one(raw, 277, 1)
     if samples != 1 or len(bits) != 1:
-        raise UnsupportedRaw(f"{tiff.file} holds {samples} samples a pixel, a mosaic has one.", RAW_MODE)
+        raise fail("unsupported_raw.samples_per_pixel", file=tiff.file, count=samples)
     if tiff.one(raw, 339, 1) != 1:
-        raise UnsupportedRaw(f"{tiff.file} holds floating-point or signed samples.", CONVERT)
+        raise fail("unsupported_raw.sample_format", file=tiff.file)
     compression = tiff.one(raw, 259, 1)
     if compression not in (PLAIN, LOSSLESS_JPEG, DEFLATE):
         codec = _CODECS.get(compression, f"number {compression}")
-        raise UnsupportedRaw(f"{tiff.file} is compressed with {codec}.", f"Use lossless JPEG or none. {CONVERT}")
+        raise fail("unsupported_raw.compression", file=tiff.file, codec=codec)
     if not 8 <= bits[0] <= 16:
-        raise UnsupportedRaw(f"{tiff.file} holds samples of {bits[0]} bits, not 8 to 16.", CONVERT)
+        raise fail("unsupported_raw.bits", file=tiff.file, bits=bits[0])
     order = tiff.one(raw, 266, 1)
     if order != 1:  # readers interpret it differently beyond 8 bits
-        raise UnsupportedRaw(f"{tiff.file} states FillOrder {order}: bytes with the lowest bit first.", CONVERT)
+        raise fail("unsupported_raw.fill_order", file=tiff.file, order=order)
     top, left, bottom, right = tiff.whole(raw, 50829, 4) or [0, 0, height, width]
     if not (0 <= top < bottom <= height and 0 <= left < right <= width) or min(bottom - top, right - left) < 2:
         raise tiff.damaged(f"active area {top}, {left}, {bottom}, {right} in {width} × {height} samples")
@@ -245,9 +239,13 @@ def _cfa(tiff: Tiff, raw: Directory) -> str:
     pattern, planes = tiff.raw_bytes(raw, 33422), tiff.raw_bytes(raw, 50710) or bytes((0, 1, 2))
     letters = "".join("RGB"[code] if code in planes and code < 3 else "?" for code in pattern)
     if size != [2, 2] or letters not in CFA_ORDERS or tiff.one(raw, 50711, 1) != 1:
-        raise UnsupportedRaw(
-            f"{tiff.file} has the colour filters {letters or 'unnamed'} ({size[0]} × {size[1]}).",
-            f"camssf reads the Bayer orders {', '.join(CFA_ORDERS)}.",
+        raise fail(
+            "unsupported_raw.colour_filters",
+            file=tiff.file,
+            filters=letters or "unnamed",
+            rows=size[0],
+            columns=size[1],
+            orders=", ".join(CFA_ORDERS),
         )
     return letters
 
@@ -313,10 +311,12 @@ def _gain_maps(tiff: Tiff, raw: Directory) -> tuple[GainMap, ...]:
                 if number == GAIN_MAP:
                     maps.append(read_gain_map(data, stage))
                 elif number not in HARMLESS and not optional:
-                    name = f"opcode {number} ({OPCODES.get(number, 'unknown')})"
-                    raise UnsupportedRaw(
-                        f"{tiff.file} requires {name} of opcode list {stage}, which camssf does not apply.",
-                        "Without it the file's values may be wrong. Give a plain DNG, from another app or converter.",
+                    raise fail(
+                        "unsupported_raw.opcode",
+                        file=tiff.file,
+                        opcode=number,
+                        name=OPCODES.get(number, "unknown"),
+                        list=stage,
                     )
         except ValueError as error:
             raise tiff.damaged(f"opcode list {tag} {error}") from error

@@ -13,8 +13,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from camssf.errors import UnsupportedRaw
-from camssf.photo.read.tiff import CONVERT, Tiff
+from camssf.messages import fail
+from camssf.photo.read.tiff import Tiff
 
 END = b"\xff\xd9"
 CHECKED = 1 << 20
@@ -182,10 +182,7 @@ def read_jpeg(tiff: Tiff, data: bytes, samples: int) -> Jpeg:
                 raise tiff.damaged("a JPEG's scan header")
             scan = body
         elif 0xC0 <= marker <= 0xCF and marker not in (0xC8, 0xCC):
-            raise UnsupportedRaw(
-                f"{tiff.file} is compressed with lossy JPEG (process {marker - 0xC0}).",
-                f"Use lossless JPEG or none. {CONVERT}",
-            )
+            raise fail("unsupported_raw.lossy_jpeg", file=tiff.file, process=marker - 0xC0)
     if not frame:
         raise tiff.damaged("a JPEG without a frame header")
     precision, lines, columns, components = struct.unpack_from(">BHHB", frame)
@@ -214,7 +211,7 @@ def _check_frame(tiff: Tiff, body: bytes) -> None:
     if not (2 <= precision <= 16 and 1 <= components <= 4 and lines and columns):
         raise tiff.damaged(f"a JPEG of {columns} × {lines} × {components} samples of {precision} bits")
     if any(body[7 + 3 * i] != 0x11 for i in range(components)):
-        raise UnsupportedRaw(f"{tiff.file} holds subsampled lossless JPEG.", CONVERT)
+        raise fail("unsupported_raw.subsampled_jpeg", file=tiff.file)
 
 
 def _tables(tiff: Tiff, body: bytes) -> dict[int, dict[int, str]]:
@@ -246,7 +243,7 @@ def _scan(
     if len(body) != 4 + 2 * body[0]:
         raise tiff.damaged("a JPEG's scan header")
     if body[0] != components:
-        raise UnsupportedRaw(f"{tiff.file} holds lossless JPEG whose components lie apart.", CONVERT)
+        raise fail("unsupported_raw.separate_components", file=tiff.file)
     which = []
     for i in range(components):
         which.append(body[2 + 2 * i] >> 4)

@@ -19,9 +19,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from camssf.errors import RawError, UnreadableRaw, UnsupportedRaw
+from camssf.errors import RawError
+from camssf.messages import fail
 from camssf.photo.read.jpeg import Jpeg, read_jpeg
-from camssf.photo.read.tiff import CONVERT, COPY_AGAIN, Directory, Tiff, damaged
+from camssf.photo.read.tiff import Directory, Tiff, damaged
 from camssf.photo.read.unit import Area
 
 PLAIN, LOSSLESS_JPEG, DEFLATE = 1, 7, 8
@@ -103,11 +104,7 @@ def check_size(name: str | Path, width: int, height: int) -> None:
     if not (2 <= width <= MAX_SIDE and 2 <= height <= MAX_SIDE):
         raise damaged(name, f"a picture of {width} × {height} samples")
     if width * height > MAX_SAMPLES:
-        raise UnsupportedRaw(
-            f"{name} holds a picture of {width} × {height} samples; camssf reads up to "
-            f"{MAX_SAMPLES // 1_000_000} million.",
-            "Photograph at the sensor's ordinary resolution: 12 megapixels are enough.",
-        )
+        raise fail("unsupported_raw.too_large", file=name, width=width, height=height, most=MAX_SAMPLES // 1_000_000)
 
 
 def picture_of(tiff: Tiff, raw: Directory, size: tuple[int, int], coding: tuple[int, int], area: Area) -> Picture:
@@ -151,9 +148,7 @@ def _differences(tiff: Tiff, raw: Directory, bits: int, compression: int) -> boo
     """True for deflate's predictor 2: each sample is stored as the difference from its left neighbour."""
     predictor = tiff.one(raw, 317, 1) if compression == DEFLATE else 1
     if predictor != 1 and (predictor != 2 or bits % 8):
-        raise UnsupportedRaw(
-            f"{tiff.file} uses deflate with predictor {predictor} on samples of {bits} bits.", CONVERT
-        )
+        raise fail("unsupported_raw.deflate_predictor", file=tiff.file, predictor=predictor, bits=bits)
     return predictor == 2
 
 
@@ -406,7 +401,7 @@ def _stacked(tiff: Tiff, picture: Picture, batch: list[tuple[int, Jpeg]]) -> Ite
         with rawpy.imread(io.BytesIO(content)) as raw:
             stored = raw.raw_image
             if stored is None or len(stored) < lines * len(tiles):
-                raise UnreadableRaw(f"{tiff.file} cannot be decoded: LibRaw finds no samples.", COPY_AGAIN)
+                raise fail("unreadable_raw.undecodable", file=tiff.file, detail="LibRaw finds no samples")
             at = 0
             for number, jpeg in batch:
                 parts = []
@@ -419,7 +414,7 @@ def _stacked(tiff: Tiff, picture: Picture, batch: list[tuple[int, Jpeg]]) -> Ite
                     whole = whole << np.uint16(jpeg.shift)
                 yield number, whole.reshape(-1, picture.piece_width)
     except rawpy.LibRawError as error:
-        raise UnreadableRaw(f"{tiff.file} cannot be decoded: LibRaw says {error}.", COPY_AGAIN) from error
+        raise fail("unreadable_raw.undecodable", file=tiff.file, detail=f"LibRaw says {error}") from error
 
 
 def _dng(tiles: list[bytes], width: int, lines: int, version: bytes) -> bytes:

@@ -18,12 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camssf.errors import InvalidArgument, NotSensorRaw, UnreadableRaw, UnsupportedRaw
-from camssf.files import error_in_words, local, read_advice
+from camssf.files import error_in_words, local
 from camssf.grid import Floats
+from camssf.messages import fail
 from camssf.photo.read.colour_matrix import ColourMatrix, colour_matrix
-from camssf.photo.read.dng import CFA_ORDERS, RAW_MODE, Mosaic, opened, read_dng
+from camssf.photo.read.dng import CFA_ORDERS, Mosaic, opened, read_dng
 from camssf.photo.read.pieces import check_size
-from camssf.photo.read.tiff import CONVERT, COPY_AGAIN, NO_DNG
 from camssf.photo.read.unit import Area, sidecar_of
 
 SIDECAR = "camssf-mosaic/1"
@@ -55,19 +55,16 @@ def read_raw(path: str | Path, part: Area | None = None, rest: bool = False) -> 
     if sidecar is not None:
         return _picture(file, sidecar)
     if file.suffix.casefold() == ".png" and file.is_file():
-        raise UnsupportedRaw(
-            f"{file} is a picture without a sidecar {file.name}.json that describes its samples.",
-            "If they are the sensor's own, linear and not demosaiced, write that sidecar as docs/raw.md shows.",
-        )
+        raise fail("unsupported_raw.no_sidecar", file=file, sidecar=f"{file.name}.json")
     try:
         return read_dng(file, part, rest)
     except UnsupportedRaw as error:
-        if not error.message.endswith(NO_DNG):
+        if error.key != "unsupported_raw.no_dng":
             raise
-        return _by_libraw(file, error)
+        return _by_libraw(file)
 
 
-def _by_libraw(file: Path, refusal: UnsupportedRaw) -> Mosaic:
+def _by_libraw(file: Path) -> Mosaic:
     """Read a raw file in another format than DNG: samples, pattern and levels come from LibRaw."""
     import rawpy
 
@@ -78,11 +75,9 @@ def _by_libraw(file: Path, refusal: UnsupportedRaw) -> Mosaic:
             raw.unpack()
             mosaic = _of_libraw(file, raw, rawpy)
     except rawpy.LibRawFileUnsupportedError as error:
-        raise UnsupportedRaw(
-            f"{file} is not a DNG, and LibRaw {_version(rawpy)} does not support its format.", refusal.advice
-        ) from error
+        raise fail("unsupported_raw.libraw", file=file, version=_version(rawpy)) from error
     except rawpy.LibRawError as error:
-        raise UnreadableRaw(f"{file} cannot be decoded: LibRaw says {error}.", COPY_AGAIN) from error
+        raise fail("unreadable_raw.undecodable", file=file, detail=f"LibRaw says {error}") from error
     with file.open("rb") as stream:
         make, model = _maker(stream.read(HEAD))
         stream.seek(0)
@@ -92,20 +87,17 @@ def _by_libraw(file: Path, refusal: UnsupportedRaw) -> Mosaic:
 def _of_libraw(file: Path, raw: Any, rawpy: Any) -> Mosaic:
     """Check the values that LibRaw reports for an unpacked file and build the mosaic."""
     if raw.raw_type != rawpy.RawType.Flat or raw.raw_image_visible is None:
-        raise NotSensorRaw(f"{file} holds several colours a pixel: it is demosaiced, sRAW or not Bayer.", RAW_MODE)
+        raise fail("not_sensor_raw.several_colours", file=file)
     pattern = raw.raw_pattern
     if pattern is None or pattern.shape != (2, 2):
         shape = "none" if pattern is None else f"{pattern.shape[0]} × {pattern.shape[1]}"
-        raise UnsupportedRaw(
-            f"{file} has no Bayer pattern (X-Trans or another, {shape}).",
-            f"camssf reads the Bayer orders {', '.join(CFA_ORDERS)}; use another camera.",
-        )
+        raise fail("unsupported_raw.no_bayer", file=file, pattern=shape, orders=", ".join(CFA_ORDERS))
     corner = raw.raw_colors_visible[:2, :2]
     letters = raw.color_desc.decode("ascii", "replace")
     cfa = "".join(letters[i] if i < len(letters) else "?" for i in corner.ravel())
     if cfa not in CFA_ORDERS:
-        raise UnsupportedRaw(
-            f"{file} has the colour filters {cfa}.", f"camssf reads the Bayer orders {', '.join(CFA_ORDERS)}."
+        raise fail(
+            "unsupported_raw.colour_filters", file=file, filters=cfa, rows=2, columns=2, orders=", ".join(CFA_ORDERS)
         )
     levels = raw.black_level_per_channel
     black = np.array([levels[i] for i in corner.ravel()], dtype=np.float64).reshape(2, 2)
@@ -164,13 +156,10 @@ def _picture(file: Path, sidecar: Path) -> Mosaic:
     try:
         data = file.read_bytes()
     except OSError as error:
-        raise UnreadableRaw(f"{file} cannot be read: {error_in_words(error)}.", read_advice(error)) from error
+        raise fail("unreadable_raw.no_access", file=file, detail=error_in_words(error)) from error
     samples = _png(file, data) if file.suffix.casefold() == ".png" else _tiff(file, data)
     if samples.ndim != 2 or samples.dtype not in (np.uint8, np.uint16):
-        raise NotSensorRaw(
-            f"{file} holds {samples.dtype} samples of shape {samples.shape}: no mosaic.",
-            "Give one channel of 8 or 16 bits, the sensor's own samples, neither demosaiced nor balanced.",
-        )
+        raise fail("not_sensor_raw.shape", file=file, type=samples.dtype, shape=samples.shape)
     check_size(file, samples.shape[1], samples.shape[0])
     black = np.array(values["black"], dtype=np.float64) * np.ones((2, 2))
     samples = np.ascontiguousarray(samples, dtype=np.uint16)
@@ -197,15 +186,15 @@ def _picture(file: Path, sidecar: Path) -> Mosaic:
 
 def _png(file: Path, data: bytes) -> NDArray[Any]:
     if data[:8] != b"\x89PNG\r\n\x1a\n" or data[12:16] != b"IHDR":
-        raise UnreadableRaw(f"{file} is no PNG.", COPY_AGAIN)
+        raise fail("unreadable_raw.no_png", file=file)
     check_size(file, int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big"))
     if data[24] not in (8, 16) or data[25] != 0:  # checked before decoding
-        raise NotSensorRaw(f"{file} is not a grey PNG of 8 or 16 bits.", "Write the mosaic as one grey channel.")
+        raise fail("not_sensor_raw.no_grey_png", file=file)
     import cv2
 
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if image is None:
-        raise UnreadableRaw(f"{file} cannot be decoded.", COPY_AGAIN)
+        raise fail("unreadable_raw.undecodable", file=file, detail="OpenCV finds no picture")
     return np.asarray(image)
 
 
@@ -216,25 +205,19 @@ def _tiff(file: Path, data: bytes) -> NDArray[Any]:
         with tifffile.TiffFile(io.BytesIO(data)) as tiff:
             page: Any = tiff.pages.first
             if len(tiff.pages) > 1:
-                raise NotSensorRaw(
-                    f"{file} has {len(tiff.pages)} pages; one is needed, the mosaic.", "Write one page."
-                )
+                raise fail("not_sensor_raw.pages", file=file, count=len(tiff.pages))
             if page.photometric == tifffile.PHOTOMETRIC.MINISWHITE:
-                raise UnsupportedRaw(f"{file} is a negative (MinIsWhite).", "Write it as MinIsBlack: 0 is no light.")
+                raise fail("unsupported_raw.negative", file=file)
             check_size(file, page.imagewidth, page.imagelength)
             if page.samplesperpixel != 1:
-                raise NotSensorRaw(
-                    f"{file} holds {page.samplesperpixel} samples a pixel, a mosaic has one.", RAW_MODE
-                )
+                raise fail("not_sensor_raw.samples_per_pixel", file=file, count=page.samplesperpixel)
             if page.bitspersample not in (8, 16):
-                raise UnsupportedRaw(f"{file} holds samples of {page.bitspersample} bits.", "Write 8 or 16 bits.")
+                raise fail("unsupported_raw.tiff_bits", file=file, bits=page.bitspersample)
             return np.asarray(page.asarray())
     except (NotSensorRaw, UnsupportedRaw, UnreadableRaw):
         raise
     except Exception as error:  # tifffile raises many types of exceptions
-        raise UnreadableRaw(
-            f"{file} cannot be decoded ({error}).", "Write it without compression, one page, 8 or 16 bits."
-        ) from error
+        raise fail("unreadable_raw.undecodable_tiff", file=file, detail=error) from error
 
 
 def _sidecar(path: Path) -> tuple[dict[str, Any], bytes]:
@@ -284,15 +267,9 @@ def _number(value: Any) -> bool:
 def _check_levels(file: Path, samples: NDArray[np.uint16], black: Floats, white: float) -> None:
     """Raise if the levels are impossible for these samples."""
     if not (np.isfinite(black).all() and 0 < white <= 65535 and (black < white).all() and (black >= 0).all()):
-        raise UnsupportedRaw(
-            f"{file} has black at {black.min():g} and white at {white:g}, which is impossible.",
-            f"Its levels are unknown. {CONVERT}",
-        )
+        raise fail("unsupported_raw.levels", file=file, black=black.min(), white=white)
     if int(samples.max()) > 4 * white:
-        raise UnsupportedRaw(
-            f"{file} has samples of {samples.max()}, far above the white level of {white:g}.",
-            f"Its levels are unknown. {CONVERT}",
-        )
+        raise fail("unsupported_raw.above_white", file=file, largest=samples.max(), white=white)
 
 
 def _positive(value: float) -> float | None:

@@ -14,15 +14,11 @@ from typing import BinaryIO
 
 import numpy as np
 
-from camssf.errors import UnreadableRaw, UnsupportedRaw
+from camssf.errors import CalibrationError
 from camssf.grid import Floats
+from camssf.messages import fail
 
 MAX_DIRECTORIES, MAX_DEPTH = 64, 4
-
-CONVERT = "Convert it to DNG with a DNG converter, keeping the mosaic, and try again."
-NO_DNG = "is a raw file, but no DNG."
-"""End of the message about another raw format; `camssf.photo.read.raw` recognises it and tries LibRaw."""
-COPY_AGAIN = "Copy the file from the camera again; if it stays so, take the photo again."
 
 _OTHER_RAWS = (  # (offset, bytes) that identify other raw formats; some have a valid TIFF header
     (8, b"CR\x02"),
@@ -72,14 +68,14 @@ class Tiff:
         self.file, self.stream = file, stream
         self.size = os.fstat(stream.fileno()).st_size
         if self.size == 0:
-            raise UnreadableRaw(f"{file} is empty.", COPY_AGAIN)
+            raise fail("unreadable_raw.empty", file=file)
         magic = stream.read(16)
         if any(magic[at : at + len(word)] == word for at, word in _OTHER_RAWS):
-            raise UnsupportedRaw(f"{file} {NO_DNG}", CONVERT)
+            raise fail("unsupported_raw.no_dng", file=file)
         if magic[:4] not in (b"II*\0", b"MM\0*"):
             if magic[:4] in (b"II+\0", b"MM\0+"):
-                raise UnsupportedRaw(f"{file} is a BigTIFF.", "Save it as an ordinary DNG (below 4 GB).")
-            raise UnreadableRaw(f"{file} is not a DNG file.", "Give the camera's RAW photo as DNG, not a picture.")
+                raise fail("unsupported_raw.big_tiff", file=file)
+            raise fail("unreadable_raw.no_dng", file=file)
         self.order = "<" if magic[:1] == b"I" else ">"
         self.main: list[Directory] = []
         self.all: list[Directory] = []
@@ -92,7 +88,7 @@ class Tiff:
         if not self.main:
             raise self.damaged("it has no directory")
 
-    def damaged(self, what: str) -> UnreadableRaw:
+    def damaged(self, what: str) -> CalibrationError:
         """The error for this file, damaged."""
         return damaged(self.file, what)
 
@@ -177,9 +173,9 @@ class Tiff:
         return self.raw_bytes(directory, tag).split(b"\0")[0].decode("utf-8", "replace").strip()
 
 
-def damaged(name: str | Path, what: str) -> UnreadableRaw:
+def damaged(name: str | Path, what: str) -> CalibrationError:
     """The error for a damaged file."""
-    return UnreadableRaw(f"{name} is truncated or damaged: {what}.", COPY_AGAIN)
+    return fail("unreadable_raw.damaged", file=name, detail=what)
 
 
 def _width(kind: int) -> int:

@@ -10,8 +10,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import Annotated, TypeAlias
 
-from camssf.errors import UnitDiffers, UnreadableRaw
-from camssf.files import error_in_words, local, read_advice
+from camssf.files import error_in_words, local
+from camssf.messages import fail
 from camssf.photo.read.tiff import Directory, Tiff
 from camssf.places import PICTURES
 from camssf.rules import rules
@@ -109,7 +109,7 @@ def read_unit(path: Path | str) -> Taken:
     try:
         sha256 = photo_hash(path)
     except (OSError, ValueError) as error:  # ValueError: a path with a zero byte
-        raise UnreadableRaw(f"{path} cannot be read ({error_in_words(error)}).", read_advice(error)) from error
+        raise fail("unreadable_raw.no_access", file=path, detail=error_in_words(error)) from error
     return Taken(*read_metadata(path), sha256)
 
 
@@ -122,7 +122,7 @@ def read_metadata(path: Path | str) -> tuple[Unit, str]:
             exif = tiff.exif()
             return unit_of(tiff, exif), _time(tiff, exif)
     except (OSError, ValueError) as error:  # ValueError: a path with a zero byte
-        raise UnreadableRaw(f"{path} cannot be read ({error_in_words(error)}).", read_advice(error)) from error
+        raise fail("unreadable_raw.no_access", file=path, detail=error_in_words(error)) from error
 
 
 def check_unit(chart: str, one: tuple[Unit, Area | None], other: str, two: tuple[Unit, Area | None]) -> None:
@@ -152,11 +152,7 @@ def check_unit(chart: str, one: tuple[Unit, Area | None], other: str, two: tuple
     if place and area and place != area:
         differ.append(f"active area {', '.join(map(str, place))} against {', '.join(map(str, area))}")
     if differ:
-        raise UnitDiffers(
-            f"{other} was taken by another camera or lens than {chart}: {'; '.join(differ)}.",
-            "Take all photos of a capture with one physical camera, one lens, one zoom setting and one aperture; on "
-            "a phone with several cameras name the one that shall take them. Calibrate each of them by itself.",
-        )
+        raise fail("unit_differs.photos", file=other, other=chart, differences="; ".join(differ))
 
 
 def serial_check(make: str, model: str, serial: str) -> str:

@@ -117,7 +117,7 @@ public class Recovered internal constructor(
  * @property error the reason; its advice says what to do next.
  */
 public class Refused internal constructor(
-    public val error: CalibrationException,
+    public val error: Refusal,
     verdict: Verdict,
     provenance: Provenance,
     measured: PartialCapture?,

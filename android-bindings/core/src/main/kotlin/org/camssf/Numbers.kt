@@ -37,6 +37,20 @@ internal fun scientific(value: Double, digits: Int): String {
     return "${if (value < 0) "-" else ""}${size}e$power"
 }
 
+/** As Python's `:g`. */
+internal fun general(value: Double, digits: Int = 6): String =
+    decimal(BigDecimal(value).round(MathContext(digits, RoundingMode.HALF_EVEN)), digits).removeSuffix(".0")
+
+/** As Python writes floats, with an exponent where the first digit stands below 1e-4 or from `most` digits on. */
+internal fun decimal(value: BigDecimal, most: Int): String {
+    if (value.signum() == 0) return "0.0"
+    val digits = value.stripTrailingZeros()
+    val exponent = digits.precision() - digits.scale() - 1
+    if (exponent in -4 until most) return digits.toPlainString().let { if ('.' in it) it else "$it.0" }
+    val size = digits.movePointLeft(exponent).stripTrailingZeros().toPlainString()
+    return "${size}e${if (exponent < 0) "-" else "+"}${abs(exponent).toString().padStart(2, '0')}"
+}
+
 /** Formats a number with up to six significant digits and no exponent: 0.5, 16383, 2856. */
 internal fun short(value: Double): String = when {
     value.isNaN() || value.isInfinite() -> value.toString()

@@ -7,8 +7,8 @@ import org.camssf.json.members
 import org.camssf.model.Models
 
 /**
- * All thresholds, the rival lamps, makers' names and the texts of the verdict, from rules.json. Python reads the same
- * file, so that no number and no text is duplicated. docs/verdict.md describes it.
+ * All thresholds, the rival lamps, makers' names and the limits of the verdict's reasons, from rules.json. Python reads
+ * the same file, so that no number is duplicated. docs/verdict.md describes it.
  *
  * @property rivals lamps tried in place of the named one.
  * @property makers for each basis, beginnings of makers' names that make it more probable, in lower case.
@@ -18,7 +18,7 @@ internal class Rules private constructor(
     private val bounds: Map<String, Bound>,
     val rivals: List<String>,
     val makers: Map<String, List<String>>,
-    private val reasons: Map<String, Wording>,
+    private val reasons: Map<String, Ground>,
 ) {
     /** A number by group and word, for example "verdict.goodness_of_fit". */
     fun number(name: String): Double = numbers.getValue(name).toDouble()
@@ -34,8 +34,8 @@ internal class Rules private constructor(
     /** The bound of the verdict with this group and word; null if the number is not a bound. */
     fun bound(name: String): Bound? = bounds[name]
 
-    /** The texts of the reason of that name. */
-    fun wording(name: String): Wording = reasons.getValue(name)
+    /** What the reason of that name says and what decides. */
+    fun ground(name: String): Ground = reasons.getValue(name)
 
     /**
      * How a bound of the verdict decides.
@@ -47,44 +47,37 @@ internal class Rules private constructor(
     class Bound(val refused: Boolean, val beyond: String, val graver: String?)
 
     /**
-     * The texts of a reason of the verdict.
+     * A reason of the verdict.
      *
-     * @property code its error code.
+     * @property message key of its texts in messages.json.
      * @property limits names of the numbers that decide: the doubtful one, then the refusing one if it exists.
      */
-    class Wording(
-        val code: String,
-        val limits: List<String>,
-        private val message: String,
-        private val advice: String,
-    ) {
-        fun message(values: Map<String, Any>): String = fill(message, values)
-
-        fun advice(values: Map<String, Any>): String = fill(advice, values)
-    }
+    class Ground(val message: String, val limits: List<String>)
 
     companion object {
         private const val FORMAT = "camssf-rules/1"
-        private val PLACEHOLDER = Regex("""\{([a-z]+)(?::(percent|fixed)([0-9]))?\}""")
         private val ENTRY = setOf("value", "unit", "what", "why")
-        private val WORDS = setOf("code", "limits", "message", "advice")
 
         /**
          * The rules that are shipped with this app.
          *
          * @throws InvalidArgument the file is missing or damaged.
          */
-        val shipped: Rules by lazy {
-            val text = try {
-                Models.read("rules.json").decodeToString()
-            } catch (error: IllegalStateException) {
-                throw InvalidArgument(
-                    error.message.orEmpty(),
-                    "Add camssf-core and camssf-model unchanged.",
-                    cause = error,
-                )
-            }
-            parse(text)
+        val shipped: Rules by lazy { parse(read("rules.json")) }
+
+        /**
+         * The text of one of camssf-model's files.
+         *
+         * @throws InvalidArgument the file is missing or damaged.
+         */
+        fun read(name: String): String = try {
+            Models.read(name).decodeToString()
+        } catch (error: IllegalStateException) {
+            throw InvalidArgument(
+                error.message.orEmpty(),
+                "Add camssf-core and camssf-model unchanged.",
+                cause = error,
+            )
         }
 
         /**
@@ -116,7 +109,7 @@ internal class Rules private constructor(
                 if (bound.refused || bounds[graver]?.refused != true) throw damaged("$name refuses by $graver")
             }
             val reasons = record("reasons", file.getValue("reasons")).mapValues { (name, entry) ->
-                wording(name, record(name, entry, WORDS), numbers)
+                ground(name, record(name, entry, setOf("message", "limits")), numbers)
             }
             val makers = record("makers", file.getValue("makers")).mapValues { (basis, names) ->
                 different("makers, $basis", names)
@@ -124,29 +117,13 @@ internal class Rules private constructor(
             return Rules(numbers, bounds, different("rivals", file.getValue("rivals")), makers, reasons)
         }
 
-        /** Fills in the placeholders of a template: `{name}`, `{name:percent1}`, `{name:fixed2}`. */
-        fun fill(template: String, values: Map<String, Any>): String = PLACEHOLDER.replace(template) { found ->
-            val (name, kind, digits) = found.destructured
-            val value = values.getValue(name)
-            when (kind) {
-                "percent" -> percent((value as Number).toDouble(), digits.toInt())
-                "fixed" -> fixed((value as Number).toDouble(), digits.toInt())
-                else -> value.toString()
-            }
-        }
-
-        private fun wording(name: String, entry: Members, numbers: Map<String, String>): Wording {
+        private fun ground(name: String, entry: Members, numbers: Map<String, String>): Ground {
             val limits = texts("limits of $name", entry.getValue("limits"))
             val unknown = limits.filter { "verdict.$it" !in numbers }
             if (unknown.isNotEmpty()) throw damaged("$name has the limits $unknown, which no number is")
-            val message = text("message of $name", entry.getValue("message"))
-            val advice = text("advice of $name", entry.getValue("advice"))
-            for (template in listOf(message, advice)) {
-                if (PLACEHOLDER.replace(template, "").any { it in "{}" }) {
-                    throw damaged("$name has a wrong placeholder in '$template'")
-                }
-            }
-            return Wording(text("code of $name", entry.getValue("code")), limits, message, advice)
+            val key = text("message of $name", entry.getValue("message"))
+            if (key !in Messages.keys) throw damaged("$name has the message $key, which messages.json lacks")
+            return Ground(key, limits)
         }
 
         private fun bound(name: String, entry: Members): Bound? {

@@ -3,7 +3,6 @@ package org.camssf
 import org.camssf.documents.ResultForm
 import org.camssf.photo.DocumentForm
 import org.camssf.spectra.SourceFile
-import org.camssf.verdict.Reasons
 
 /** Results from their texts, which [CalibrationResult.toJson] and Python write. */
 public object SavedResult {
@@ -31,7 +30,7 @@ public object SavedResult {
         if (answer == null) {
             val reason = verdict.reasons.firstOrNull()
                 ?: throw InvalidArgument("${file.name}: the verdict has no reason.", DocumentForm.ADVICE)
-            return Refused(Reasons.error(reason), verdict, provenance, document.partial, file)
+            return Refused(Refusal.of(reason), verdict, provenance, document.partial, file)
         }
         return Recovered(
             document.capture!!, ResultForm.answer(answer), verdict, ResultForm.assumptions(document.assumptions),

@@ -7,7 +7,6 @@ import org.camssf.photo.MeasuredCapture
 import org.camssf.recovery.Engine
 import org.camssf.recovery.OnnxEngine
 import org.camssf.verdict.Check
-import org.camssf.verdict.Reason
 import org.camssf.verdict.Reasons
 import org.camssf.verdict.Status
 import org.camssf.verdict.UnitDrift
@@ -44,15 +43,13 @@ internal class SolveWithPrevious(
                 return found.with(found.verdict, found.assumptions + entered(new))
             }
             verdict.checks to if (verdict.outcome == Status.REFUSED) Reasons.refusal(verdict) else null
-        } catch (error: InvalidArgument) {
-            throw error
-        } catch (error: CalibrationException) {
+        } catch (error: Refusal) {
             emptyList<Check>() to error
         }
         val alone = Solve(engines, own, settings, reporter).run()
         if (alone.verdict.outcome == Status.REFUSED) return alone
         val why = UnitDrift.contradiction(checks, alone.verdict.checks)
-            ?: refused?.let { Reason(it.code, it.message, it.advice, it.value, it.threshold) }
+            ?: refused?.reason
             ?: return alone // the new photos alone do not fit either, and their verdict says so
         val drift = checks.filter { it.name == UnitDrift.DRIFT }
         val verdict = Verdict(Status.DOUBTFUL, listOf(why) + alone.verdict.reasons, alone.verdict.checks + drift)

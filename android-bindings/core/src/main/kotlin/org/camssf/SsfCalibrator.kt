@@ -21,7 +21,6 @@ import org.camssf.recovery.SHIPPED_BASES
 import org.camssf.recovery.withOnnxRuntime
 import org.camssf.spectra.Bundled
 import org.camssf.spectra.ChartTable
-import org.camssf.verdict.Reason
 import org.camssf.verdict.Reasons
 import org.camssf.verdict.Status
 import org.camssf.verdict.Verdict
@@ -242,11 +241,8 @@ public class SsfCalibrator private constructor(
                 return refused(Reasons.refusal(solution.verdict), solution.verdict, PartialCapture(solution.capture))
             }
             return recovered(solution, modelHashes.getValue(solution.ssf.basis), basisHashes[solution.ssf.basis])
-        } catch (error: InvalidArgument) {
-            throw error
-        } catch (error: CalibrationException) {
-            val reason = Reason(error.code, error.message, error.advice, error.value, error.threshold)
-            return refused(error, Verdict(Status.REFUSED, listOf(reason)), partial())
+        } catch (error: Refusal) {
+            return refused(error, Verdict(Status.REFUSED, listOf(error.reason)), partial())
         }
     }
 
@@ -377,7 +373,7 @@ public class SsfCalibrator private constructor(
             )
         }
 
-        private fun refused(error: CalibrationException, verdict: Verdict, measured: PartialCapture): Refused =
+        private fun refused(error: Refusal, verdict: Verdict, measured: PartialCapture): Refused =
             Refused(error, verdict, Provenance(Camssf.VERSION, null, null, null, measured.files), measured)
 
         private fun load(bases: List<String>): List<Engine> {
@@ -399,8 +395,7 @@ public class SsfCalibrator private constructor(
             work()
         } catch (error: OutOfMemoryError) {
             val most = Runtime.getRuntime().maxMemory() shr 20
-            val message = "The calibration needs more than the $most MB that this process may use."
-            throw OutOfMemory(message, OutOfMemory.ADVICE, most.toDouble(), null, error)
+            throw Refusal.of("out_of_memory.calibration", "most" to most, value = most.toDouble(), cause = error)
         } catch (error: Exception) {
             if (error is InterruptedException || error is CancellationException || !interrupt(error)) throw error
             Thread.interrupted()

@@ -96,7 +96,7 @@ class ClosingTest {
             assertTrue(lines.any { Regex("reading the photo, shot 1: \\d+ ms").matches(it) }, lines.toString())
             assertTrue(lines.last().startsWith("accepted") || lines.last().startsWith("doubtful"), lines.last())
             lines.clear()
-            calibrator.calibrateBlocking(capture { throw UnreadableRaw("a.dng", "b") })
+            calibrator.calibrateBlocking(capture { throw Refusal.of("unreadable_raw.missing", "file" to "a.dng") })
             assertEquals("refused, unreadable_raw", lines.last())
             assertTrue(lines.none { File.separator + "golden" in it })
         }

@@ -17,8 +17,15 @@ class ErrorsTest {
         .filter { CalibrationException::class.java.isAssignableFrom(it) && !Modifier.isAbstract(it.modifiers) }
 
     private val codes = kinds.associate { kind ->
-        val made = kind.constructors.single { !it.isSynthetic }.newInstance("What.", "How.", null, null, null)
-        kind.simpleName to (made as CalibrationException).code
+        val code = kind.simpleName.replace(Regex("(?<!^)[A-Z]")) { "_${it.value}" }.lowercase()
+        val made = when (code) {
+            "invalid_argument" -> InvalidArgument("What.", "How.")
+            "runtime_unfit" -> RuntimeUnfit("What.", "How.")
+            "passport_invalid" -> PassportInvalid("What.", "How.")
+            else -> Refusal.of(Reason(code, "What.", "How.", null, null))
+        }
+        assertEquals(kind, made.javaClass)
+        kind.simpleName to made.code
     }
 
     @Test

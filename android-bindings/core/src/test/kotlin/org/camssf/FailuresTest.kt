@@ -104,7 +104,7 @@ class FailuresTest {
                 assertSame(thrown, error.cause)
                 assertTrue((thrown.message ?: "NullPointer") in error.message && error.advice.isNotEmpty())
             }
-            val own = UnsupportedRaw("a.dng", "b")
+            val own = Refusal.of("unsupported_raw.big_tiff", "file" to "a.dng")
             assertSame(own, refusal(calibrator, PhotoSource.dng { throw own }))
             val stop = java.util.concurrent.CancellationException("enough")
             val thrown = assertThrows(stop.javaClass) { refusal(calibrator, PhotoSource.dng { throw stop }) }
@@ -150,7 +150,8 @@ class FailuresTest {
     @Test
     fun `after close nothing works`() {
         val calibrator = SsfCalibrator.openBlocking()
-        val capture = Capture(shot(PhotoSource { throw UnreadableRaw("a", "b") }), chart)
+        val capture =
+            Capture(shot(PhotoSource { throw Refusal.of("unreadable_raw.missing", "file" to "a.dng") }), chart)
         calibrator.close()
         calibrator.close()
         val next = Continuation<CalibrationResult>(EmptyCoroutineContext) { }

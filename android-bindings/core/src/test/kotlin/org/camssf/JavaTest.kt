@@ -35,6 +35,7 @@ class JavaTest {
         const val SOURCE = """
             import java.io.File;
             import java.util.ArrayList;
+            import java.util.Collections;
             import java.util.List;
             import org.camssf.*;
             import org.camssf.photo.*;
@@ -57,7 +58,9 @@ class JavaTest {
                         double end = steps.get(steps.size() - 1).getPart();
                         return word + " " + red + " " + Grid.wavelengths.getSize() + " " + end;
                     } catch (UnreadableRaw error) {
-                        throw new UnsupportedRaw("a", "b", null, null, error);
+                        throw Refusal.of("unsupported_raw.big_tiff", Collections.singletonMap("file", path));
+                    } catch (Misuse error) {
+                        throw new IllegalStateException(error.getReason().getMessage(), error);
                     }
                 }
             }

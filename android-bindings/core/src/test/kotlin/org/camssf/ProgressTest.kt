@@ -91,7 +91,8 @@ class ProgressTest {
     @Test
     fun `a refusal is never done`() = opened("phones").use { calibrator ->
         val (one, two) = shots(2, 360, 264)
-        val lost = Shot(PhotoSource { throw UnreadableRaw("a", "b") }, two.lamp, two.corners)
+        val lost =
+            Shot(PhotoSource { throw Refusal.of("unreadable_raw.missing", "file" to "a.dng") }, two.lamp, two.corners)
         val steps = ArrayList<Progress>()
         calibrator.calibrateBlocking(Capture(listOf(one, lost), LargePhotos.chart), into(steps))
         assertEquals("reading the photo, shot 2: ${(100 * steps.last().part).toInt()} %", "${steps.last()}")

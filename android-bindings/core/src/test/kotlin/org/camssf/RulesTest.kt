@@ -9,7 +9,7 @@ import org.junit.jupiter.api.Assertions.assertThrows
 import org.junit.jupiter.api.Assertions.assertTrue
 import org.junit.jupiter.api.Test
 
-/** rules.json: read strictly; its words are filled in as Python fills them. */
+/** rules.json: read strictly. */
 class RulesTest {
     private val text = Models.read("rules.json").decodeToString()
 
@@ -21,18 +21,13 @@ class RulesTest {
     }
 
     @Test
-    fun `numbers, rivals and words are those of the file`() {
+    fun `numbers, rivals and reasons are those of the file`() {
         val rules = Rules.parse(text)
         assertEquals(3.5, rules.number("verdict.goodness_of_fit"))
         assertEquals(12, rules.whole("verdict.few_patches"))
         assertEquals(1.0 / 3.0, rules.number("covariance.absolute"))
-        assertEquals("glare", rules.wording("veil").code)
-        assertEquals(listOf("explanation", "misfit_refuses"), rules.wording("veil").limits)
-        assertEquals(
-            "shot 2: dark patches are too bright. Stray light or a wrong black level adds 3.1% of white to all " +
-                "patches.",
-            rules.wording("veil").message(mapOf("shot" to "shot 2", "amount" to 0.0312)),
-        )
+        assertEquals("glare.veil", rules.ground("veil").message)
+        assertEquals(listOf("explanation", "misfit_refuses"), rules.ground("veil").limits)
     }
 
     @Test
@@ -51,12 +46,6 @@ class RulesTest {
     }
 
     @Test
-    fun `advice names no option of a command line`() {
-        val reasons = Regex("\"advice\": \"([^\"]*)\"").findAll(text).map { it.groupValues[1] }.toList()
-        assertTrue(reasons.size > 20 && reasons.none { "--" in it })
-    }
-
-    @Test
     fun `a bound knows on which side it breaks, and which one refuses`() {
         val veil = Rules.shipped.bound("verdict.veil")!!
         assertEquals(listOf(false, "above", "veil_refuses"), listOf(veil.refused, veil.beyond, veil.graver))
@@ -67,20 +56,13 @@ class RulesTest {
     }
 
     @Test
-    fun `placeholders`() {
-        val values = mapOf("a" to 0.125, "n" to 12, "t" to "x")
-        assertEquals("12.5% 12% 0.12 12 x", Rules.fill("{a:percent1} {a:percent0} {a:fixed2} {n} {t}", values))
-        assertThrows(NoSuchElementException::class.java) { Rules.fill("{b}", values) }
-    }
-
-    @Test
     fun `a damaged file is refused`() {
         assertTrue("no JSON" in refused(text.dropLast(5)))
         assertTrue("camssf-rules/2" in refused(text.replace("camssf-rules/1", "camssf-rules/2")))
         assertTrue("verdict.goodness_of_fit" in refused(text.replace("\"value\": 3.5", "\"value\": \"3.5\"")))
         assertTrue("verdict.goodness_of_fit" in refused(text.replace("\"value\": 3.5", "\"value\": 0.0")))
         assertTrue("valu" in refused(text.replaceFirst("\"value\": 3.5", "\"valu\": 3.5")))
-        assertTrue("placeholder" in refused(text.replace("{amount:percent1}", "{amount:percents}")))
+        assertTrue("glare.mist" in refused(text.replace("glare.veil", "glare.mist")))
         assertTrue(
             "limits" in refused(text.replaceFirst("[\"explanation\", \"misfit_refuses\"]", "[\"explanations\"]")),
         )

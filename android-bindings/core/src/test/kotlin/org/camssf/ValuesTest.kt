@@ -62,10 +62,10 @@ class ValuesTest {
                 Regex("""Recovered\((accepted|doubtful: [a-z_, ]+), basis=phones, halfWidth=0\.\d+\)""")
             assertTrue(line.matches("$one"), "$one")
             assertTrue("chart-turned-0.dng" in "${one.capture}" && "Lamp(E" in "${one.capture.shots[0].lamp}")
-            val bright = Shot(PhotoSource { throw Overexposed("Too bright.", "Less.") }, corners)
-            val refused = calibrator.calibrateBlocking(Capture(bright, ChartTable.read("classic24")))
-            assertEquals("Refused(overexposed: Too bright. Less.)", "$refused")
-            assertEquals("refused: overexposed", "${refused.verdict}")
+            val lost = Shot(PhotoSource { throw Refusal.of("unreadable_raw.missing", "file" to "a.dng") }, corners)
+            val refused = calibrator.calibrateBlocking(Capture(lost, ChartTable.read("classic24")))
+            assertEquals("Refused(unreadable_raw: There is no file a.dng. Check the path.)", "$refused")
+            assertEquals("refused: unreadable_raw", "${refused.verdict}")
         }
     }
 }

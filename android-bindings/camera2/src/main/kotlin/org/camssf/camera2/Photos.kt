@@ -5,6 +5,7 @@ import android.net.Uri
 import android.os.ParcelFileDescriptor
 import android.provider.OpenableColumns
 import org.camssf.CalibrationException
+import org.camssf.Refusal
 import org.camssf.UnreadableRaw
 import org.camssf.UnsupportedRaw
 import org.camssf.photo.dng.DngSource
@@ -32,12 +33,16 @@ public object Photos {
         } catch (error: CalibrationException) {
             throw error
         } catch (error: IOException) {
-            throw UnreadableRaw("$name cannot be opened.", "Copy it to the phone and choose it again.", cause = error)
+            throw Refusal.of(
+                "unreadable_raw.content", "file" to name, "detail" to error.message.orEmpty(), cause = error,
+            )
         } catch (error: SecurityException) {
-            throw UnreadableRaw("The app may not read $name.", "Choose it again in the file picker.", cause = error)
+            throw Refusal.of("unreadable_raw.no_permission", "file" to name, cause = error)
         } catch (error: RuntimeException) { // the provider's exceptions reach the app
             val advice = "Copy it to the phone's own storage and choose it there."
-            throw UnreadableRaw("The app that keeps $name failed.", advice, cause = error)
+            throw Refusal.of(
+                "unreadable_raw.provider", "file" to name, "detail" to error.message.orEmpty(), cause = error,
+            )
         }
     }
 

@@ -16,6 +16,7 @@ import android.os.Build
 import org.camssf.InvalidArgument
 import org.camssf.NotSensorRaw
 import org.camssf.OutOfMemory
+import org.camssf.Refusal
 import org.camssf.UnsupportedRaw
 import org.camssf.model.Sha256
 import org.camssf.photo.ColourMatrix
@@ -159,7 +160,10 @@ public object RawFrames {
         sameCapture(image, result, name)
         val shortfalls = CaptureRequirements.check(result, camera)
         shortfalls.firstOrNull { it.fatal }?.let {
-            throw NotSensorRaw("$name: ${it.key} is ${it.found}: the samples are not the sensor's own.", it.advice)
+            throw Refusal.of(
+                "not_sensor_raw.frame_setting", "file" to name, "setting" to it.key, "state" to it.found,
+                "advice" to it.advice,
+            )
         }
         return shortfalls
     }
@@ -295,7 +299,9 @@ public object RawFrames {
     private fun filters(camera: CameraCharacteristics, name: String): String {
         val order = need(camera, CameraCharacteristics.SENSOR_INFO_COLOR_FILTER_ARRANGEMENT, name)
         val advice = "camssf reads Bayer sensors only; choose another camera."
-        return Mosaic.CFA_ORDERS.getOrNull(order) ?: throw UnsupportedRaw("$name: filter arrangement $order.", advice)
+        return Mosaic.CFA_ORDERS.getOrNull(order) ?: throw Refusal.of(
+            "unsupported_raw.filter_arrangement", "file" to name, "arrangement" to order,
+        )
     }
 
     /** The active area of the image, in the image's own pixels. */
@@ -309,12 +315,14 @@ public object RawFrames {
             return Region.ofSize(left = 0, top = 0, width = w, height = h)
         }
         if (w != whole.width || h != whole.height || !Rect(0, 0, w, h).contains(active)) {
-            throw UnsupportedRaw("$name has $w × $h samples, the sensor $whole.", "Ask for its ordinary pixel mode.")
+            throw Refusal.of(
+                "unsupported_raw.frame_size", "file" to name, "width" to w, "height" to h, "sensor" to whole,
+            )
         }
         if (active.left % 2 != 0 || active.top % 2 != 0) {
             // The filter arrangement is documented as the one at the sensor's corner, but DNG has it at the active
             // area's corner: at an odd place the two differ by a column or row.
-            throw UnsupportedRaw("$name: the active array begins at an odd place.", "Choose another camera.")
+            throw Refusal.of("unsupported_raw.odd_area", "file" to name)
         }
         return Region.ofSize(active.left, active.top, active.width(), active.height())
     }
@@ -326,7 +334,7 @@ public object RawFrames {
         init {
             val plane = image.planes.singleOrNull()
             if (plane == null || plane.pixelStride != 2 || plane.rowStride < 2 * image.width) {
-                throw UnsupportedRaw("$name is not one plane of 16-bit samples.", "Ask for ImageFormat.RAW_SENSOR.")
+                throw Refusal.of("unsupported_raw.no_plane", "file" to name)
             }
             stride = plane.rowStride
             if (stride.toLong() * (image.height - 1) + 2L * image.width > plane.buffer.capacity()) {
@@ -337,10 +345,8 @@ public object RawFrames {
         fun copy(part: Region): ShortArray = try {
             ShortArray(part.width * part.height).also { copy(part, it) }
         } catch (error: OutOfMemoryError) {
-            throw OutOfMemory(
-                "$name: ${part.width} × ${part.height} samples need more memory than there is.",
-                "Copy the part around the chart only (region), or measure the frame in its image (RawFrames.open).",
-                cause = error,
+            throw Refusal.of(
+                "out_of_memory.frame", "file" to name, "width" to part.width, "height" to part.height, cause = error,
             )
         }
 
@@ -407,5 +413,5 @@ public object RawFrames {
     }
 
     private fun <T : Any> need(camera: CameraCharacteristics, key: CameraCharacteristics.Key<T>, name: String): T =
-        camera.get(key) ?: throw UnsupportedRaw("$name: the camera does not tell ${key.name}.", "Photograph to DNG.")
+        camera.get(key) ?: throw Refusal.of("unsupported_raw.silent_camera", "file" to name, "setting" to key.name)
 }

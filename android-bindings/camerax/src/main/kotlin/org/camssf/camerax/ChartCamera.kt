@@ -25,6 +25,7 @@ import kotlinx.coroutines.flow.map
 import kotlinx.coroutines.suspendCancellableCoroutine
 import org.camssf.InvalidArgument
 import org.camssf.NotSensorRaw
+import org.camssf.Refusal
 import org.camssf.UnreadableRaw
 import org.camssf.UnsupportedRaw
 import org.camssf.camera2.CaptureRequirements
@@ -95,7 +96,7 @@ public class ChartCamera @Throws(CameraAccessException::class) constructor(
     public fun imageCapture(builder: ImageCapture.Builder = ImageCapture.Builder()): ImageCapture {
         val formats = ImageCapture.getImageCaptureCapabilities(camera).supportedOutputFormats
         if (ImageCapture.OUTPUT_FORMAT_RAW !in formats) {
-            throw UnsupportedRaw("This camera gives CameraX no RAW photos.", "Choose another camera of this phone.")
+            throw Refusal.of("unsupported_raw.no_raw_camera")
         }
         val camera2 = Camera2Interop.Extender(builder).setSessionCaptureCallback(StillResult())
         CaptureRequirements.settings(characteristics).forEach { camera2.setCaptureRequestOption(it.key, it.value) }
@@ -147,14 +148,20 @@ public class ChartCamera @Throws(CameraAccessException::class) constructor(
 
                 override fun onError(exception: ImageCaptureException) {
                     val message = "CameraX took no photo: ${exception.message}."
-                    waiting.resumeWithException(UnreadableRaw(message, "Take it again.", cause = exception))
+                    waiting.resumeWithException(
+                        Refusal.of(
+                            "unreadable_raw.no_capture", "detail" to exception.message.orEmpty(), cause = exception,
+                        ),
+                    )
                 }
             }
             capture.takePicture(ImageCapture.OutputFileOptions.Builder(file).build(), Runnable::run, saved)
         }
         val found = result?.let { CaptureRequirements.check(it, characteristics) } ?: listOf(UNCHECKED)
         found.firstOrNull { it.fatal }?.let {
-            throw NotSensorRaw("${it.key} is ${it.found}: the samples are not the sensor's own.", it.advice)
+            throw Refusal.of(
+                "not_sensor_raw.setting", "setting" to it.key, "state" to it.found, "advice" to it.advice,
+            )
         }
         shortfalls = found
         return PhotoSource.of(file)

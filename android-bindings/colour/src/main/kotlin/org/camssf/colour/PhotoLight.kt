@@ -2,7 +2,7 @@ package org.camssf.colour
 
 import org.camssf.InvalidArgument
 import org.camssf.LampUnfit
-import org.camssf.fixed
+import org.camssf.Refusal
 import org.camssf.photo.PhysicalCamera
 import org.camssf.spectra.Lamp
 import kotlin.math.exp
@@ -90,12 +90,9 @@ public class PhotoLight internal constructor(
         private fun check(light: SurfaceResponse) {
             val chiSquared = light.chiSquared ?: return
             if (chiSquared > CONTRADICTED) {
-                throw LampUnfit(
-                    "The reference is not white under ${light.names.single()}: its raw ratios are off, χ² = " +
-                        "${fixed(chiSquared, 0)}.",
-                    "Check the lamp and that the reference is neutral and lit by that lamp alone; or name no lamp.",
-                    chiSquared,
-                    CONTRADICTED,
+                throw Refusal.of(
+                    "lamp_unfit.reference", "lamp" to light.names.single(), "misfit" to chiSquared, value = chiSquared,
+                    threshold = CONTRADICTED,
                 )
             }
         }

@@ -4,9 +4,9 @@ import org.camssf.CalibrationException
 import org.camssf.ChartNotFound
 import org.camssf.InvalidArgument
 import org.camssf.Overexposed
+import org.camssf.Refusal
 import org.camssf.Rows
 import org.camssf.Rules
-import org.camssf.percent
 import org.camssf.photo.ChartPose
 import org.camssf.photo.LensShading
 import org.camssf.photo.Mosaic
@@ -75,11 +75,9 @@ public class RawRegion internal constructor(
                 val clipped = (3 * i..3 * i + 2).maxOf { means.chart.sharedClipped[it] }
                 val limit = Rules.shipped.number("signals.clipped")
                 if (clipped > limit) {
-                    throw Overexposed(
-                        "Region ${i + 1}: ${percent(clipped, 1)} of its samples are at the ceiling.",
-                        "Take the photo again with less exposure.",
-                        clipped,
-                        limit,
+                    throw Refusal.of(
+                        "overexposed.region", "region" to i + 1, "share" to clipped, value = clipped,
+                        threshold = limit,
                     )
                 }
                 val night = means.dark

@@ -2,11 +2,11 @@ package org.camssf.colour
 
 import org.camssf.FramesDiffer
 import org.camssf.InvalidArgument
+import org.camssf.Refusal
 import org.camssf.photo.Alike
 import org.camssf.photo.Facts
 import org.camssf.photo.LensShading
 import org.camssf.photo.PhysicalCamera
-import org.camssf.short
 
 /**
  * The photo in which raw signals were measured, and how.
@@ -33,18 +33,16 @@ internal class SignalSource(val photo: Facts, val shading: LensShading) {
         if (same(other)) return 1.0
         val (here, there) = photo.origin to other.photo.origin
         if (differ(here.make, there.make) || differ(here.model, there.model)) {
-            throw FramesDiffer(
-                "${there.name} was taken by ${there.make} ${there.model}, the reference's photo ${here.name} by " +
-                    "${here.make} ${here.model}.",
-                "Measure the reference and the surface in photos of one camera.",
+            throw Refusal.of(
+                "frames_differ.reference_camera", "file" to there.name, "camera" to "${there.make} ${there.model}",
+                "reference" to here.name, "other" to "${here.make} ${here.model}",
             )
         }
         PhysicalCamera.check("the reference's photo ${here.name}", here.camera, there.name, there.camera)
         if (photo.sensor.white != other.photo.sensor.white) {
-            throw FramesDiffer(
-                "${there.name} has a white level of ${short(other.photo.sensor.white)} DN, the reference's photo " +
-                    "${here.name} one of ${short(photo.sensor.white)} DN.",
-                "Take both photos with the same camera app and the same raw format.",
+            throw Refusal.of(
+                "frames_differ.reference_white_level", "file" to there.name, "white" to other.photo.sensor.white,
+                "reference" to here.name, "other" to photo.sensor.white,
             )
         }
         return ratio(here.exposure, there.exposure, "exposure time", other) * ratio(here.iso, there.iso, "ISO", other)
@@ -58,10 +56,9 @@ internal class SignalSource(val photo: Facts, val shading: LensShading) {
     private fun ratio(here: Double?, there: Double?, word: String, other: SignalSource): Double {
         if (here == null || there == null || !(here > 0 && there > 0)) {
             val silent = if (here != null && here > 0) other.photo.name else photo.name
-            throw FramesDiffer(
-                "$silent does not state its $word, so the signals of ${other.photo.name} cannot be compared with " +
-                    "the reference in ${photo.name}.",
-                "Measure the reference and the surface in one photo, or in photos that state exposure time and ISO.",
+            throw Refusal.of(
+                "frames_differ.reference_silent", "silent" to silent, "setting" to word, "file" to other.photo.name,
+                "reference" to photo.name,
             )
         }
         return if (Alike.equal(here, there)) 1.0 else here / there
@@ -83,9 +80,9 @@ internal class CameraOfCurves(val make: String, val model: String, val unit: Phy
     fun check(source: SignalSource) {
         val photo = source.photo.origin
         if (differ(make, photo.make) || differ(model, photo.model)) {
-            throw FramesDiffer(
-                "${photo.name} was taken by ${photo.make} ${photo.model}, the result is of $make $model.",
-                "Calibrate that camera; each has its own curves.",
+            throw Refusal.of(
+                "frames_differ.result_camera", "file" to photo.name, "camera" to "${photo.make} ${photo.model}",
+                "other" to "$make $model",
             )
         }
         PhysicalCamera.check("the result's photo", unit.body, photo.name, photo.camera.body)

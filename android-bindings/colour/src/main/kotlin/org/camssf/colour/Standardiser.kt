@@ -6,10 +6,10 @@ import org.camssf.FramesDiffer
 import org.camssf.InvalidArgument
 import org.camssf.LampUnfit
 import org.camssf.Recovered
+import org.camssf.Refusal
 import org.camssf.Rows
 import org.camssf.RuntimeUnfit
 import org.camssf.UnitDiffers
-import org.camssf.fixed
 import org.camssf.frozen
 import org.camssf.photo.LensShading
 import org.camssf.photo.Mosaic
@@ -103,12 +103,9 @@ public class Standardiser private constructor(
         }
         val colour = colourOf(reference.relative(raw, standardError))
         if (colour.reach > SurfaceDistance.FARTHEST) {
-            throw ColourOutOfReach(
-                "This colour cannot be a surface's colour under this lamp: ${fixed(colour.reach, 1)} standard " +
-                    "deviations from the nearest.",
-                "Check the white reference and the lamp; leave out glare, light sources and fluorescent surfaces.",
-                colour.reach,
-                SurfaceDistance.FARTHEST,
+            throw Refusal.of(
+                "colour_out_of_reach.colour", "distance" to colour.reach, value = colour.reach,
+                threshold = SurfaceDistance.FARTHEST,
             )
         }
         return colour

@@ -1,7 +1,7 @@
 package org.camssf.documents
 
 import org.camssf.InvalidArgument
-import org.camssf.UnitDiffers
+import org.camssf.Refusal
 import org.camssf.photo.FrameMeans
 import org.camssf.photo.MeasuredCapture
 import org.camssf.photo.MeasuredShot
@@ -79,9 +79,8 @@ internal class PreviousShots(
         val differ = pairs.filter { (_, there, here) -> there.isNotEmpty() && here.isNotEmpty() && there != here }
         if (differ.isNotEmpty()) {
             val words = differ.joinToString("; ") { (word, there, here) -> "$word $there against $here" }
-            throw UnitDiffers(
-                "The previous result $name is of another camera than ${photo.name}: $words.",
-                "Give the result of this unit, or calibrate it anew without a previous result.",
+            throw Refusal.of(
+                "unit_differs.previous", "previous" to name, "file" to photo.name, "differences" to words,
             )
         }
         val theirs = "the photo ${stored.name} of the previous result $name"

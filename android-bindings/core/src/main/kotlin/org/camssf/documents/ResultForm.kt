@@ -1,5 +1,6 @@
 package org.camssf.documents
 
+import org.camssf.Reason
 import org.camssf.Rows
 import org.camssf.fit.Predictions
 import org.camssf.fit.Scores
@@ -13,7 +14,6 @@ import org.camssf.photo.PartialCapture
 import org.camssf.recovery.EstimatedLamp
 import org.camssf.recovery.Hypothesis
 import org.camssf.verdict.Check
-import org.camssf.verdict.Reason
 import org.camssf.verdict.Status
 import org.camssf.verdict.Verdict
 
@@ -42,7 +42,7 @@ internal object ResultForm {
         "reasons" to verdict.reasons.map {
             Forms.plain(
                 "Reason", "code" to it.code, "message" to it.message, "advice" to it.advice, "value" to it.value,
-                "threshold" to it.threshold,
+                "threshold" to it.threshold, "key" to it.key, "arguments" to it.arguments,
             )
         },
         "checks" to verdict.checks.map {
@@ -109,7 +109,7 @@ internal object ResultForm {
         part.list<Fields>("reasons").map {
             Reason(
                 it.text("code"), it.text("message"), it.text("advice"), it.maybeNumber("value"),
-                it.maybeNumber("threshold"),
+                it.maybeNumber("threshold"), key = it.text("key"), arguments = it.map("arguments"),
             )
         },
         part.list<Fields>("checks").map {

@@ -3,13 +3,13 @@ package org.camssf.forms
 import org.camssf.CalibrationException
 import org.camssf.InvalidArgument
 import org.camssf.Rows
+import org.camssf.decimal
+import org.camssf.general
 import org.camssf.json.JsonText
 import org.camssf.json.NotJson
 import org.camssf.model.Models
 import java.math.BigDecimal
 import java.math.BigInteger
-import java.math.MathContext
-import java.math.RoundingMode
 import kotlin.math.abs
 
 /** The place of a fault in a document, and what is wrong there. */
@@ -159,6 +159,12 @@ internal class Forms(
                 (value as Map<*, *>).entries.associate { (key, entry) ->
                     text(form(form["key"]), key, place) to value(form(form["of"]), entry, "$place.$key")
                 }
+            }
+
+            "argument" -> when (value) {
+                is String -> text(form, value, place)
+                is Number -> number(form + ("is" to if (isWhole(value)) "whole" else "number"), value, place)
+                else -> throw BrokenDocument(place, "must be a text or a number${shown(value)}")
             }
 
             "either" -> either(form(form["of"]), value, place)
@@ -352,19 +358,5 @@ internal class Forms(
         }
 
         private fun clipped(text: String) = if (text.length <= 60) text else text.take(60) + "…"
-
-        /** As Python's `:g`. */
-        fun general(value: Double): String =
-            decimal(BigDecimal(value).round(MathContext(6, RoundingMode.HALF_EVEN)), 6).removeSuffix(".0")
-
-        /** As Python writes floats, with an exponent where the first digit stands below 1e-4 or from `most` digits on. */
-        private fun decimal(value: BigDecimal, most: Int): String {
-            if (value.signum() == 0) return "0.0"
-            val digits = value.stripTrailingZeros()
-            val exponent = digits.precision() - digits.scale() - 1
-            if (exponent in -4 until most) return digits.toPlainString().let { if ('.' in it) it else "$it.0" }
-            val size = digits.movePointLeft(exponent).stripTrailingZeros().toPlainString()
-            return "${size}e${if (exponent < 0) "-" else "+"}${abs(exponent).toString().padStart(2, '0')}"
-        }
     }
 }

@@ -1,6 +1,7 @@
 package org.camssf.photo
 
 import org.camssf.FramesDiffer
+import org.camssf.Refusal
 import org.camssf.Rules
 import org.camssf.short
 import kotlin.math.abs
@@ -40,10 +41,9 @@ internal object Alike {
         compare("exposure", frame.origin.exposure, chart.origin.exposure, " s")?.let { differ += it }
         compare("iso", frame.origin.iso, chart.origin.iso, "")?.let { differ += it }
         if (differ.isNotEmpty()) {
-            throw FramesDiffer(
-                "The $word frame ${frame.name} differs from the chart photo ${chart.name}: " +
-                    "${differ.joinToString("; ")}.",
-                "Take chart, white and dark frame with one camera in manual mode: same exposure time, ISO, aperture.",
+            throw Refusal.of(
+                "frames_differ.settings", "frame" to word, "file" to frame.name, "chart" to chart.name,
+                "differences" to differ.joinToString("; "),
             )
         }
         val camera = frame.origin.camera

@@ -2,6 +2,7 @@ package org.camssf.photo
 
 import org.camssf.ChartNotFound
 import org.camssf.InvalidArgument
+import org.camssf.Refusal
 import org.camssf.frozen
 import org.camssf.short
 import org.camssf.spectra.ChartLayout
@@ -72,11 +73,10 @@ public class ChartPose internal constructor(
                 )
             }
             if (min(facts.width, facts.height) < SMALLEST) {
-                throw ChartNotFound(
-                    "${facts.name}: the photo has only ${facts.width} × ${facts.height} px.",
-                    "Give the RAW photo of the whole sensor.",
-                    min(facts.width, facts.height).toDouble(),
-                    SMALLEST.toDouble(),
+                throw Refusal.of(
+                    "chart_not_found.small_photo", "file" to facts.name, "width" to facts.width,
+                    "height" to facts.height, value = min(facts.width, facts.height).toDouble(),
+                    threshold = SMALLEST.toDouble(),
                 )
             }
             val rough = corners.toArray()

@@ -7,6 +7,7 @@ import org.camssf.forms.BrokenDocument
 import org.camssf.forms.Fields
 import org.camssf.forms.Forms
 import org.camssf.forms.need
+import org.camssf.general
 import org.camssf.spectra.ChartLayout
 import org.camssf.spectra.Lamp
 import org.camssf.spectra.SpectraFile
@@ -138,9 +139,7 @@ internal class DocumentForm private constructor(
         }
 
         private fun checkWavelengths(wavelengths: DoubleArray) = try {
-            SpectraFile.checkWavelengths(wavelengths, "it") { message, advice, value, threshold ->
-                InvalidArgument(message, advice, value, threshold)
-            }
+            SpectraFile.checkWavelengths(wavelengths, "it", "chart_unfit")
         } catch (error: CalibrationException) {
             throw BrokenDocument("chart.wavelengths", "does not fit: ${error.message.trimEnd('.')}")
         }
@@ -171,7 +170,7 @@ internal class DocumentForm private constructor(
         private fun checkAnswer(answer: Fields) {
             for (colour in COLOURS) {
                 val peak = answer.part("curves").array(colour).max()
-                need(abs(peak - 1) <= 1e-6, "curves.$colour") { "must have peak 1, has ${Forms.general(peak)}" }
+                need(abs(peak - 1) <= 1e-6, "curves.$colour") { "must have peak 1, has ${general(peak)}" }
             }
             val proof = answer.part("proof")
             val problems = proof.array("layers_gap").size

@@ -1,8 +1,8 @@
 package org.camssf.photo
 
-import org.camssf.FramesDiffer
 import org.camssf.InvalidArgument
 import org.camssf.ProgressReporter
+import org.camssf.Refusal
 import org.camssf.Stage
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
@@ -157,10 +157,7 @@ internal class Measuring(private val capture: Capture, private val reporter: Pro
             }
             val bodies = shots.map { "${it.photo.make} ${it.photo.model}" }.toSortedSet()
             if (bodies.size > 1) {
-                throw FramesDiffer(
-                    "The photos come from different cameras: ${bodies.joinToString()}.",
-                    "Calibrate one camera at a time.",
-                )
+                throw Refusal.of("frames_differ.cameras", "cameras" to bodies.joinToString())
             }
             val first = shots[0].photo
             for (shot in shots.drop(1)) {

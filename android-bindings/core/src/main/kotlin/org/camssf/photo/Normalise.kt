@@ -4,10 +4,10 @@ import org.camssf.CalibrationException
 import org.camssf.FramesDiffer
 import org.camssf.InvalidArgument
 import org.camssf.Overexposed
+import org.camssf.Refusal
 import org.camssf.Rules
 import org.camssf.Underexposed
 import org.camssf.flatten
-import org.camssf.percent
 import kotlin.math.hypot
 import kotlin.math.sqrt
 
@@ -132,43 +132,34 @@ internal object Normalise {
         clipped: DoubleArray,
         shot: PatchMeans,
         number: Int,
-    ): CalibrationException? {
+    ): Refusal? {
         val black = shot.sharedBlack
         val word = if (shot.white == null) "white patch" else "white frame"
         val part = DoubleArray(signal.size) { signal[it] / (shot.saturation - black[it % 3]) }
         if (shot.white != null && shot.dark != null && 2 * part.count { it < -FAINT } > part.size) {
-            return FramesDiffer(
-                "Shot $number: the dark frame is brighter than the white frame: they seem to be swapped.",
-                "Give the bright frame as the white one, and the one with the lens cap on as the dark one.",
-            )
+            return Refusal.of("frames_differ.swapped", "shot" to number)
         }
         val share = clipped.max()
         if (share > CLIPPED) {
-            return Overexposed(
-                "Shot $number: up to ${percent(share, 1)} of a patch's samples are at the ceiling in the $word.",
-                "Take chart and white again with less exposure: white below 80 % in its brightest channel.",
-                share,
-                CLIPPED,
+            return Refusal.of(
+                "overexposed.white", "shot" to number, "share" to share, "frame" to word, value = share,
+                threshold = CLIPPED,
             )
         }
         val level = part.min()
         if (!(level >= FAINT)) {
-            val height =
-                if (level >= 0) "lies only ${percent(level, 2)} of the range above dark" else "is darker than dark"
-            return Underexposed(
-                "Shot $number: in one channel the $word $height.",
-                "Expose longer or use more light. The dark frame must be taken in the dark, or with the torch off.",
-                level,
-                FAINT,
-            )
+            val words = arrayOf("shot" to number, "frame" to word)
+            return if (level < 0) {
+                Refusal.of("underexposed.white_below_dark", *words, value = level, threshold = FAINT)
+            } else {
+                Refusal.of("underexposed.weak_white", *words, "level" to level, value = level, threshold = FAINT)
+            }
         }
         val noise = signal.indices.maxOf { standardError[it] / signal[it] }
         if (noise > NOISY) {
-            return Underexposed(
-                "Shot $number: the $word is too noisy: its standard error is ${percent(noise, 0)} of its value.",
-                "Expose longer or use more light; fill the frame with the chart.",
-                noise,
-                NOISY,
+            return Refusal.of(
+                "underexposed.noisy_white", "shot" to number, "frame" to word, "noise" to noise, value = noise,
+                threshold = NOISY,
             )
         }
         return null
@@ -178,14 +169,12 @@ internal object Normalise {
      * The error if fewer than FEWEST patches are usable, classified by the more frequent cause; null if enough are
      * left.
      */
-    private fun tooFew(left: Int, over: Int, under: Int, patches: Int, number: Int): CalibrationException? {
+    private fun tooFew(left: Int, over: Int, under: Int, patches: Int, number: Int): Refusal? {
         if (left >= FEWEST) return null
-        val message = "Shot $number: only $left of $patches patches are usable ($over clipped, $under " +
-            "lost in noise), $FEWEST are needed."
-        val threshold = FEWEST.toDouble()
-        if (over >= under) {
-            return Overexposed(message, "Take the photo again with less exposure.", left.toDouble(), threshold)
-        }
-        return Underexposed(message, "Take the photo again with more exposure or light.", left.toDouble(), threshold)
+        return Refusal.of(
+            if (over >= under) "overexposed.few_left" else "underexposed.few_left",
+            "shot" to number, "left" to left, "all" to patches, "over" to over, "under" to under, "least" to FEWEST,
+            value = left.toDouble(), threshold = FEWEST.toDouble(),
+        )
     }
 }

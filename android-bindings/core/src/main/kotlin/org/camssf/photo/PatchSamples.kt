@@ -1,6 +1,7 @@
 package org.camssf.photo
 
 import org.camssf.ChartNotFound
+import org.camssf.Refusal
 import org.camssf.Rules
 import kotlin.math.floor
 
@@ -79,10 +80,7 @@ internal object PatchSamples {
         val moved = DoubleArray(8) { 16 * (centre[it % 2] + SHRINK * (quad[it] - centre[it % 2])) }
         val limit = doubleArrayOf(16.0 * (width - 1), 16.0 * (height - 1))
         if (!moved.indices.all { moved[it] >= 0 && moved[it] <= limit[it % 2] }) { // false for NaN
-            throw ChartNotFound(
-                "Patch $patch leaves the photo.",
-                "Take the photo with the whole chart in view, or correct the corners.",
-            )
+            throw Refusal.of("chart_not_found.outside", "patch" to patch)
         }
         val corners = LongArray(8) { floor(moved[it] + 0.5).toLong() }
         val low = LongArray(2) { axis -> ((0..3).minOf { corners[2 * it + axis] } + 15) / 16 }
@@ -123,10 +121,8 @@ internal object PatchSamples {
         return begin to end
     }
 
-    fun tooSmall(frame: String, patch: Int, count: Int) = ChartNotFound(
-        "$frame: patch $patch holds only $count good samples of a colour, $FEWEST are needed.",
-        "Go closer so that the chart fills the frame, and wipe dust off chart and lens.",
-        count.toDouble(),
-        FEWEST.toDouble(),
+    fun tooSmall(frame: String, patch: Int, count: Int) = Refusal.of(
+        "chart_not_found.few_samples", "file" to frame, "patch" to patch, "count" to count, "least" to FEWEST,
+        value = count.toDouble(), threshold = FEWEST.toDouble(),
     )
 }

@@ -1,6 +1,7 @@
 package org.camssf.photo
 
 import org.camssf.CalibrationException
+import org.camssf.Refusal
 import org.camssf.UnreadableRaw
 import org.camssf.photo.dng.DngReader
 import org.camssf.photo.dng.DngSource
@@ -57,28 +58,32 @@ private class DngPhoto(private val open: () -> DngSource) : ByRows {
     }
 
     private fun <T> using(work: (DngSource) -> T): T {
-        val source = fromApp("The photo cannot be opened", open)
+        val source = fromApp(null, open)
         try {
             return source.use(work)
         } catch (error: IOException) {
-            throw UnreadableRaw("${source.name} cannot be closed: ${error.message}.", READ_AGAIN, cause = error)
+            throw unreadable(source.name, error)
         }
     }
 }
 
-private const val READ_AGAIN = "Check that the photo is still there and that the app may read it, and try again."
-
 /**
  * Runs code of the app, such as its [PhotoSource] or a content provider: whatever exception it throws (no file, no
  * permission, no network, a fault of its own) becomes an [UnreadableRaw] with this cause. Errors of camssf,
- * cancelling and interrupting pass unchanged.
+ * cancelling and interrupting pass unchanged. `file` is the photo's name, null if it is not known.
  */
-internal inline fun <T> fromApp(what: String, work: () -> T): T = try {
+internal inline fun <T> fromApp(file: String?, work: () -> T): T = try {
     work()
 } catch (error: Exception) {
     if (error is CalibrationException || error is CancellationException || error is InterruptedException) throw error
-    throw unreadable(what, error)
+    throw unreadable(file, error)
 }
 
-internal fun unreadable(what: String, error: Exception) =
-    UnreadableRaw("$what: ${error.message ?: error}.", READ_AGAIN, cause = error)
+internal fun unreadable(file: String?, error: Exception): Refusal {
+    val detail = "detail" to (error.message ?: error)
+    return if (file == null) {
+        Refusal.of("unreadable_raw.photo_from_app", detail, cause = error)
+    } else {
+        Refusal.of("unreadable_raw.file_from_app", "file" to file, detail, cause = error)
+    }
+}

@@ -1,5 +1,6 @@
 package org.camssf.photo
 
+import org.camssf.Refusal
 import org.camssf.Rules
 import org.camssf.UnitDiffers
 import org.camssf.model.Models
@@ -98,11 +99,8 @@ public class PhysicalCamera internal constructor(
                 differ += "active area ${sides(place)} against ${sides(area)}"
             }
             if (differ.isEmpty()) return
-            throw UnitDiffers(
-                "$other was taken by another camera or lens than $chart: ${differ.joinToString("; ")}.",
-                "Take all photos of a capture with one physical camera, one lens, one zoom setting and one " +
-                    "aperture; on a phone with several cameras name the one that shall take them. " +
-                    "Calibrate each of them by itself.",
+            throw Refusal.of(
+                "unit_differs.photos", "file" to other, "other" to chart, "differences" to differ.joinToString("; "),
             )
         }
 

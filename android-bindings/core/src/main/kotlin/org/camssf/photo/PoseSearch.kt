@@ -1,8 +1,7 @@
 package org.camssf.photo
 
-import org.camssf.ChartNotFound
 import org.camssf.InvalidArgument
-import org.camssf.fixed
+import org.camssf.Refusal
 import org.camssf.spectra.ChartLayout
 import kotlin.math.abs
 import kotlin.math.hypot
@@ -49,20 +48,12 @@ internal class PoseSearch(
             notes += "No patch borders lie near the corners given by hand: they were kept as they are."
         }
         if (found.score < ACCEPT) {
-            throw ChartNotFound(
-                "${photo.facts.name}: the colours inside the corners given by hand do not agree with the chart.",
-                "Give the outer corners of the block of patches, one after the other, and check the chart's name. " +
-                    "A file may also name its colour filters wrongly: in another order, or quad Bayer (4 × 4) as 2 × 2.",
-                found.score,
-                ACCEPT,
+            throw Refusal.of(
+                "chart_not_found.by_hand", "file" to photo.facts.name, value = found.score, threshold = ACCEPT,
             )
         }
         if (found.mirrored) {
-            throw ChartNotFound(
-                "${photo.facts.name}: the chart is mirrored (its mirror image agrees, " +
-                    "${fixed(found.score, 2)}).",
-                "Photograph the chart itself, not its mirror image, and export the RAW without flipping it.",
-            )
+            throw Refusal.of("chart_not_found.mirrored", "file" to photo.facts.name, "score" to found.score)
         }
         return finished(view.toMosaic(found.corners), lattice.side, found.score, notes)
     }

@@ -149,7 +149,7 @@ internal class Banded(
 
     /** `facts` is read here, so that what a source in Java gives instead of a photo, null, fails here too. */
     private fun read(part: Region): Mosaic =
-        fromApp("The photo cannot be read") { source.read(part).also { it.facts } }
+        fromApp(null) { source.read(part).also { it.facts } }
 
     override fun release() {
         band = null

@@ -1,6 +1,6 @@
 package org.camssf.photo
 
-import org.camssf.UnsupportedRaw
+import org.camssf.Refusal
 import kotlin.math.floor
 import kotlin.math.max
 
@@ -12,10 +12,9 @@ internal object Shading {
         val factors = DoubleArray(4) { 1.0 }
         for (map in photo.corrections.gainMaps) {
             if (map.list == 1 || max(map.rowPitch, map.columnPitch) > 2) {
-                throw UnsupportedRaw(
-                    "${photo.name} holds a lens-shading map that camssf does not apply (opcode list ${map.list}, " +
-                        "every ${map.rowPitch} rows and ${map.columnPitch} columns).",
-                    "Leave the samples as stored, and take a white frame.",
+                throw Refusal.of(
+                    "unsupported_raw.shading_map", "file" to photo.name, "list" to map.list, "rows" to map.rowPitch,
+                    "columns" to map.columnPitch,
                 )
             }
             for (cell in 0..3) {

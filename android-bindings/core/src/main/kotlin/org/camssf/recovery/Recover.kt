@@ -4,8 +4,8 @@ import org.camssf.Grid
 import org.camssf.InvalidArgument
 import org.camssf.LampUnfit
 import org.camssf.NotConverged
+import org.camssf.Refusal
 import org.camssf.Rules
-import org.camssf.scientific
 import org.camssf.spectra.faded
 import kotlin.math.abs
 import kotlin.math.exp
@@ -331,11 +331,8 @@ internal object Recover {
     private fun checkConverged(gap: DoubleArray) {
         if (gap.all { it <= LARGEST_GAP }) return
         val worst = gap.max()
-        throw NotConverged(
-            "The solver did not converge: relative duality gap ${scientific(worst, 1)}.",
-            "Look for a patch or lamp that does not belong to the photo; otherwise report this with the file.",
-            worst.takeIf { it.isFinite() },
-            LARGEST_GAP,
+        throw Refusal.of(
+            "not_converged.gap", "gap" to worst, value = worst.takeIf { it.isFinite() }, threshold = LARGEST_GAP,
         )
     }
 
@@ -344,11 +341,7 @@ internal object Recover {
         for (c in 0..2) {
             val peak = (0 until Grid.SIZE).maxOf { ssf[3 * it + c] }
             if (!peak.isFinite() || peak <= 0) {
-                throw NotConverged(
-                    "A recovered curve has no response to white: the penalty gamma left nothing of it, or the " +
-                        "signals of a channel are empty.",
-                    "Take a smaller gamma, and check that the photo is exposed in all three channels.",
-                )
+                throw Refusal.of("not_converged.no_response")
             }
         }
     }
@@ -367,10 +360,7 @@ internal object Recover {
         for (j in 0 until k) {
             val power = lamp.values.copyOfRange(j * Grid.SIZE, (j + 1) * Grid.SIZE)
             if (power.any { it < 0 } || power.max() <= 0) {
-                throw LampUnfit(
-                    "The lamp has negative power, or none at all, between 380 and 720 nm.",
-                    "Give the spectrum of the light that fell on the chart, in nm and relative power.",
-                )
+                throw Refusal.of("lamp_unfit.unlit")
             }
         }
         fits("standard_error", observation.standardError, k, n, 3)

@@ -3,6 +3,7 @@ package org.camssf.spectra
 import org.camssf.ChartUnfit
 import org.camssf.Grid
 import org.camssf.InvalidArgument
+import org.camssf.Refusal
 import org.camssf.Rows
 import org.camssf.flatten
 import org.camssf.frozen
@@ -211,9 +212,7 @@ public class ChartTable internal constructor(
                     count.toDouble(),
                 )
             }
-            SpectraFile.checkWavelengths(file.wavelengths, name) { message, advice, value, threshold ->
-                ChartUnfit(message, advice, value, threshold)
-            }
+            SpectraFile.checkWavelengths(file.wavelengths, name, "chart_unfit")
             val order = readingOrder(file.names, layout)
             val reflectance = shares(file, name)
             fun table(white: Int) = ChartTable(
@@ -236,18 +235,14 @@ public class ChartTable internal constructor(
         /** The file's reflectances as parts of 1, checked. */
         private fun shares(file: Spectra, name: String): List<DoubleArray> {
             if (file.values.any { row -> row.any { !it.isFinite() } }) {
-                throw ChartUnfit("$name has a reflectance that is not a number.", "Measure that patch again.")
+                throw Refusal.of("chart_unfit.not_a_number", "file" to name)
             }
             val most = file.values.maxOf { it.max() }
             val scale = if (most > 2.0) 100.0 else 1.0
             val least = file.values.minOf { it.min() } / scale
             val worst = if (least < 0) least else most / scale
             if (worst !in 0.0..1.2) {
-                throw ChartUnfit(
-                    "$name has a reflectance of ${short(worst)}.",
-                    "Give all as 0 to 1, or all in percent; a patch that fluoresces above 1.2 does not serve.",
-                    worst,
-                )
+                throw Refusal.of("chart_unfit.reflectance", "file" to name, "reflectance" to worst, value = worst)
             }
             return file.values.map { row -> DoubleArray(row.size) { row[it] / scale } }
         }
@@ -298,11 +293,9 @@ public class ChartTable internal constructor(
             val found = orders.mapValues { misfit(it.value) }.minByOrNull { it.value }!!
             val here = misfit { it }
             if (found.value < 0.5 * here) {
-                throw ChartUnfit(
-                    "The patches in $name run ${found.key}.",
-                    "Sort them in reading order (dark skin first, black last), or name them A1 to D6.",
-                    here,
-                    2 * found.value,
+                throw Refusal.of(
+                    "chart_unfit.order", "file" to name, "order" to found.key, value = here,
+                    threshold = 2 * found.value,
                 )
             }
         }
@@ -328,7 +321,7 @@ public class ChartTable internal constructor(
             }
             val most = brightness.max()
             if (most <= 0) {
-                throw ChartUnfit("$name has no neutral patch.", "Check its columns: a chart's white patch is flat.")
+                throw Refusal.of("chart_unfit.no_neutral", "file" to name)
             }
             val e5 = 4 * 14 + 4
             if (layout.name == "sg140" && brightness[e5] >= 0.95 * most) return e5

@@ -4,6 +4,7 @@ import org.camssf.Curve
 import org.camssf.Grid
 import org.camssf.InvalidArgument
 import org.camssf.LampUnfit
+import org.camssf.Refusal
 import org.camssf.Rules
 import org.camssf.frozen
 import org.camssf.short
@@ -240,10 +241,7 @@ public class Lamp internal constructor(
         @JvmStatic
         public fun parse(name: String, content: ByteArray): Lamp {
             val spectrum = SpectraFile.spectrum(name, content)
-            SpectraFile.checkWavelengths(spectrum.wavelengths, name) { message, advice, value, threshold ->
-                LampUnfit(message, advice, value, threshold)
-            }
-            val advice = "Measure it again, or name a lamp that is like it."
+            SpectraFile.checkWavelengths(spectrum.wavelengths, name, "lamp_unfit")
             // Nodes that the grid needs; a spectrometer's noise beyond them does not matter.
             val all = spectrum.wavelengths
             val from = maxOf(all.indexOfLast { it <= FIRST - Grid.STEP }, 0)
@@ -251,21 +249,16 @@ public class Lamp internal constructor(
             val nodes = all.copyOfRange(from, to)
             val power = spectrum.values[0].copyOfRange(from, to)
             if (!power.all { it.isFinite() }) {
-                throw LampUnfit("The lamp in $name has a power that is not a number.", advice)
+                throw Refusal.of("lamp_unfit.not_a_number", "file" to name)
             }
             val seen = power.filterIndexed { i, _ -> nodes[i] in FIRST..LAST }
             val peak = seen.max()
-            if (peak <= 0) throw LampUnfit("The lamp in $name has no power from 380 to 720 nm.", advice)
+            if (peak <= 0) throw Refusal.of("lamp_unfit.no_power", "file" to name)
             val shares = DoubleArray(power.size) { power[it] / peak }
             val noise = Bundled.tolerance("noise_below_zero")
             val least = seen.min() / peak
             if (least < -noise) {
-                throw LampUnfit(
-                    "The lamp in $name has negative power from 380 to 720 nm.",
-                    "Correct the spectrometer's dark signal, or set noise below zero to 0.",
-                    least,
-                    -noise,
-                )
+                throw Refusal.of("lamp_unfit.negative", "file" to name, value = least, threshold = -noise)
             }
             for (i in shares.indices) shares[i] = maxOf(shares[i], 0.0)
             val finest = (1 until nodes.size).minOf { nodes[it] - nodes[it - 1] }

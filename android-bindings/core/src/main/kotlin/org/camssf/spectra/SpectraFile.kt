@@ -1,7 +1,7 @@
 package org.camssf.spectra
 
-import org.camssf.CalibrationException
 import org.camssf.InvalidArgument
+import org.camssf.Refusal
 import org.camssf.scientific
 import org.camssf.short
 import kotlin.math.abs
@@ -201,12 +201,12 @@ internal object SpectraFile {
 
     /**
      * Checks that the wavelengths increase, are in nm, and cover 400 to 700 nm without gaps above 20 nm in the grid.
-     * Too small a range, too few wavelengths or too large gaps raise the error that `unfit` creates.
+     * Too small a range, too few wavelengths or too large gaps raise the refusal of this code.
      */
     fun checkWavelengths(
         wavelengths: DoubleArray,
         name: String,
-        unfit: (String, String, Double?, Double?) -> CalibrationException,
+        code: String,
     ) {
         val sorted = "Sort them, in nm, each once."
         val steps = DoubleArray(maxOf(wavelengths.size - 1, 0)) { wavelengths[it + 1] - wavelengths[it] }
@@ -224,27 +224,18 @@ internal object SpectraFile {
         }
         val first = wavelengths.first()
         val last = wavelengths.last()
-        val span = "${short(first)} to ${short(last)} nm"
-        if (first > 400.0 || last < 700.0) {
-            throw unfit("$name covers only $span.", "It must cover 400 to 700 nm, better 380 to 720 nm.", null, null)
-        }
+        val words = arrayOf("file" to name, "first" to first, "last" to last)
+        if (first > 400.0 || last < 700.0) throw Refusal.of("$code.narrow", *words)
         if (wavelengths.size < 6) {
-            throw unfit(
-                "$name has only ${wavelengths.size} wavelengths from $span.",
-                "Give a spectrum every 20 nm or finer; 5 nm is usual.",
-                steps.max(),
-                20.0,
-            )
+            val count = "count" to wavelengths.size
+            throw Refusal.of("$code.few_wavelengths", *words, count, value = steps.max(), threshold = 20.0)
         }
         val inside = steps.indices.filter { wavelengths[it] < 720.0 && wavelengths[it + 1] > 380.0 }
         val widest = inside.maxBy { steps[it] }
         if (steps[widest] > 20.0) {
-            throw unfit(
-                "$name has a gap of ${short(steps[widest])} nm: nothing from ${short(wavelengths[widest])} to " +
-                    "${short(wavelengths[widest + 1])} nm.",
-                "Give a spectrum every 20 nm or finer; 5 nm is usual. A list of lines alone is no spectrum.",
-                steps[widest],
-                20.0,
+            throw Refusal.of(
+                "$code.spectral_gap", "file" to name, "gap" to steps[widest], "first" to wavelengths[widest],
+                "last" to wavelengths[widest + 1], value = steps[widest], threshold = 20.0,
             )
         }
     }

@@ -1,5 +1,6 @@
 package org.camssf.verdict
 
+import org.camssf.Reason
 import org.camssf.Rules
 import org.camssf.median
 import org.camssf.photo.FrameMeans
@@ -18,14 +19,13 @@ internal class ExposureAndNoise(
     private val table: ChartTable,
     private val checks: Checks,
 ) {
-    private val name = "shot ${shot + 1}"
     private val chart = means.chart
     private val used = used(signals, shot)
 
     fun reasons(): List<Reason> = listOfNotNull(darkWhite(), darkestPatch(), few(), dirt(), greens()) + noise()
 
     private fun because(reason: String, value: Double, fatal: Boolean, vararg words: Pair<String, Any>): Reason =
-        Reasons.because(reason, value, mapOf("shot" to name, *words), fatal)
+        Reasons.because(reason, value, mapOf("shot" to shot + 1, *words), fatal)
 
     private fun bound(name: String): Double = Rules.shipped.number("verdict.$name")
 

@@ -1,5 +1,6 @@
 package org.camssf.verdict
 
+import org.camssf.Reason
 import org.camssf.Rules
 import org.camssf.photo.Agreement
 import org.camssf.photo.MeasuredShot
@@ -115,7 +116,7 @@ internal object Judge {
         val reasons = each.mapIndexedNotNull { j, one ->
             val explanation = one.bestExplanation() ?: return@mapIndexedNotNull null
             val value = if (misfitRefuses) excess else explanation.gain
-            val words = words(explanation, table) + ("shot" to "shot ${j + 1}")
+            val words = words(explanation, table) + ("shot" to j + 1)
             val slight = !misfitRefuses && explanation.gain <= one.strongestExplanation()!!.second
             val bound = if (slight) GoodnessOfFit.BLACK else null
             Reasons.because(accusation(explanation), value, words, misfitRefuses, bound)
@@ -208,7 +209,7 @@ internal object Judge {
         val score = Agreement.of(inputs.signals.sharedValues, inputs.table.genericSignals(power))
         checks.note("poor_pose", score, j)
         if (score >= POOR_POSE) return emptyList()
-        return listOf(Reasons.because("pose", score, mapOf("shot" to "shot ${j + 1}", "score" to score)))
+        return listOf(Reasons.because("pose", score, mapOf("shot" to j + 1, "score" to score)))
     }
 
     /**

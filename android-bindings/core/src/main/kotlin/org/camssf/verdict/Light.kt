@@ -1,6 +1,7 @@
 package org.camssf.verdict
 
 import org.camssf.Grid
+import org.camssf.Reason
 import org.camssf.Rules
 import org.camssf.recovery.Choice
 import org.camssf.recovery.Hypothesis
@@ -68,7 +69,7 @@ internal object Light {
         // e^gain overflows above 709: compute the mean relative to the best one's.
         val rest = own.sumOf { exp(it.gain - best.gain) } / own.size * MISNAMED / (1.0 - MISNAMED)
         val words = mapOf(
-            "shot" to "shot ${best.shot + 1}",
+            "shot" to best.shot + 1,
             "rival" to best.lamp,
             "lamp" to lamps[best.shot],
             "probability" to rest / (rest + exp(-best.gain)),
@@ -133,7 +134,7 @@ internal object Light {
         }.minOrNull()
         if (off != null) checks.note("white_balance_mismatch", off, j, limit)
         if (off == null || off <= limit) return emptyList()
-        val words = mapOf("shot" to "shot ${j + 1}", "share" to expm1(off), "lamp" to inputs.lamps[0].name)
+        val words = mapOf("shot" to j + 1, "share" to expm1(off), "lamp" to inputs.lamps[0].name)
         return listOf(Reasons.because("tint", off, words, threshold = limit))
     }
 }

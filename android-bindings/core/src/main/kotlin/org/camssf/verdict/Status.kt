@@ -1,5 +1,6 @@
 package org.camssf.verdict
 
+import org.camssf.Reason
 import org.camssf.frozen
 
 /**

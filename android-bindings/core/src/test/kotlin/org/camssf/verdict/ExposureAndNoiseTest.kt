@@ -1,5 +1,6 @@
 package org.camssf.verdict
 
+import org.camssf.Reason
 import org.camssf.photo.FrameMeans
 import org.camssf.photo.PatchMeans
 import org.camssf.photo.Signals

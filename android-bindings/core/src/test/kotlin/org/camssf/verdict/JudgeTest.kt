@@ -1,6 +1,7 @@
 package org.camssf.verdict
 
 import org.camssf.Grid
+import org.camssf.Reason
 import org.camssf.Rules
 import org.camssf.photo.ChartPose
 import org.camssf.photo.FrameMeans

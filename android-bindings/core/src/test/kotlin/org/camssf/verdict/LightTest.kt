@@ -1,5 +1,6 @@
 package org.camssf.verdict
 
+import org.camssf.Reason
 import org.camssf.Rules
 import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertFalse

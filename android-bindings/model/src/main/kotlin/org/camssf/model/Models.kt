@@ -10,7 +10,7 @@ public object Models {
     @JvmField
     public val NAMES: List<String> = listOf(
         "camssf-learned.onnx", "camssf-verdict.onnx", "bases.f64",
-        "spectra.json", "rules.json", "finder.json", "forms.json",
+        "spectra.json", "rules.json", "messages.json", "finder.json", "forms.json",
     )
 
     /**

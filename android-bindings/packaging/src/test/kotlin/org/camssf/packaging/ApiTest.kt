@@ -69,6 +69,6 @@ class ApiTest {
         /** Data classes whose fields cannot become more: two coordinates, four corners. */
         val GEOMETRY = listOf("Point", "Corners").map { "org/camssf/photo/$it" }
 
-        val THROWN = listOf("CalibrationException", "RawError", "ChartError", "CaptureError")
+        val THROWN = listOf("CalibrationException", "Misuse", "Refusal", "RawError", "ChartError", "CaptureError")
     }
 }

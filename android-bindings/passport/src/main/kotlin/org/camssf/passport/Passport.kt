@@ -3,6 +3,7 @@ package org.camssf.passport
 import org.camssf.Camssf
 import org.camssf.InvalidArgument
 import org.camssf.PassportInvalid
+import org.camssf.Refusal
 import org.camssf.UnitDiffers
 import org.camssf.json.JsonText
 import org.camssf.json.NotJson
@@ -72,10 +73,7 @@ public class Passport internal constructor(
     public fun checkPhoto(photo: Photo) {
         val differ = CameraUnit.of(photo).differing(unit)
         if (differ.isEmpty()) return
-        throw UnitDiffers(
-            "${photo.name} was taken by another unit than that of the passport: ${differ.joinToString("; ")}.",
-            "Take the photo with the unit of the passport, or give the passport of this unit.",
-        )
+        throw Refusal.of("unit_differs.passport", "file" to photo.name, "differences" to differ.joinToString("; "))
     }
 
     /** Names of the claims, and their values as JSON. */

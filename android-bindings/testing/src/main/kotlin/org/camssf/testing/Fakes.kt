@@ -1,11 +1,12 @@
 package org.camssf.testing
 
-import org.camssf.CalibrationException
 import org.camssf.Camssf
 import org.camssf.Grid
 import org.camssf.InvalidArgument
 import org.camssf.Nodes
+import org.camssf.Reason
 import org.camssf.Recovered
+import org.camssf.Refusal
 import org.camssf.Refused
 import org.camssf.Rows
 import org.camssf.documents.Provenance
@@ -20,7 +21,6 @@ import org.camssf.photo.PartialCapture
 import org.camssf.recovery.BasisConstants
 import org.camssf.recovery.Ssf
 import org.camssf.recovery.predictSignals
-import org.camssf.verdict.Reason
 import org.camssf.verdict.Status
 import org.camssf.verdict.Verdict
 
@@ -29,7 +29,7 @@ import org.camssf.verdict.Verdict
  * and a refusal.
  *
  * ```kotlin
- * val results = listOf(Fakes.recovered(), Fakes.recovered(listOf("glare")), Fakes.refused(Glare("Too bright.", "Move.")))
+ * val results = listOf(Fakes.recovered(), Fakes.recovered(listOf("glare")), Fakes.refused(Refusal.of("glare.veil", "shot" to 1, "amount" to 0.05)))
  * ```
  *
  * Threads: any. No model runs, and ONNX Runtime is not needed. A fake answer states in its assumptions that it is a fake.
@@ -109,15 +109,14 @@ public object Fakes {
     /**
      * A refusal.
      *
-     * @param error its cause, for example `Overexposed("Too bright.", "Close the lens by a stop.")`.
+     * @param error its cause, for example `Refusal.of("overexposed.region", "region" to 1, "share" to 0.4)`.
      */
     @JvmStatic
-    public fun refused(error: CalibrationException): Refused {
-        val reason = Reason(error.code, error.message, error.advice, error.value, error.threshold, fatal = true)
+    public fun refused(error: Refusal): Refused {
         val shot = SampleCapture.measured()
         val partial = PartialCapture(SampleCapture.chart(), listOf(shot.lamp), listOf(shot))
         val provenance = Provenance(Camssf.VERSION, null, null, null, emptyMap())
-        return Refused(error, Verdict(Status.REFUSED, listOf(reason)), provenance, partial)
+        return Refused(error, Verdict(Status.REFUSED, listOf(error.reason)), provenance, partial)
     }
 
     private fun mean(): DoubleArray {

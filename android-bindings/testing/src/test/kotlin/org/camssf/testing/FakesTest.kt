@@ -7,7 +7,7 @@ import kotlinx.serialization.json.jsonPrimitive
 import org.camssf.CalibrationResult
 import org.camssf.Channel
 import org.camssf.InvalidArgument
-import org.camssf.Overexposed
+import org.camssf.Refusal
 import org.camssf.photo.MeasuredCapture
 import org.camssf.verdict.Status
 import org.junit.jupiter.api.Assertions.assertArrayEquals
@@ -55,11 +55,11 @@ class FakesTest {
 
     @Test
     fun `a refusal`() {
-        val error = Overexposed("Too bright.", "Close the lens by a stop.", 0.4, 0.02)
+        val error = Refusal.of("overexposed.region", "region" to 1, "share" to 0.4, value = 0.4, threshold = 0.02)
         val found = Fakes.refused(error)
         assertEquals(error, found.error)
         assertEquals(Status.REFUSED to "overexposed", found.verdict.outcome to found.verdict.reasons[0].code)
-        assertTrue("\"refused\"" in found.toJson() && "Close the lens" in found.toJson())
+        assertTrue("\"refused\"" in found.toJson() && "40.0%" in found.toJson())
     }
 
     @Test

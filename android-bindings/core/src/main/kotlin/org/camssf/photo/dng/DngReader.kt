@@ -4,6 +4,7 @@ import org.camssf.InvalidArgument
 import org.camssf.NotSensorRaw
 import org.camssf.OutOfMemory
 import org.camssf.RawError
+import org.camssf.Refusal
 import org.camssf.UnreadableRaw
 import org.camssf.UnsupportedRaw
 import org.camssf.checkInterrupt
@@ -78,9 +79,8 @@ public object DngReader {
     private inline fun <T> bounded(source: DngSource, region: Region?, work: () -> T): T = try {
         work()
     } catch (error: OutOfMemoryError) {
-        throw OutOfMemory(
-            "${source.name} needs more memory than there is.",
-            if (region == null) "Ask for the part around the chart." else OutOfMemory.ADVICE,
+        throw Refusal.of(
+            if (region == null) "out_of_memory.whole_photo" else "out_of_memory.part", "file" to source.name,
             cause = error,
         )
     }

@@ -1,5 +1,6 @@
 package org.camssf.photo.dng
 
+import org.camssf.Refusal
 import org.camssf.UnreadableRaw
 import org.camssf.UnsupportedRaw
 import java.io.ByteArrayOutputStream
@@ -48,12 +49,15 @@ public interface DngSource : Closeable {
          */
         @JvmStatic
         public fun of(file: File): DngSource {
-            if (file.isDirectory) throw UnreadableRaw("${file.name} is a folder.", "Name a DNG file.")
-            if (!file.exists()) throw UnreadableRaw("There is no file ${file.name}.", "Check the path.")
+            if (file.isDirectory) throw Refusal.of("unreadable_raw.folder", "file" to file.name)
+            if (!file.exists()) throw Refusal.of("unreadable_raw.missing", "file" to file.name)
             val stream = try {
                 FileInputStream(file)
             } catch (error: IOException) {
-                throw UnreadableRaw("${file.name} cannot be opened.", "Check its permissions.", cause = error)
+                throw Refusal.of(
+                    "unreadable_raw.no_access", "file" to file.name, "detail" to error.message.orEmpty(),
+                    cause = error,
+                )
             }
             try {
                 return of(stream.channel, file.name)
@@ -74,7 +78,7 @@ public interface DngSource : Closeable {
             val size = try {
                 channel.size()
             } catch (error: IOException) {
-                throw UnreadableRaw("$name cannot be read in any order.", "Open it as a stream.", cause = error)
+                throw Refusal.of("unreadable_raw.no_channel", "file" to name, cause = error)
             }
             return ChannelSource(channel, size, name)
         }
@@ -98,12 +102,14 @@ public interface DngSource : Closeable {
                     val count = stream.read(chunk)
                     if (count < 0) break
                     if (found.size() + count > limit) {
-                        throw UnsupportedRaw("$name is longer than $limit bytes.", "Open it as a file, not a stream.")
+                        throw Refusal.of("unsupported_raw.too_long", "file" to name, "most" to limit)
                     }
                     found.write(chunk, 0, count)
                 }
             } catch (error: IOException) {
-                throw UnreadableRaw("$name cannot be read.", "Copy it to the device and try again.", cause = error)
+                throw Refusal.of(
+                    "unreadable_raw.stream", "file" to name, "detail" to error.message.orEmpty(), cause = error,
+                )
             }
             return BytesSource(found.bytes(), found.size(), name)
         }

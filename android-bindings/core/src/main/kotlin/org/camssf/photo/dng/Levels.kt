@@ -1,6 +1,6 @@
 package org.camssf.photo.dng
 
-import org.camssf.UnsupportedRaw
+import org.camssf.Refusal
 import org.camssf.photo.Mosaic
 import org.camssf.photo.Region
 import kotlin.math.abs
@@ -17,10 +17,10 @@ internal fun cfa(tiff: Tiff, raw: Directory): String {
     }
     val square = size.isEmpty() || (size[0] == 2L && size[1] == 2L)
     if (!square || letters !in Mosaic.CFA_ORDERS || tiff.one(raw, Tag.CFA_LAYOUT, 1) != 1L) {
-        val sides = if (size.isEmpty()) "2 × 2" else "${size[0]} × ${size[1]}"
-        throw UnsupportedRaw(
-            "${tiff.name} has the colour filters ${letters.ifEmpty { "unnamed" }} ($sides).",
-            "camssf reads the Bayer orders ${Mosaic.CFA_ORDERS.joinToString()}.",
+        val sides = if (size.isEmpty()) longArrayOf(2, 2) else size
+        throw Refusal.of(
+            "unsupported_raw.colour_filters", "file" to tiff.name, "filters" to letters.ifEmpty { "unnamed" },
+            "rows" to sides[0], "columns" to sides[1], "orders" to Mosaic.CFA_ORDERS.joinToString(),
         )
     }
     return letters

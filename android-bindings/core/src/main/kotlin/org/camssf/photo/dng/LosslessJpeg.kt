@@ -1,6 +1,6 @@
 package org.camssf.photo.dng
 
-import org.camssf.UnsupportedRaw
+import org.camssf.Refusal
 import java.nio.ByteBuffer
 
 /**
@@ -121,9 +121,8 @@ internal class LosslessJpeg(private val tiff: Tiff, private val extraBits: Boole
                     return place + size
                 }
 
-                0xc0, 0xc1, 0xc2, 0xc5, 0xc6, 0xc7, in 0xc9..0xcb, in 0xcd..0xcf -> throw UnsupportedRaw(
-                    "${tiff.name} is compressed with lossy JPEG (process ${marker - 0xc0}).",
-                    "Use lossless JPEG or none. $CONVERT",
+                0xc0, 0xc1, 0xc2, 0xc5, 0xc6, 0xc7, in 0xc9..0xcb, in 0xcd..0xcf -> throw Refusal.of(
+                    "unsupported_raw.lossy_jpeg", "file" to tiff.name, "process" to marker - 0xc0,
                 )
             }
             place += size
@@ -143,7 +142,7 @@ internal class LosslessJpeg(private val tiff: Tiff, private val extraBits: Boole
         for (i in 0 until components) {
             ids[i] = byte(at + 6 + 3 * i)
             if (byte(at + 7 + 3 * i) != 0x11) {
-                throw UnsupportedRaw("${tiff.name} holds subsampled lossless JPEG.", CONVERT)
+                throw Refusal.of("unsupported_raw.subsampled_jpeg", "file" to tiff.name)
             }
         }
     }
@@ -167,7 +166,7 @@ internal class LosslessJpeg(private val tiff: Tiff, private val extraBits: Boole
         val inScan = byte(at)
         if (size != 4 + 2 * inScan) throw tiff.damaged("a JPEG's scan header")
         if (inScan != components) {
-            throw UnsupportedRaw("${tiff.name} holds lossless JPEG whose components lie apart.", CONVERT)
+            throw Refusal.of("unsupported_raw.separate_components", "file" to tiff.name)
         }
         val found = List(components) {
             if (byte(at + 1 + 2 * it) != ids[it]) throw tiff.damaged("a JPEG's scan header")

@@ -1,5 +1,6 @@
 package org.camssf.photo.dng
 
+import org.camssf.Refusal
 import org.camssf.UnsupportedRaw
 import org.camssf.photo.BadPixels
 import org.camssf.photo.GainMap
@@ -63,10 +64,9 @@ internal class Opcodes(private val tiff: Tiff, raw: Directory) {
         }
     }
 
-    private fun required(number: Int, list: Int) = UnsupportedRaw(
-        "${tiff.name} requires opcode ${number.toLong() and 0xffffffffL} (${NAMES[number] ?: "unknown"}) of opcode " +
-            "list $list, which camssf does not apply.",
-        "Without it the file's values may be wrong. Give a plain DNG, from another app or converter.",
+    private fun required(number: Int, list: Int) = Refusal.of(
+        "unsupported_raw.opcode", "file" to tiff.name, "opcode" to (number.toLong() and 0xffffffffL),
+        "name" to (NAMES[number] ?: "unknown"), "list" to list,
     )
 
     private fun wanted(buffer: ByteBuffer, bytes: Long, tag: Int) {

@@ -1,6 +1,7 @@
 package org.camssf.photo.dng
 
 import org.camssf.NotSensorRaw
+import org.camssf.Refusal
 import org.camssf.UnreadableRaw
 import org.camssf.UnsupportedRaw
 import org.camssf.photo.Region
@@ -87,21 +88,23 @@ internal fun rawDirectory(tiff: Tiff): Directory {
     val version = tiff.raw(tiff.main[0], Tag.DNG_VERSION, 4)
     if (version.isEmpty()) {
         if (tiff.all.any { tiff.whole(it, Tag.PHOTOMETRIC).firstOrNull() == CFA }) {
-            throw UnsupportedRaw("${tiff.name} is a raw file, but no DNG.", CONVERT)
+            throw Refusal.of("unsupported_raw.no_dng", "file" to tiff.name)
         }
-        throw UnreadableRaw(
-            "${tiff.name} is a TIFF picture, not a DNG.", "Give the camera's RAW photo as DNG, not a picture.",
+        throw Refusal.of("unreadable_raw.tiff_picture", "file" to tiff.name)
+    }
+    if (version[0].toInt() != 1) {
+        throw Refusal.of(
+            "unsupported_raw.dng_version", "file" to tiff.name, "version" to version[0].toInt(),
         )
     }
-    if (version[0].toInt() != 1) throw UnsupportedRaw("${tiff.name} has DNG version ${version[0]}.", CONVERT)
     val full = tiff.all.filter { tiff.one(it, Tag.NEW_SUBFILE_TYPE, 0) == 0L }
     val mosaics = full.filter { tiff.one(it, Tag.PHOTOMETRIC, -1) == CFA }
     val largest = mosaics.maxByOrNull { tiff.one(it, Tag.WIDTH, 0).toDouble() * tiff.one(it, Tag.HEIGHT, 0) }
     if (largest != null) return largest
     if (full.any { tiff.one(it, Tag.PHOTOMETRIC, -1) == LINEAR_RAW }) {
-        throw NotSensorRaw("${tiff.name} is a linear DNG: its samples are demosaiced, not the sensor's.", RAW_MODE)
+        throw Refusal.of("not_sensor_raw.linear_dng", "file" to tiff.name)
     }
-    throw UnsupportedRaw("${tiff.name} holds no mosaic of sensor samples.", RAW_MODE)
+    throw Refusal.of("unsupported_raw.no_mosaic", "file" to tiff.name)
 }
 
 /**
@@ -119,24 +122,24 @@ internal fun storedPicture(tiff: Tiff, raw: Directory): StoredPicture {
     val bits = tiff.whole(raw, Tag.BITS).let { if (it.isEmpty()) longArrayOf(1) else it }
     val samples = tiff.one(raw, Tag.SAMPLES, 1)
     if (samples != 1L || bits.size != 1) {
-        throw UnsupportedRaw("${tiff.name} holds $samples samples a pixel, a mosaic has one.", RAW_MODE)
+        throw Refusal.of("unsupported_raw.samples_per_pixel", "file" to tiff.name, "count" to samples)
     }
     if (tiff.one(raw, Tag.SAMPLE_FORMAT, 1) != 1L) {
-        throw UnsupportedRaw("${tiff.name} holds floating-point or signed samples.", CONVERT)
+        throw Refusal.of("unsupported_raw.sample_format", "file" to tiff.name)
     }
     val compression = tiff.one(raw, Tag.COMPRESSION, 1)
     if (compression != 1L && compression != 7L && compression != 8L) {
         val codec = CODECS[compression] ?: "number $compression"
-        throw UnsupportedRaw("${tiff.name} is compressed with $codec.", "Use lossless JPEG or none. $CONVERT")
+        throw Refusal.of("unsupported_raw.compression", "file" to tiff.name, "codec" to codec)
     }
     if (bits[0] !in
         8..16
     ) {
-        throw UnsupportedRaw("${tiff.name} holds samples of ${bits[0]} bits, not 8 to 16.", CONVERT)
+        throw Refusal.of("unsupported_raw.bits", "file" to tiff.name, "bits" to bits[0])
     }
     val order = tiff.one(raw, Tag.FILL_ORDER, 1)
     if (order != 1L) {
-        throw UnsupportedRaw("${tiff.name} states FillOrder $order: bytes with the lowest bit first.", CONVERT)
+        throw Refusal.of("unsupported_raw.fill_order", "file" to tiff.name, "order" to order)
     }
     val area = area(tiff, raw, width, height)
     return pieces(tiff, raw, width, height, bits[0].toInt(), compression.toInt(), area)
@@ -177,10 +180,9 @@ private fun pieces(
     )
     checkExtent(tiff, picture)
     if (width * height > MAX_SAMPLES) {
-        throw UnsupportedRaw(
-            "${tiff.name} holds a picture of $width × $height samples; camssf reads up to " +
-                "${MAX_SAMPLES / 1_000_000} million.",
-            "Photograph at the sensor's ordinary resolution: 12 megapixels are enough.",
+        throw Refusal.of(
+            "unsupported_raw.too_large", "file" to tiff.name, "width" to width, "height" to height,
+            "most" to MAX_SAMPLES / 1_000_000,
         )
     }
     return picture.padded(stride(tiff, picture, tiff.whole(raw, countTag, pieces)))
@@ -192,7 +194,9 @@ private fun differences(tiff: Tiff, raw: Directory, bits: Int, compression: Int)
     val predictor = tiff.one(raw, Tag.PREDICTOR, 1)
     if (predictor == 1L) return false
     if (predictor != 2L || bits % 8 != 0) {
-        throw UnsupportedRaw("${tiff.name} uses deflate with predictor $predictor on samples of $bits bits.", CONVERT)
+        throw Refusal.of(
+            "unsupported_raw.deflate_predictor", "file" to tiff.name, "predictor" to predictor, "bits" to bits,
+        )
     }
     return true
 }

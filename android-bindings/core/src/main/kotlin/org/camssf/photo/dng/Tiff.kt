@@ -1,16 +1,11 @@
 package org.camssf.photo.dng
 
-import org.camssf.UnreadableRaw
-import org.camssf.UnsupportedRaw
+import org.camssf.Refusal
 import org.camssf.photo.fromApp
 import java.nio.ByteBuffer
 import java.nio.ByteOrder
 import kotlin.math.abs
 import kotlin.math.floor
-
-internal const val CONVERT = "Convert it to DNG with a DNG converter, keeping the mosaic, and try again."
-internal const val COPY_AGAIN = "Copy the file from the camera again; if it stays so, take the photo again."
-internal const val RAW_MODE = "Photograph in the camera's plain RAW (DNG) mode, without merging, and try again."
 
 /** One directory entry whose value is not yet read: TIFF type, count, and offset of the value. */
 internal class Field(val kind: Int, val count: Long, val at: Long)
@@ -42,16 +37,16 @@ internal class Tiff(val source: DngSource) {
     val places = HashSet<Long>()
 
     init {
-        if (size == 0L) throw UnreadableRaw("$name is empty.", COPY_AGAIN)
+        if (size == 0L) throw Refusal.of("unreadable_raw.empty", "file" to name)
         val magic = bytes(0, minOf(size, 16L))
         if (OTHER_RAWS.any { (at, word) -> magic.holds(at, word) }) {
-            throw UnsupportedRaw("$name is a raw file, but no DNG.", CONVERT)
+            throw Refusal.of("unsupported_raw.no_dng", "file" to name)
         }
         if (!magic.holds(0, "II*\u0000") && !magic.holds(0, "MM\u0000*")) {
             if (magic.holds(0, "II+\u0000") || magic.holds(0, "MM\u0000+")) {
-                throw UnsupportedRaw("$name is a BigTIFF.", "Save it as an ordinary DNG (below 4 GB).")
+                throw Refusal.of("unsupported_raw.big_tiff", "file" to name)
             }
-            throw UnreadableRaw("$name is not a DNG file.", "Give the camera's RAW photo as DNG, not a picture.")
+            throw Refusal.of("unreadable_raw.no_dng", "file" to name)
         }
         order = if (magic[0] == 'I'.code.toByte()) ByteOrder.LITTLE_ENDIAN else ByteOrder.BIG_ENDIAN
         var at = word(4)
@@ -60,13 +55,13 @@ internal class Tiff(val source: DngSource) {
     }
 
     /** The error for this file. */
-    fun damaged(what: String, cause: Throwable? = null): UnreadableRaw =
-        UnreadableRaw("$name is truncated or damaged: $what.", COPY_AGAIN, cause = cause)
+    fun damaged(what: String, cause: Throwable? = null): Refusal =
+        Refusal.of("unreadable_raw.damaged", "file" to name, "detail" to what, cause = cause)
 
     /** Reads `length` bytes from `at` into `into`. */
     fun read(at: Long, into: ByteArray, offset: Int, length: Int) {
         inside(at, length.toLong())
-        fromApp("$name cannot be read") { source.read(at, into, offset, length) }
+        fromApp(name) { source.read(at, into, offset, length) }
     }
 
     private fun inside(at: Long, length: Long) {
