@@ -102,7 +102,7 @@ class SavedResultTest {
                 .replace("\"unreadable_raw\"", "\"another\"")
                 .replace(Regex(",\"sha256\":\"[0-9a-f]{64}\"\\}\n$"), "}")
             val error = assertThrows(InvalidArgument::class.java) { SavedResult.read(text) }
-            assertTrue("no error with the code another" in error.message, error.message)
+            assertTrue("no refusal with the code another" in error.message, error.message)
             assertThrows(InvalidArgument::class.java) {
                 SavedResult.read(text.replace(Regex("\"reasons\":\\[.*?\\]"), "\"reasons\":[]"))
             }
