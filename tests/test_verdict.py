@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -683,3 +685,13 @@ def test_the_camera_is_one_that_the_basis_has_seen() -> None:
     _, lamp = chart_and_lamp("D55")
     assert np.allclose(lamp, read_lamp("D55").values)
     assert isinstance(TABLE, ChartTable)
+
+
+def test_what_refuses_is_the_first_reason() -> None:
+    """The error of a refused result is that of its first reason, also when it is read from a document."""
+    mixed = 0
+    for path in (Path(__file__).parents[1] / "golden" / "cases" / "verdict").glob("*.json"):
+        fatal = json.loads(path.read_text("utf-8"))["outputs"]["fatal"]
+        assert fatal == sorted(fatal, reverse=True), path.name
+        mixed += len(set(fatal)) > 1
+    assert mixed

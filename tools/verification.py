@@ -24,7 +24,7 @@ SIZES = re.compile(
 
 
 def suites(bindings: Path) -> dict[str, ET.Element]:
-    """Surefire's reports by the name of the test class.
+    """Surefire's reports by the full name of the test class.
 
     Raises:
         FileNotFoundError: a module with tests has no report.
@@ -35,22 +35,21 @@ def suites(bindings: Path) -> dict[str, ET.Element]:
         raise FileNotFoundError(
             f"No reports of {', '.join(missing)} in {bindings}: run mvn -f android-bindings verify first."
         )
-    return {
-        suite.attrib["name"].rpartition(".")[2]: suite for suite in (ET.parse(path).getroot() for path in reports)
-    }
+    return {suite.attrib["name"]: suite for suite in (ET.parse(path).getroot() for path in sorted(reports))}
 
 
 def markdown(bindings: Path) -> str:
     """The counts and sizes of a build; sizes in whole 10 kB, since another JDK packs a little differently."""
     tests = suites(bindings)
     total = sum(int(suite.attrib["tests"]) for suite in tests.values())
-    golden = tests["GoldenTest"].attrib
+    golden = tests["org.camssf.golden.GoldenTest"].attrib
     ran = int(golden["tests"]) - int(golden["skipped"])
-    printed = "\n".join(out.text or "" for out in tests["ShrunkJarTest"].iter("system-out"))
+    printed = "\n".join(out.text or "" for out in tests["org.camssf.packaging.ShrunkJarTest"].iter("system-out"))
     sizes = {name: int(size) for match in SIZES.finditer(printed) for name, size in match.groupdict().items() if size}
     repository = bindings / "packaging" / "target" / "repository"
     for name in ("core", "model"):
-        (jar,) = (path for path in repository.glob(f"**/camssf-{name}-*.jar") if re.search(r"[\dT]\.jar$", path.name))
+        named = re.compile(rf"camssf-{name}-[\d.]+(-SNAPSHOT)?\.jar")
+        (jar,) = (path for path in repository.glob("**/*.jar") if named.fullmatch(path.name))
         sizes[name] = jar.stat().st_size // 1000
     pages = 0
     for path in repository.glob("**/*-javadoc.jar"):

@@ -110,7 +110,8 @@ def judge(
         reasons += rival_lamp(rivals() if callable(rivals) else rivals, lamps, doubted, checks)
     reasons += _unusual(ssf, unnamed, checks)
     reasons += [] if drift is None else _drifted(drift, any(unnamed), checks)
-    if any(isinstance(reason, Fatal) for reason in reasons):
+    if any(isinstance(reason, Fatal) for reason in reasons):  # first those that refuse: the error is the first one's
+        reasons.sort(key=lambda reason: not isinstance(reason, Fatal))
         return Verdict("refused", tuple(reasons), tuple(checks))
     return Verdict("doubtful" if reasons else "accepted", tuple(reasons), tuple(checks))
 

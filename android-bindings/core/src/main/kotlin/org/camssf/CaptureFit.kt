@@ -258,9 +258,16 @@ internal class CaptureFit(
     /**
      * [curves] from each of several masks of one capture. On a basis with a prior under named lamps all are solved
      * together: what a mask leaves out is masked.
+     *
+     * @param onRun called before each run of a model where there are several.
      */
-    fun folds(masks: List<PatchMask>, gamma: DoubleArray): List<Ssf> {
-        if (paper || lamps.any { it.unnamed }) return masks.map { curves(it, gamma) }
+    fun folds(masks: List<PatchMask>, gamma: DoubleArray, onRun: () -> Unit): List<Ssf> {
+        if (paper || lamps.any { it.unnamed }) {
+            return masks.map {
+                onRun()
+                curves(it, gamma, onRun)
+            }
+        }
         val selected = PatchMask(k, n) { j, i -> masks.any { it[j, i] } }.selected
         val known = known(selected, lamps)
         val signals = rows(values, selected)

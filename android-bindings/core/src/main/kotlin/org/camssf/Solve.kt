@@ -180,7 +180,7 @@ internal class Solve(
         val folds = List(FOLDS) { fold -> selected.filterIndexed { at, _ -> at % FOLDS == fold } }
         val masks = folds.map { used.without(it) }
         reporter.begin(Stage.VALIDATING)
-        val answers = fit.folds(masks, ssf.sharedGamma)
+        val answers = fit.folds(masks, ssf.sharedGamma) { reporter.check() }
         reporter.begin(Stage.VALIDATING)
         val explained = fit.explain(masks, answers)
         for ((fold, out) in folds.withIndex()) {

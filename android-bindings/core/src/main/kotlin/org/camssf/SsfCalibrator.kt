@@ -26,6 +26,7 @@ import org.camssf.verdict.Status
 import org.camssf.verdict.Verdict
 import java.io.Closeable
 import java.io.InterruptedIOException
+import java.lang.ref.WeakReference
 import java.net.SocketTimeoutException
 import java.nio.channels.ClosedByInterruptException
 import java.util.Collections
@@ -82,7 +83,7 @@ public class SsfCalibrator private constructor(
         ended = System.nanoTime()
     }
 
-    /** SHA-256 of each model file by its basis, lower-case hex; "auto" has three. */
+    /** SHA-256 of each basis's model file, lower-case hex; those that "auto" chooses from have one file. */
     public val modelHashes: Map<String, String> =
         Collections.unmodifiableMap(engines.associate { it.basis to it.sha256 })
 
@@ -96,7 +97,7 @@ public class SsfCalibrator private constructor(
 
     /**
      * Recovers the camera's curves from RAW photos: reads each shot's frames in turn, moves the corners to the
-     * printed borders, measures the patches and solves (a few dozen model runs for one shot).
+     * printed borders, measures the patches and solves (some ten model runs for one shot).
      *
      * Threads: any but the main one; it blocks.
      *
@@ -297,15 +298,15 @@ public class SsfCalibrator private constructor(
         private var basis = Choice.AUTO
         private var logger: Logger? = null
 
-        /** One of [BASES]; "auto" if it is not set. One basis alone takes less memory and time. */
+        /** One of [BASES]; "auto" if it is not set. One basis alone takes less time. */
         public fun basis(name: String): Builder = apply { basis = name }
 
         /** Receives the stages and the outcome of each run. */
         public fun logger(logger: Logger?): Builder = apply { this.logger = logger }
 
         /**
-         * Loads the shipped model of the basis, for "auto" all but the paper's, checks hash, grid and vocabulary, and
-         * loads the tables of charts and lamps.
+         * Loads the models of the basis and of the verdict, checks hash, grid and vocabulary, and loads the tables of
+         * charts and lamps.
          *
          * Threads: any, also the main one: it loads on [Dispatchers.Default].
          *
@@ -358,11 +359,17 @@ public class SsfCalibrator private constructor(
             SsfCalibrator(basis, engines, logger, RunGuard { engines.forEach { it.close() } })
         }
 
-        /** What is done when a calibrator has become garbage; without a reference to it. */
-        private fun release(guard: RunGuard, logger: Logger?, opened: Throwable): () -> Unit = {
-            val words = "An SsfCalibrator was not closed. Close it, for example by use { }, where you opened it."
-            guard.close()
-            logger?.log(words) ?: Log.getLogger("org.camssf").log(Level.WARNING, words, opened)
+        /**
+         * What is done when a calibrator has become garbage; without a reference to it, also none by way of the logger,
+         * which may belong to who holds the calibrator.
+         */
+        private fun release(guard: RunGuard, logger: Logger?, opened: Throwable): () -> Unit {
+            val weak = WeakReference(logger)
+            return {
+                val words = "An SsfCalibrator was not closed. Close it, for example by use { }, where you opened it."
+                guard.close()
+                weak.get()?.log(words) ?: Log.getLogger("org.camssf").log(Level.WARNING, words, opened)
+            }
         }
 
         private fun recovered(solution: Solution, model: String, basis: String?): Recovered {

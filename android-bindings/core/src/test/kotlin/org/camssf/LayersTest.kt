@@ -70,8 +70,8 @@ class LayersTest {
     private companion object {
         const val LONGEST = 450
         val GROUND = setOf(
-            "Camssf", "Channel", "Curve", "Errors", "Grid", "Interrupts", "LeastSquares", "Messages", "Nodes", "Numbers",
-            "ProgressReporter", "Reason", "Rows", "Rules", "Stage",
+            "Camssf", "Channel", "Curve", "Errors", "Grid", "Interrupts", "LeastSquares", "Messages", "Nodes",
+            "Numbers", "ProgressReporter", "Reason", "Rows", "Rules", "Stage",
         )
         val ALLOWED = linkedMapOf(
             "json" to emptySet(),

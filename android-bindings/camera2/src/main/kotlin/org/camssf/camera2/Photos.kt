@@ -39,7 +39,6 @@ public object Photos {
         } catch (error: SecurityException) {
             throw Refusal.of("unreadable_raw.no_permission", "file" to name, cause = error)
         } catch (error: RuntimeException) { // the provider's exceptions reach the app
-            val advice = "Copy it to the phone's own storage and choose it there."
             throw Refusal.of(
                 "unreadable_raw.provider", "file" to name, "detail" to error.message.orEmpty(), cause = error,
             )

@@ -147,7 +147,6 @@ public class ChartCamera @Throws(CameraAccessException::class) constructor(
                 override fun onImageSaved(results: ImageCapture.OutputFileResults) = waiting.resume(Unit)
 
                 override fun onError(exception: ImageCaptureException) {
-                    val message = "CameraX took no photo: ${exception.message}."
                     waiting.resumeWithException(
                         Refusal.of(
                             "unreadable_raw.no_capture", "detail" to exception.message.orEmpty(), cause = exception,

@@ -91,8 +91,8 @@ public class PhotoLight internal constructor(
             val chiSquared = light.chiSquared ?: return
             if (chiSquared > CONTRADICTED) {
                 throw Refusal.of(
-                    "lamp_unfit.reference", "lamp" to light.names.single(), "misfit" to chiSquared, value = chiSquared,
-                    threshold = CONTRADICTED,
+                    "lamp_unfit.reference", "lamp" to light.names.single(), "misfit" to chiSquared,
+                    value = chiSquared, threshold = CONTRADICTED,
                 )
             }
         }

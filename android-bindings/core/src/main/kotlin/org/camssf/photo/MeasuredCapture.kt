@@ -32,7 +32,7 @@ public class MeasuredCapture internal constructor(
     public fun toJson(): String = toJson(false)
 
     /**
-     * The capture as a document, "camssf/2", on one line: for a file, for an activity's saved state (20 kB a shot, up to
+     * The capture as a document, "camssf/2", on one line: for a file, for an activity's saved state (30 kB a shot, up to
      * 100 kB under a lamp known only by kind), or for `camssf solve` and `camssf patches` on a desktop. [fromJson] and
      * Python read it; all numbers are equal bit for bit.
      *

@@ -95,7 +95,8 @@ internal object Judge {
         }
         reasons += unusual(inputs.ssf, case.unnamed, checks)
         case.drift?.let { reasons += drifted(it, case.unnamed.any { each -> each }, checks) }
-        return Verdict(Status.of(reasons), reasons, checks.all)
+        // First those that refuse: the error is the first one's, also in a stored result.
+        return Verdict(Status.of(reasons), reasons.sortedBy { !it.fatal }, checks.all)
     }
 
     /** Applies the thresholds of rules 2 and 3: reports each shot's best explanation, or that there is none. */

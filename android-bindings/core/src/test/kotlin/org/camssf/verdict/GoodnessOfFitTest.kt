@@ -116,7 +116,8 @@ class GoodnessOfFitTest {
                 1, n, y, old.sharedError, old.sharedChart, old.sharedWhite, old.sharedDark, old.sharedUsed,
                 emptyList(),
             )
-            return VerdictInputs(engine, signals, table, clean.lamps, clean.ssf, white, 0.01).goodnessOfFit(shot(dark))
+            return VerdictInputs(engine, signals, table, clean.lamps, clean.ssf, white, 0.01)
+                .goodnessOfFit(shot(dark))
         }
         val veiled = spoiled { _, y -> y + 0.05 * (1 - y) }.bestExplanation()!!
         assertEquals(Cause.VEIL, veiled.cause)

@@ -180,12 +180,12 @@ class ShrunkJarTest {
     private companion object {
         const val NATIVE = "ai/onnxruntime/native/"
 
-        /** kB; docs/android.md states them. Colour is about 80 of the first and 317 of the second. */
+        /** kB; docs/android.md states them. Colour is about 80 of the first and 369 of the second. */
         const val CODE = 800
         const val DATA = 790
 
         /** kB: jar of core, jar of model, dex of the smallest app. */
-        val MOST = listOf(1000L, 320L, 440L)
+        val MOST = listOf(1050L, 320L, 460L)
 
         /** In dex Kotlin's library asks for classes of Android, which the JDK, the library given here, has not. */
         const val NO_ANDROID = "-dontwarn android.**"
