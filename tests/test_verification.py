@@ -18,7 +18,10 @@ SAID = (
 
 @pytest.fixture
 def build(tmp_path: Path) -> Path:
-    for module, suite in (("golden", ("GoldenTest", 12, 2, "")), ("packaging", ("ShrunkJarTest", 3, 0, SAID))):
+    for module, suite in (
+        ("golden", ("golden.GoldenTest", 12, 2, "")),
+        ("packaging", ("packaging.ShrunkJarTest", 3, 0, SAID)),
+    ):
         (tmp_path / module / "src" / "test" / "kotlin").mkdir(parents=True)
         reports = tmp_path / module / "target" / "surefire-reports"
         reports.mkdir(parents=True)
