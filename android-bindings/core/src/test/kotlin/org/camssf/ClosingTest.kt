@@ -121,18 +121,34 @@ class ClosingTest {
             val calibrator = SsfCalibrator.Builder().basis("phones").logger(logger).openBlocking()
             assertTrue(calibrator.calibrateBlocking(capture()) is Recovered)
         }
+
+        /** Holds the calibrator that writes to it, as a screen of an app may. */
+        class Screen : Logger {
+            var calibrator: SsfCalibrator? = null
+
+            override fun log(line: String) {
+                own += line
+            }
+        }
+
+        fun leaveWithItsLogger() {
+            val screen = Screen()
+            screen.calibrator = SsfCalibrator.Builder().basis("phones").logger(screen).openBlocking()
+        }
         SsfCalibrator.Builder().basis("phones").logger { own += it }.openBlocking().close() // says nothing
-        leave { own += it }
+        val kept = listOf(Logger { own += it })
+        leave(kept[0])
         leave(null)
+        leaveWithItsLogger()
         val until = System.nanoTime() + 60_000_000_000
         fun said(lines: List<String>) = lines.toList().count { "was not closed" in it }
-        while (said(own) + said(common) < 2 && System.nanoTime() < until) {
+        while (said(own) + said(common) < 3 && System.nanoTime() < until) {
             System.gc()
             Thread.sleep(50)
         }
         log.removeHandler(handler)
         log.useParentHandlers = true
-        assertEquals(1 to 1, said(own) to said(common))
+        assertEquals(listOf(1, 2), listOf(said(own), said(common)), "${kept.size} logger is still there")
     }
 
     @Test
