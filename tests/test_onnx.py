@@ -499,7 +499,7 @@ def command() -> Any:
 def test_check_passes(command: Any, capsys: pytest.CaptureFixture[str]) -> None:
     assert command.main(["check"]) == 0
     out = capsys.readouterr().out
-    assert out.count("the same bytes") == 7  # the learned bases' model, the paper's, four of surfaces, the bases
+    assert out.count("the same bytes") == 8  # three models of the calibration, four of surfaces, the bases
     assert out.splitlines()[-1] == "7 passed, 0 failed"
 
 

@@ -326,7 +326,7 @@ def test_a_new_android_module_by_the_page_alone(tmp_path: Path, cache: Path) -> 
     """The page's code and KDoc's examples on the framework's classes; no Gradle, CameraX or phone's runtime."""
     asked = dict(
         reversed(re.match(r"(.*?:(.*?):.*)", found).groups())  # type: ignore[union-attr]
-        for found in re.findall(r'implementation\("([\w.:-]+)"\)', ANDROID_PAGE)
+        for found in re.findall(r'implementation\("(org\.camssf:[\w.:-]+)"\)', ANDROID_PAGE)
     )
     assert set(asked) == {"camssf-camera2", "camssf-camerax", "camssf-colour"}
     of = versions_of_the_build("robolectric", "android", "kotlin", "junit", "onnxruntime")
