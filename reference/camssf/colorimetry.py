@@ -128,7 +128,11 @@ def adaptation(source: Any, target: Any, cones: Floats = CAT16) -> Any:
     `cones`, (3, 3), converts XYZ to the cone signals that are scaled.
     """
     scale = (target @ cones.T) / (source @ cones.T)
-    return np.linalg.inv(cones) @ (scale[..., :, None] * cones)
+    # The inverse by cofactors: LAPACK's differs from processor to processor, and it is a constant of a shipped model.
+    a, b, c = cones
+    cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
+    first = cofactors[:, 0]
+    return (cofactors / (a[0] * first[0] + a[1] * first[1] + a[2] * first[2])) @ (scale[..., :, None] * cones)
 
 
 def adapt(xyz: Floats, source: Floats, target: Floats) -> Floats:
