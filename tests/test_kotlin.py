@@ -205,7 +205,6 @@ BOUNDS = {
     "/answer/std": 1e-12,
     "/answer/channel_gain": 1e-15,
     "/answer/gamma": 1e-9,
-    "/answer/uncertainty/budget/share": 1e-8,  # Kotlin masks the patches that Python leaves out: a weight of 1e-12
     "/verdict/reasons/value": 1e-8,
     "": 1e-9,
 }

@@ -20,6 +20,7 @@ import org.camssf.recovery.RawWhite
 import org.camssf.recovery.Recover
 import org.camssf.recovery.Ssf
 import org.camssf.recovery.Tensor
+import org.camssf.recovery.lampModes
 import org.camssf.recovery.predictSignals
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
@@ -256,6 +257,16 @@ internal class CaptureFit(
     }
 
     /**
+     * The uncertainty budget of an answer to these patches: that of [explain] where none is left out, else of a problem
+     * of these patches alone, since a masked one would still weigh 1e-12; null without a prior.
+     */
+    fun budget(used: PatchMask, ssf: Ssf, explained: Recover.Explained?): Map<String, DoubleArray>? {
+        if (explained == null || used.selected.size == n) return explained?.budget
+        val problem = Problem(engines.single(), observations(used, listOf(lamps))[0], ssf.priorScale)
+        return Recover.explain(listOf(problem), listOf(ssf)).single().budget
+    }
+
+    /**
      * [curves] from each of several masks of one capture. On a basis with a prior under named lamps all are solved
      * together: what a mask leaves out is masked.
      *
@@ -308,29 +319,19 @@ internal class CaptureFit(
         return Known(
             Tensor(selected.map { table.reflectance(it) }.flatten(), t, Grid.SIZE),
             Tensor(DoubleArray(t) { if (paper) 0.0 else table.sharedTolerance[selected[it]] }, t),
-            Tensor(white, Grid.SIZE), whiteTolerance, power(lamps), tolerance(lamps), modes(lamps),
+            Tensor(white, Grid.SIZE), whiteTolerance, power(lamps), tolerance(lamps), lampModes(lamps),
             gains.takeUnless { it.modes.values.isEmpty() }?.of(selected),
         )
     }
 
     private fun Known.under(lamps: List<Lamp>) = Known(
-        reflectance, chartTolerance, whiteReflectance, whiteTolerance, power(lamps), tolerance(lamps), modes(lamps),
-        gains,
+        reflectance, chartTolerance, whiteReflectance, whiteTolerance, power(lamps), tolerance(lamps),
+        lampModes(lamps), gains,
     )
 
     private fun power(lamps: List<Lamp>) = Tensor(lamps.map { it.sharedValues }.flatten(), k, Grid.SIZE)
 
     private fun tolerance(lamps: List<Lamp>) = Tensor(DoubleArray(k) { lamps[it].tolerance }, k)
-
-    /** (k, q, 681) lamp modes, padded with zeros to the largest number of modes. */
-    private fun modes(lamps: List<Lamp>): Tensor {
-        val q = lamps.maxOf { it.sharedModes.size }
-        val modes = DoubleArray(k * q * Grid.SIZE)
-        for ((j, lamp) in lamps.withIndex()) {
-            lamp.sharedModes.forEachIndexed { i, mode -> mode.copyInto(modes, (j * q + i) * Grid.SIZE) }
-        }
-        return Tensor(modes, k, q, Grid.SIZE)
-    }
 
     private companion object {
         /** Standard error of a masked signal, too large for it to change a curve: the model has no mask input. */

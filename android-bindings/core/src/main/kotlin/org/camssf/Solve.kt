@@ -83,7 +83,7 @@ internal class Solve(
             signals.sharedUsed, Rows(level, k, n), rows(predicted(ssf)), predictedStd?.let(::rows),
             rows(unseen.values), unseen.std?.let(::rows),
         )
-        val widths = uncertainty(fit, signals, explained?.budget, ssf, alone)
+        val widths = uncertainty(fit, signals, fit.budget(used, ssf, explained), ssf, alone)
         return Solution(capture, signals, ssf, predictions, scores, verdict, assumptions, widths)
     }
 

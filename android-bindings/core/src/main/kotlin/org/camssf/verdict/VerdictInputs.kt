@@ -11,6 +11,7 @@ import org.camssf.recovery.Gains
 import org.camssf.recovery.OnnxEngine
 import org.camssf.recovery.Ssf
 import org.camssf.recovery.Tensor
+import org.camssf.recovery.lampModes
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
 import kotlin.math.max
@@ -50,20 +51,13 @@ internal class VerdictInputs(
     /** Rules 1 and 2; with `shot`, for inputs of this shot only, also the explanations of rule 3. */
     fun goodnessOfFit(shot: MeasuredShot? = null): GoodnessOfFit {
         val directions = shot?.let {
-            mapOf(
-                "explain" to Tensor.scalar(1.0), "level" to level(it),
-                "fields" to fields(it),
-            )
+            mapOf("explain" to Tensor.scalar(1.0), "level" to level(it), "fields" to fields(it))
         }
         val parts = engine.judge(arrays() + directions.orEmpty(), MISFIT).mapValues { it.value.values }
         val prior = if (ssf.sharedStd != null) parts.getValue("prior")[0] else 0.0
         val count = parts.getValue("count")[0].roundToInt()
-        return GoodnessOfFit(
-            parts.getValue("residual")[0], prior, count,
-            shot?.let {
-                explanations(it, parts)
-            }.orEmpty(),
-        )
+        val explanations = shot?.let { explanations(it, parts) }.orEmpty()
+        return GoodnessOfFit(parts.getValue("residual")[0], prior, count, explanations)
     }
 
     /**
@@ -73,24 +67,12 @@ internal class VerdictInputs(
      */
     fun driftEvidences(basis: String, new: Int): DoubleArray {
         val constants = checkNotNull(BasisConstants.of(basis)) { "$basis is no learned basis" }
-        val scaled = DoubleArray(constants.dictionary.size) { ssf.priorScale * constants.dictionary[it] }
-        val unit = mapOf(
-            "new" to Tensor(DoubleArray(k) { if (it < new) 1.0 else 0.0 }, k),
-            "mean" to Tensor(constants.mean, 3, Nodes.SIZE),
-            "dictionary" to Tensor(scaled, 3, Nodes.SIZE, constants.atoms),
-        )
-        return engine.judge(arrays() + unit, listOf(DRIFT)).getValue(DRIFT).values
+        return engine.judge(arrays() + shots(constants, new), listOf(DRIFT)).getValue(DRIFT).values
     }
 
     /** The model's inputs, without explanations and new shots: level 1 and no fields. */
     private fun arrays(): Map<String, Tensor> {
         val used = DoubleArray(k * n) { if (signals.sharedUsed[it]) 1.0 else 0.0 }
-        val q = max(1, lamps.maxOf { it.sharedModes.size })
-        val modes = DoubleArray(k * q * Grid.SIZE)
-        for ((j, lamp) in lamps.withIndex()) {
-            lamp.sharedModes.forEachIndexed { i, mode -> mode.copyInto(modes, (j * q + i) * Grid.SIZE) }
-        }
-        val no = BasisConstants.of(BasisConstants.NAMES[0])!!
         return mapOf(
             "signals" to rows { if (signals.sharedUsed[it / 3]) signals.sharedValues[it] else 1.0 },
             "standard_error" to rows { signals.sharedError[it] },
@@ -102,7 +84,7 @@ internal class VerdictInputs(
             "code" to Tensor(ssf.sharedCode, ssf.sharedCode.size / 3, 3),
             "lamp" to Tensor(ssf.sharedLamp, k, Grid.SIZE),
             "lamp_tolerance" to Tensor(DoubleArray(k) { lamps[it].tolerance }, k),
-            "lamp_modes" to Tensor(modes, k, q, Grid.SIZE),
+            "lamp_modes" to lampModes(lamps, fewest = 1),
             "reflectance" to Tensor(table.sharedValues, n, Grid.SIZE),
             "chart_tolerance" to Tensor(table.sharedTolerance, n),
             "white_reflectance" to Tensor(whiteReflectance, Grid.SIZE),
@@ -110,12 +92,18 @@ internal class VerdictInputs(
             "gain_modes" to OnnxEngine.gainModes(gains, intArrayOf(k, n)),
             "gain_own" to Tensor.scalar(gains?.own ?: 0.0),
             "explain" to Tensor.scalar(0.0),
-            "new" to Tensor.full(0.0, k),
             "first_lamp" to Tensor(lamps[0].sharedValues, Grid.SIZE),
-            "mean" to Tensor(no.mean, 3, Nodes.SIZE),
-            "dictionary" to Tensor(no.dictionary, 3, Nodes.SIZE, no.atoms),
-        )
+        ) + shots(BasisConstants.of(BasisConstants.NAMES[0])!!, 0) // of no effect without new shots
     }
+
+    /** Which shots are new, and the basis of the answer. */
+    private fun shots(basis: BasisConstants, new: Int): Map<String, Tensor> = mapOf(
+        "new" to Tensor(DoubleArray(k) { if (it < new) 1.0 else 0.0 }, k),
+        "mean" to Tensor(basis.mean, 3, Nodes.SIZE),
+        "dictionary" to Tensor(
+            DoubleArray(basis.dictionary.size) { ssf.priorScale * basis.dictionary[it] }, 3, Nodes.SIZE, basis.atoms,
+        ),
+    )
 
     private fun rows(value: (Int) -> Double) = Tensor(DoubleArray(3 * k * n, value), k, n, 3)
 
