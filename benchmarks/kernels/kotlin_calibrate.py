@@ -171,9 +171,9 @@ def main() -> int:
                 folder.mkdir()
                 sensor = Sensor(compression=compression)
                 made = simulate(DEMO_PHONE, "D55", folder, scene=Scene(size=(4000, 3000)), sensor=sensor)
-                for words_, lamp in LAMPS.items():
+                for named, lamp in LAMPS.items():
                     shot = Shot(made.shots[0].chart, lamp, corners=made.pose.corners)
-                    found[f"{storage}, {words_}"] = measure(jvm, before, shot, options.runs, folder)
+                    found[f"{storage}, {named}"] = measure(jvm, before, shot, options.runs, folder)
                     bar.advance(task)
     except (Unavailable, OSError) as error:
         print(error, file=sys.stderr)

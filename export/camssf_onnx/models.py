@@ -21,7 +21,7 @@ from camssf.recovery.model import M, learned_model, paper_model
 from camssf.recovery.onnx_model import VOCABULARY
 from camssf.recovery.pivoting import finish_steps
 from camssf.spectra.bundled import SURFACE_NODES
-from camssf_colour.light import LitCamera, condition
+from camssf_colour.light import LightInputs, condition
 from camssf_colour.posterior import Components, LinearResponse, components_of, means_of, posterior_of
 from camssf_colour.response import SOURCES, Viewed, response_of
 from camssf_colour.surface_prior import SurfacePrior
@@ -161,7 +161,7 @@ OF_RESPONSE: dict[str, list[str | int]] = {
     **{MOVES + source: [source, "w", J] for source in SOURCES},
 }
 """Shapes of a linear response; an error changes w rows: the signals, then the last outputs."""
-OF_LIT_CAMERA: dict[str, list[str | int]] = {
+OF_LIGHT_INPUTS: dict[str, list[str | int]] = {
     "curves": [M, 3],
     "curve_modes": ["q", M, 3],
     "lamp": ["j", M],
@@ -174,7 +174,7 @@ OF_LIT_CAMERA: dict[str, list[str | int]] = {
     "own_lamp": [M],
     "own_modes": ["w", M],
 }
-"""Shapes of `LitCamera`."""
+"""Shapes of `LightInputs`."""
 OF_VIEWED: dict[str, list[str | int]] = {
     "tolerance": ["j"],
     "smooth": ["s", M],
@@ -205,13 +205,13 @@ def build_lights() -> onnx.ModelProto:
     """The model of `camssf_colour.light.condition` and, under these lights, `camssf_colour.response.response_of`."""
 
     def function(inputs: dict[str, Array]) -> dict[str, Array]:
-        light = condition(LitCamera(**{name: inputs[name] for name in OF_LIT_CAMERA}))
+        light = condition(LightInputs(**{name: inputs[name] for name in OF_LIGHT_INPUTS}))
         viewed = Viewed(**{name: inputs[name] for name in OF_VIEWED})
         outputs = vars(response_of(light, inputs["lamp_modes"].shape[0], viewed)).copy()
         outputs |= {MOVES + source: moves for source, moves in outputs.pop("moves").items()}
         return outputs | {"log_evidence": light.log_evidence, "chi_squared": light.chi_squared}
 
-    return traced("surfaces-lights", OF_LIT_CAMERA | OF_VIEWED, function)
+    return traced("surfaces-lights", OF_LIGHT_INPUTS | OF_VIEWED, function)
 
 
 def build_components() -> onnx.ModelProto:

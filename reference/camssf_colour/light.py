@@ -78,7 +78,7 @@ def see_together(
     flat = np.ones(WAVELENGTHS.size)
     own, of_own = (flat, flat[None]) if camera.own is None else (camera.own.lamp.values, lamp_modes(camera.own.lamp))
     conditioned = condition(
-        LitCamera(
+        LightInputs(
             curves=camera.values,
             curve_modes=camera.modes,
             lamp=np.stack([lamp.values for lamp in lamps]),
@@ -103,7 +103,7 @@ def see_together(
 
 
 @dataclass(frozen=True)
-class LitCamera:
+class LightInputs:
     """A camera, and the lamps and references of j photos, before the references' ratios are used.
 
     Attributes:
@@ -153,45 +153,40 @@ class ConditionedLight:
     chi_squared: Array
 
 
-def condition(camera: LitCamera) -> ConditionedLight:
+def condition(inputs: LightInputs) -> ConditionedLight:
     """The posterior of lamps and curves given the references' ratios, by STEPS of Gauss and Newton."""
-    xp, (p, m), (q, _, _), j = (
-        namespace(camera.lamp),
-        camera.lamp_modes.shape,
-        camera.curve_modes.shape,
-        camera.lamp.shape[0],
-    )
-    rows = 2 * j
-    by_wavelength = xp.reshape(xp.permute_dims(camera.curve_modes, (1, 0, 2)), (m, 3 * q))
+    xp, j = namespace(inputs.lamp), inputs.lamp.shape[0]
+    (p, m), (q, _, _), rows = inputs.lamp_modes.shape, inputs.curve_modes.shape, 2 * j
+    by_wavelength = xp.reshape(xp.permute_dims(inputs.curve_modes, (1, 0, 2)), (m, 3 * q))
     against_green = constant(xp, [[1.0, 0.0], [-1.0, -1.0], [0.0, 1.0]])
     shared = constant(xp, np.eye(2) + 1.0)  # green's noise is in both ratios
-    seen = xp.reshape(xp.broadcast_to(camera.measured[:, None], (j, 2)), (rows,)) > 0.5
-    of_photos = eye(xp, j) * camera.ratio_error**2
+    seen = xp.reshape(xp.broadcast_to(inputs.measured[:, None], (j, 2)), (rows,)) > 0.5
+    of_photos = eye(xp, j) * inputs.ratio_error**2
     reference = xp.reshape(of_photos[:, None, :, None] * shared[None, :, None, :], (rows, rows))
 
     def at(mean: Array) -> tuple[Array, Array]:
         """Power (j, 681) and curves (681, 3)."""
-        bend = xp.maximum(1.0 + (camera.of_photo * mean[None, :p]) @ camera.lamp_modes, DARKEST)
-        change = xp.reshape(mean[None, p:] @ xp.reshape(camera.curve_modes, (q, 3 * m)), (m, 3))
-        return camera.lamp * bend, camera.curves + change
+        bend = xp.maximum(1.0 + (inputs.of_photo * mean[None, :p]) @ inputs.lamp_modes, DARKEST)
+        change = xp.reshape(mean[None, p:] @ xp.reshape(inputs.curve_modes, (q, 3 * m)), (m, 3))
+        return inputs.lamp * bend, inputs.curves + change
 
     mean = xp.zeros((p + q,), dtype=xp.float64)
     for _ in range(STEPS):
         power, curves = at(mean)
-        own = camera.own_lamp[None, :]
+        own = inputs.own_lamp[None, :]
         here, there = power @ curves, own @ curves  # (j, 3), (1, 3)
         by_lamp = (
-            (camera.lamp[:, None, :] * camera.lamp_modes) @ curves / here[:, None, :] * camera.of_photo[:, :, None]
+            (inputs.lamp[:, None, :] * inputs.lamp_modes) @ curves / here[:, None, :] * inputs.of_photo[:, :, None]
         )
         by_curve = xp.reshape(power @ by_wavelength, (j, q, 3)) / here[:, None, :]
         by_curve = by_curve - xp.reshape(own @ by_wavelength, (1, q, 3)) / there
         slope = (xp.concat([by_lamp, by_curve], axis=1) @ against_green).mT
         slope = xp.where(seen[:, None], xp.reshape(slope, (rows, p + q)), 0.0)
-        of_own = (own * camera.own_modes) @ curves / there @ against_green
+        of_own = (own * inputs.own_modes) @ curves / there @ against_green
         own_noise = of_own.mT @ of_own + OWN_WHITE**2 * shared  # the calibration's own white is the same for all
         noise = xp.reshape(xp.broadcast_to(own_noise[None, :, None, :], (j, 2, j, 2)), (rows, rows)) + reference
-        expected = xp.log(camera.own_raw * here / there) @ against_green
-        off = xp.reshape(camera.ratios - expected, (rows,)) + (slope @ mean[:, None])[:, 0]
+        expected = xp.log(inputs.own_raw * here / there) @ against_green
+        off = xp.reshape(inputs.ratios - expected, (rows,)) + (slope @ mean[:, None])[:, 0]
         off = xp.where(seen, off, 0.0)
         # A photo without ratios has 1 / 2π, which adds nothing to the evidence.
         spread = xp.where(seen[:, None] & seen[None, :], slope @ slope.mT + noise, eye(xp, rows) / (2.0 * np.pi))
@@ -203,8 +198,8 @@ def condition(camera: LitCamera) -> ConditionedLight:
     covariance = 0.5 * (covariance + covariance.mT)
     root = whiten(covariance, covariance)[0].mT  # lamps first: later columns do not change a lamp
     power, curves = at(mean)
-    power_modes = (camera.of_photo[:, None, :] * root[:p, :].mT) @ camera.lamp_modes * camera.lamp[:, None, :]
-    curve_modes = xp.reshape(root[p:, :].mT @ xp.reshape(camera.curve_modes, (q, 3 * m)), (p + q, m, 3))
+    power_modes = (inputs.of_photo[:, None, :] * root[:p, :].mT) @ inputs.lamp_modes * inputs.lamp[:, None, :]
+    curve_modes = xp.reshape(root[p:, :].mT @ xp.reshape(inputs.curve_modes, (q, 3 * m)), (p + q, m, 3))
     normal = xp.sum(xp.full((rows,), float(np.log(2.0 * np.pi)), dtype=xp.float64))
     return ConditionedLight(
         power, curves, power_modes, curve_modes, -0.5 * (chi_squared + normal + log_det), chi_squared

@@ -50,8 +50,7 @@ def drift_evidences(judged: JudgedSignals, unit: UnitShots) -> Array:
     """
     xp, (k, n, _), r = namespace(judged.signals), judged.signals.shape, unit.dictionary.shape[-1]
     N, signals_at = n * 3 * k, signals_at_answer(judged)
-    used = judged.used[..., None] * xp.ones((3,), dtype=xp.float64)
-    counts = by_row(used)
+    counts = by_row(judged.counts)
     by_curve = signals_at.against_white[0, ...]  # (3, k, n, m)
     # The answer's curves are the basis's over their white signal under the first lamp, which no atom changes.
     white = fold((judged.white_reflectance * STEP * unit.first_lamp)[None, :])[:, None, :]  # (1, 1, v)
@@ -62,8 +61,8 @@ def drift_evidences(judged: JudgedSignals, unit: UnitShots) -> Array:
     moved = unit.new[:, None, None] * (by_curve[BLUE, ...] @ moves(judged.curves[:, BLUE]).mT)  # (k, n, 3)
     moved = moved[None, ...] * constant(xp, np.eye(3)[BLUE])[:, None, None, None]  # (3, k, n, 3)
     d = counts * xp.reshape(patchwise(moved[None, ...]), (N, DRIFTS))
-    off = by_row(used * (judged.signals - judged.predicted))
-    columns, _ = whiten(covariance_at_answer(judged, signals_at), xp.concat([A, d, off], axis=-1))
+    columns = xp.concat([A, d, judged.difference], axis=-1)
+    columns, _ = whiten(covariance_at_answer(judged, signals_at), columns)
     A, d, off = columns[:, : 3 * r], columns[:, 3 * r : 3 * r + DRIFTS], columns[:, 3 * r + DRIFTS :]
     # Woodbury: what another code would explain.
     free, _ = whiten(A.mT @ A + eye(xp, 3 * r), A.mT @ xp.concat([d, off], axis=-1))

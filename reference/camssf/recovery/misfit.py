@@ -58,6 +58,16 @@ class JudgedSignals:
     gain_modes: Array
     gain_own: Array
 
+    @property
+    def counts(self) -> Array:
+        """(k, n, 3) 1 for each signal that counts, else 0."""
+        return self.used[..., None] * namespace(self.used).ones((3,), dtype=namespace(self.used).float64)
+
+    @property
+    def difference(self) -> Array:
+        """(N, 1) y - ŷ in the order of the rows; 0 where it does not count."""
+        return by_row(self.counts * (self.signals - self.predicted))
+
 
 @dataclass(frozen=True)
 class Misfit:
@@ -110,7 +120,7 @@ def covariance_at_answer(judged: JudgedSignals, signals_at: LinearisedSignals) -
     one_channel = xp.broadcast_to(constant(xp, np.eye(3))[:, None, None, :, None], (n, 3, k, n, 3, k))
     one_channel = xp.reshape(one_channel, (N, N))
     sigma = sigma + lamps @ lamps.mT + (1.0 + judged.gain_own**2 * one_channel) * (gains @ gains.mT)
-    counts = by_row(judged.used[..., None] * xp.ones((3,), dtype=xp.float64))
+    counts = by_row(judged.counts)
     return counts * counts.mT * sigma + (1.0 - counts) * eye(xp, N)
 
 
@@ -128,9 +138,8 @@ def misfit(judged: JudgedSignals, explain: Array) -> Misfit:
     """
     xp, (k, n, _) = namespace(judged.signals), judged.signals.shape
     N, f, y = n * 3 * k, judged.fields.shape[0], judged.signals
-    used = judged.used[..., None] * xp.ones((3,), dtype=xp.float64)
+    used, difference = judged.counts, judged.difference
     sigma = covariance_at_answer(judged, signals_at_answer(judged))
-    difference = by_row(used * (y - judged.predicted))
 
     def explained() -> list[Array]:
         directions = [
