@@ -12,7 +12,7 @@ internal object Messages {
 
     /** Text and advice of each key, with shared phrases filled in. */
     private val all: Map<String, Pair<String, String>> by lazy {
-        val file = JsonText.parse(Rules.read("messages.json")) as Map<*, *>
+        val file = JsonText.parse(Shipped.text("messages.json")) as Map<*, *>
         val phrases = file["phrases"] as Map<*, *>
         fun whole(template: Any?) = PLACEHOLDER.replace(template as String) {
             phrases[it.groupValues[1]] as String? ?: it.value

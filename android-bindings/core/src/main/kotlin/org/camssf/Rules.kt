@@ -4,7 +4,6 @@ import org.camssf.json.JsonText
 import org.camssf.json.Members
 import org.camssf.json.NotJson
 import org.camssf.json.members
-import org.camssf.model.Models
 
 /**
  * All thresholds, the rival lamps, makers' names and the limits of the verdict's reasons, from rules.json. Python reads
@@ -63,22 +62,7 @@ internal class Rules private constructor(
          *
          * @throws InvalidArgument the file is missing or damaged.
          */
-        val shipped: Rules by lazy { parse(read("rules.json")) }
-
-        /**
-         * The text of one of camssf-model's files.
-         *
-         * @throws InvalidArgument the file is missing or damaged.
-         */
-        fun read(name: String): String = try {
-            Models.read(name).decodeToString()
-        } catch (error: IllegalStateException) {
-            throw InvalidArgument(
-                error.message.orEmpty(),
-                "Add camssf-core and camssf-model unchanged.",
-                cause = error,
-            )
-        }
+        val shipped: Rules by lazy { parse(Shipped.text("rules.json")) }
 
         /**
          * Parses the file's text; unknown and missing keys are errors.
@@ -168,9 +152,7 @@ internal class Rules private constructor(
             return found
         }
 
-        private fun damaged(what: String) = InvalidArgument(
-            "The rules of this installation cannot be read: $what.",
-            "Add camssf-core and camssf-model unchanged.",
-        )
+        private fun damaged(what: String) =
+            InvalidArgument("The rules of this installation cannot be read: $what.", Shipped.ADVICE)
     }
 }

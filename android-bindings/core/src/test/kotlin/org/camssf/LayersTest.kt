@@ -71,7 +71,7 @@ class LayersTest {
         const val LONGEST = 450
         val GROUND = setOf(
             "Camssf", "Channel", "Curve", "Errors", "Grid", "Interrupts", "LeastSquares", "Messages", "Nodes",
-            "Numbers", "ProgressReporter", "Reason", "Rows", "Rules", "Stage",
+            "Numbers", "ProgressReporter", "Reason", "Rows", "Rules", "Shipped", "Stage",
         )
         val ALLOWED = linkedMapOf(
             "json" to emptySet(),

@@ -2,6 +2,7 @@ package org.camssf.colour
 
 import org.camssf.InvalidArgument
 import org.camssf.RuntimeUnfit
+import org.camssf.Shipped
 import org.camssf.model.Models
 import org.camssf.recovery.OnnxModel
 import org.camssf.recovery.Tensor
@@ -36,11 +37,8 @@ internal object SurfaceModels {
      *
      * @throws InvalidArgument it is missing or was changed.
      */
-    fun read(name: String): ByteArray = try {
-        Models.read(SurfaceModels::class.java, "org/camssf/colour", name)
-    } catch (error: IllegalStateException) {
-        throw InvalidArgument(error.message.orEmpty(), ADVICE, cause = error)
-    }
+    fun read(name: String): ByteArray =
+        Shipped.bytes(name, ADVICE) { Models.read(SurfaceModels::class.java, "org/camssf/colour", it) }
 
     private const val ADVICE = "Add camssf-colour unchanged."
 }

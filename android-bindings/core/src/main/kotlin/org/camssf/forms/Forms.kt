@@ -3,11 +3,11 @@ package org.camssf.forms
 import org.camssf.CalibrationException
 import org.camssf.InvalidArgument
 import org.camssf.Rows
+import org.camssf.Shipped
 import org.camssf.decimal
 import org.camssf.general
 import org.camssf.json.JsonText
 import org.camssf.json.NotJson
-import org.camssf.model.Models
 import java.math.BigDecimal
 import java.math.BigInteger
 import kotlin.math.abs
@@ -291,7 +291,7 @@ internal class Forms(
 
         @Suppress("UNCHECKED_CAST")
         private val PARTS by lazy {
-            JsonText.parse(Models.read("forms.json").decodeToString()) as Map<String, Map<String, Map<String, Any?>>>
+            JsonText.parse(Shipped.text("forms.json")) as Map<String, Map<String, Map<String, Any?>>>
         }
 
         /**

@@ -1,6 +1,7 @@
 package org.camssf.recovery
 
 import org.camssf.Nodes
+import org.camssf.Shipped
 import org.camssf.model.Models
 import java.nio.ByteBuffer
 import java.nio.ByteOrder
@@ -20,7 +21,7 @@ internal class BasisConstants private constructor(val mean: DoubleArray, val dic
         val NAMES = listOf("cameras", "phones", "ryyb")
 
         private const val FILE = "bases.f64"
-        private val content by lazy { Models.read(FILE) }
+        private val content by lazy { Shipped.bytes(FILE) }
         private val made = HashMap<String, BasisConstants>()
 
         /** SHA-256 of the file of the bases, lower-case hex. */

@@ -3,6 +3,7 @@ package org.camssf.recovery
 import org.camssf.Grid
 import org.camssf.InvalidArgument
 import org.camssf.Nodes
+import org.camssf.Shipped
 import kotlin.math.max
 
 /** Runs the models of a basis and of the verdict with ONNX Runtime. */
@@ -106,7 +107,7 @@ internal class OnnxEngine private constructor(
                 throw InvalidArgument("There is no basis '$basis'.", "Take one of ${known.joinToString()}.")
             }
             val name = if (basis == PAPER) "camssf-$PAPER.onnx" else "camssf-learned.onnx"
-            val advice = if (basis == PAPER) PAPER_ADVICE else OnnxSession.ADVICE
+            val advice = if (basis == PAPER) PAPER_ADVICE else Shipped.ADVICE
             return engine(basis) { OnnxSession.open(name, it, ModelOutputs.NAMES, advice) }
         }
 
@@ -120,7 +121,7 @@ internal class OnnxEngine private constructor(
                     put("$HASH $basis", null)
                     if (basis != PAPER) {
                         put("bases", BasisConstants.NAMES.joinToString(" "))
-                        put("bases_sha256", OnnxSession.shipped { BasisConstants.sha256 })
+                        put("bases_sha256", BasisConstants.sha256)
                     }
                 },
             )

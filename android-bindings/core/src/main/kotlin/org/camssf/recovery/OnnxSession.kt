@@ -1,6 +1,7 @@
 package org.camssf.recovery
 
 import org.camssf.InvalidArgument
+import org.camssf.Shipped
 import org.camssf.model.Models
 
 /** A model that those who open the same file share: the last one that releases it closes it. */
@@ -33,11 +34,10 @@ internal class OnnxSession private constructor(private val model: OnnxModel, con
         if (differs.isEmpty()) return this
         release()
         val names = differs.joinToString()
-        throw InvalidArgument("The model ${model.name} differs from this version in $names.", ADVICE)
+        throw InvalidArgument("The model ${model.name} differs from this version in $names.", Shipped.ADVICE)
     }
 
     companion object {
-        const val ADVICE = "Add the artefacts camssf-core and camssf-model of one version, unchanged."
         private const val VOCABULARY = "1"
         private const val GRID = "380 to 720 nm every 0.5 nm"
 
@@ -56,9 +56,9 @@ internal class OnnxSession private constructor(private val model: OnnxModel, con
             name: String,
             metadata: Map<String, String?>,
             outputs: List<String>,
-            advice: String = ADVICE,
+            advice: String = Shipped.ADVICE,
         ): OnnxSession = synchronized(shared) {
-            shared.getOrPut(name) { loaded(name, shipped(advice) { Models.read(name) }) }.used(metadata, outputs)
+            shared.getOrPut(name) { loaded(name, Shipped.bytes(name, advice)) }.used(metadata, outputs)
         }
 
         /** As the other function, from the content of a file that nobody shares. */
@@ -66,13 +66,6 @@ internal class OnnxSession private constructor(private val model: OnnxModel, con
             loaded(name, content).used(metadata, outputs)
 
         private fun loaded(name: String, content: ByteArray) =
-            OnnxSession(OnnxModel(name, content, ADVICE), content)
-
-        /** Reads from the shipped files; one that is missing or changed is [InvalidArgument]. */
-        fun <T> shipped(advice: String = ADVICE, read: () -> T): T = try {
-            read()
-        } catch (error: IllegalStateException) {
-            throw InvalidArgument(error.message.orEmpty(), advice, cause = error)
-        }
+            OnnxSession(OnnxModel(name, content, Shipped.ADVICE), content)
     }
 }

@@ -1,7 +1,7 @@
 package org.camssf.spectra
 
 import org.camssf.Grid
-import org.camssf.InvalidArgument
+import org.camssf.Shipped
 import org.camssf.flatten
 import org.camssf.json.JsonText
 import org.camssf.json.Members
@@ -14,7 +14,6 @@ import org.camssf.json.text
 import org.camssf.json.texts
 import org.camssf.json.whole
 import org.camssf.mean
-import org.camssf.model.Models
 import org.camssf.short
 import kotlin.math.expm1
 import kotlin.math.ln
@@ -28,17 +27,9 @@ import kotlin.math.round
  */
 internal object Bundled {
     private val file: Members by lazy {
-        val found = try {
-            members(JsonText.parse(Models.read("spectra.json").decodeToString()))
-        } catch (error: IllegalStateException) {
-            throw InvalidArgument(
-                error.message.orEmpty(),
-                "Add camssf-core and camssf-model unchanged.",
-                cause = error,
-            )
+        members(JsonText.parse(Shipped.text("spectra.json"))).also {
+            check(it.text("format") == "camssf-spectra/1") { "spectra.json is of another version" }
         }
-        check(found.text("format") == "camssf-spectra/1") { "spectra.json is of another version" }
-        found
     }
 
     /** Parses the tables, which the first use of one does otherwise. */

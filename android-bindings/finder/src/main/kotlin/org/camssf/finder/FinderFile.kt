@@ -1,6 +1,6 @@
 package org.camssf.finder
 
-import org.camssf.InvalidArgument
+import org.camssf.Shipped
 import org.camssf.json.JsonText
 import org.camssf.json.Members
 import org.camssf.json.list
@@ -10,7 +10,6 @@ import org.camssf.json.numbers
 import org.camssf.json.part
 import org.camssf.json.text
 import org.camssf.json.whole
-import org.camssf.model.Models
 
 /**
  * The limits of the search and the colours of the charts, from finder.json, which Python also reads. The file says
@@ -18,12 +17,7 @@ import org.camssf.model.Models
  */
 internal object FinderFile {
     private val file: Members by lazy {
-        val text = try {
-            Models.read("finder.json").decodeToString()
-        } catch (error: IllegalStateException) {
-            throw InvalidArgument(error.message.orEmpty(), "Add camssf-model unchanged.", cause = error)
-        }
-        members(JsonText.parse(text)).also {
+        members(JsonText.parse(Shipped.text("finder.json"))).also {
             check(it.text("format") == "camssf-finder/1") { "finder.json is of another version" }
         }
     }
