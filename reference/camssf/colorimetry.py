@@ -46,8 +46,7 @@ def lab(xyz: Floats, white: Floats) -> Floats:
 
 def under_d65(xyz: Floats, white: Floats) -> Floats:
     """Adapt XYZ (..., 3) from a white (3,) to D65: von Kries with CAT02, complete adaptation."""
-    scale = (CAT02 @ D65) / (CAT02 @ white)
-    return np.asarray(xyz @ (np.linalg.inv(CAT02) @ (scale[:, None] * CAT02)).T)
+    return np.asarray(xyz @ adaptation(white, D65, CAT02).T)
 
 
 def srgb(xyz: Floats) -> Floats:
