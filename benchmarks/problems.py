@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from benchmarks.shared import chart
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.photo.capture import Photo
 from camssf.photo.read.colour_matrix import ColourMatrix
 from camssf.recovery.basis import Basis
 from camssf.recovery.hypotheses import LampGuess, UnweighedHypothesis, choose
@@ -259,6 +260,12 @@ def open_model(content: bytes) -> Any:
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.add_session_config_entry("mlas.disable_kleidiai", "1")
     return runtime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+
+
+def in_roles(photo: Photo) -> tuple[Photo, Photo, Photo]:
+    """A simulated photo as chart's photo, white frame and dark frame: three files, since one file has one role."""
+    chart, white, dark = (replace(photo, sha256=digit + photo.sha256[1:]) for digit in "cad")
+    return chart, white, dark
 
 
 def makers_matrices(curves: Floats, seed: int, off: float = MATRIX_ERROR) -> tuple[ColourMatrix, ...]:

@@ -22,7 +22,7 @@ from camssf.recovery.observation import Observation
 from camssf.recovery.optimum import optimum
 from camssf.recovery.posterior import log_evidence
 from camssf.recovery.rows import fold_hypotheses, mode_rows, paper_rows, prior_point, rows_at
-from camssf.recovery.whitening import first_pass, target_at
+from camssf.recovery.whitening import first_pass, modes_at_prior, patch_scales, target_at
 
 
 @dataclass(frozen=True)
@@ -58,9 +58,12 @@ def linear_model(observation: Observation, basis: Basis) -> LinearModel:
     folded = fold_hypotheses(hypotheses_of([observation], basis))
     point, (k, n, q, g, _) = prior_point(folded), folded.sizes
     rows = rows_at(folded, point)
+    modes = modes_at_prior(folded, rows, point)
+    scale = patch_scales(rows, modes)
     if folded.has_modes:
-        point = first_pass(folded, rows, point)
+        point = first_pass(folded, rows.scaled(scale), point, modes)
         rows = rows_at(folded, point)
+    rows = rows.scaled(scale)
     modes = mode_rows(folded, rows, point)
     q, g = min(q, observation.lamp_modes.shape[1]), min(g, observation.gain_modes.shape[1])
     D, gains = modes.lamps[..., : k * q], modes.gains[..., : k * g]

@@ -47,6 +47,13 @@ YELLOW_PHONE = {
     ],
 }
 """The same with yellow in green's place, G + 0.5 R."""
+
+
+def moved(nm: float) -> Json:
+    """PHONE with all its curves at wavelengths longer by `nm`: the more of it, the more probably no phone."""
+    return {"bells": [[[height, centre + nm, width] for height, centre, width in bells] for bells in PHONE["bells"]]}
+
+
 BETWEEN = {
     "bells": [
         [[0.636, 595.0, 12.8], [0.559, 624.3, 25.9], [0.103, 557.6, 77.1]],

@@ -29,6 +29,8 @@ INDEPENDENT_SHARE = rules().number("covariance.independent_share")
 CHANNEL_SHARE = rules().number("covariance.channel_share")
 DRIFT = rules().number("covariance.drift")
 FLOOR = rules().number("covariance.floor")
+RED_MORE, RED_FROM, RED_OVER = (rules().number(f"covariance.red_{name}") for name in ("more", "from", "over"))
+FREEDOM, MOST = (rules().number(f"covariance.patch_{name}") for name in ("freedom", "most"))
 
 
 @dataclass(frozen=True)
@@ -57,8 +59,10 @@ class DenseModel:
 def dense_models(observations: Sequence[Observation], basis: Basis) -> list[DenseModel]:
     """The models of observations of equal shapes, all with modes or all without, on a basis with a mean."""
     given = _fold(observations, basis)
-    point = _first_pass(given) if given.modes.any() or given.gains.any() else _start(given)
+    scale = _patch_scales(_rows(given, _start(given)), given.signals.shape)
+    point = _first_pass(given, scale) if given.modes.any() or given.gains.any() else _start(given)
     rows = _rows(given, point)
+    rows.terms["chart"] *= scale
     rows.terms["lamp modes"] += outer(rows.modes)
     rows.terms["uneven light"] += outer(rows.gains)
     covariances = _total(rows.terms)
@@ -144,8 +148,9 @@ def covariance(signals_at: LinearisedSignals, tolerances: Tolerances) -> dict[st
 
         noise     se²                                                  independent
         chart     (τ y / 20)²                                          independent
-                  τ Σ (0.6 R u₁ + u₂ / 3 + 70 nm · dR/dλ u₃) L s dλ / W    one u a patch, for all shots; κ = 0.7 of
-                                                                         its variance common to the channels
+                  τ Σ (0.6 R u₁ + u₂ / 3 + 70 nm · dR/dλ u₃) h L s dλ / W  one u a patch, for all shots; κ = 0.7 of
+                                                                         its variance common to the channels;
+                                                                         h = 1 + 1.6 / (1 + exp(-(λ - 650) / 8))
         white     -ŷ Σ ρ_w ε_w L s dλ / W                              one ε_w for all rows
         lamp      Σ (R - ŷ ρ_w) L η s dλ / W                           one smooth η a shot, for all channels
                   ŷ / 100                                              drift of the light: one a shot, all channels
@@ -156,11 +161,12 @@ def covariance(signals_at: LinearisedSignals, tolerances: Tolerances) -> dict[st
     over_chart, over_lamp, over_table = (
         smooth_errors(length, signals_at.at) for length in (CHART_CORRELATION, LAMP_CORRELATION, TABLE_CORRELATION)
     )
+    red = (1.0 + RED_MORE / (1.0 + np.exp(-(signals_at.at - RED_FROM) / RED_OVER)))[:, None]
     chart = np.concatenate(
         [
-            RELATIVE * (signals_at.patches @ over_chart),
-            ABSOLUTE * (signals_at.light @ over_table),
-            signals_at.edges @ over_table,
+            RELATIVE * (signals_at.patches @ (red * over_chart)),
+            ABSOLUTE * (signals_at.light @ (red * over_table)),
+            signals_at.edges @ (red * over_table),
         ],
         axis=-1,
     )
@@ -305,13 +311,37 @@ def _start(given: _Folded) -> _Expansion:
     )  # fmt: skip
 
 
-def _first_pass(given: _Folded) -> _Expansion:
+def _patch_scales(rows: _Rows, shape: tuple[int, ...]) -> Floats:
+    """Scale (h, N, N) of the chart's covariance, one number a patch: EM steps by the explicit inverse of P."""
+    from scipy.linalg import cho_factor, cho_solve
+
+    h, _, k, n = shape
+    rest = outer(rows.matrix) + outer(rows.modes) + outer(rows.gains)
+    rest += sum(term for source, term in rows.terms.items() if source != "chart")
+    patch = np.tile(np.arange(n), 3 * k)
+    scales = np.ones((h, n))
+    for i in range(h):
+        chart = rows.terms["chart"][i]
+        for _ in range(3):
+            spread = rest[i] + chart * scales[i][patch]
+            inverse = cho_solve(cho_factor(spread, lower=True), np.eye(len(spread)))
+            e = inverse @ rows.target[i]
+            for p in range(n):
+                own = np.flatnonzero(patch == p)
+                part = scales[i, p] * chart[np.ix_(own, own)]
+                q, t = e[own] @ part @ e[own], np.trace(part @ inverse[np.ix_(own, own)])
+                scales[i, p] = np.clip(scales[i, p] * (FREEDOM + q) / (FREEDOM + t), 1.0, MOST)
+    return np.asarray(np.broadcast_to(scales[:, None, patch], (h, patch.size, patch.size)))
+
+
+def _first_pass(given: _Folded, scale: Floats) -> _Expansion:
     """Gaussian posterior of lamps, gains and curves, from rows linearised at the prior means.
 
     With P = Σ + A Aᵀ, and D of both u and v, Λ = Dᵀ P⁻¹ D and h = Dᵀ P⁻¹ b: û = C h with C = (I + Λ)⁻¹, and
     x̂ = Aᵀ P⁻¹ (b - D û). `code_covariance` is the one given lamps and gains, I - Aᵀ P⁻¹ A.
     """
     rows = _rows(given, _start(given))
+    rows.terms["chart"] *= scale
     # Whitened by P = L Lᵀ: an explicit P⁻¹ loses twice the digits, and modes may raise P's condition above 1e12.
     spread = _total(rows.terms)
     spread += outer(rows.matrix)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,20 @@ import pytest
 
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS
-from camssf.recovery.basis import NODES, Basis, gaussian_basis, interpolate, read_basis, steady_exp
-from camssf_lab.learning.basis import _smooth_root, enlarge, learn, main, save
-from camssf_lab.learning.training import Enlargement, TrainingSet, maker_of, read_curves, training_set_of
+from camssf.recovery.basis import (
+    NODES,
+    Basis,
+    gaussian_basis,
+    interpolate,
+    misfit_profile,
+    read_basis,
+    steady_exp,
+)
+from camssf.recovery.sensitivity import prior_std
+from camssf_lab.learning.basis import _smooth_root, enlarge, learn, main, process_rows, save
+from camssf_lab.learning.training import HANDFUL, Enlargement, TrainingSet, maker_of, read_curves, training_set_of
 from tests.problems import CURVES, chart_and_lamp, recovered, theory, toy_camera
+from tools import misfit_profile as misfit_profile_tool
 
 
 def test_gaussians_are_the_paper_s() -> None:
@@ -86,6 +97,42 @@ def test_the_dictionary_is_the_spread_of_the_training_set() -> None:
     assert all(
         (x == y).all() for x, y in zip(alike, learn(toys(), makers=list("abcdefghijkl"), copies=2), strict=True)
     )
+
+
+def test_half_of_the_phones_covariance_is_that_of_a_process() -> None:
+    """By its closed form: between the cameras, with that for a new group; a shift; a smooth relative change."""
+    shapes = np.stack([np.exp(-0.5 * ((NODES - centre) / 34.0) ** 2) for centre in (516.0, 533.0, 584.0)])
+    weight = np.array([0.2, 0.3, 0.5])
+    rows, off = process_rows(shapes, weight), shapes - weight @ shapes
+    smooth = np.exp(-0.5 * ((NODES[:, None] - NODES) / 30.0) ** 2)
+    expected = 2.0 * (weight[:, None] * off).T @ off
+    for shape, share in zip(shapes, weight, strict=True):
+        slope = np.gradient(shape, NODES)
+        expected += share * (2.0**2 * np.outer(slope, slope) + 0.1**2 * np.outer(shape, shape) * smooth)
+    assert rows.T @ rows == pytest.approx(expected, abs=1e-9)
+    curves = np.stack([np.stack([shape] * 3, axis=1) for shape in shapes])
+    plain = replace(HANDFUL, process=0.0)
+    alone, none, both = (
+        dictionary[0] @ dictionary[0].T
+        for _, dictionary in (
+            learn(curves, components=69, size=size) for size in (replace(HANDFUL, process=1.0), plain, HANDFUL)
+        )
+    )
+    assert both == pytest.approx(0.5 * (alone + none), abs=1e-9)
+
+
+@pytest.mark.repository
+def test_the_misfit_profile_is_what_its_command_makes(capsys: pytest.CaptureFixture[str]) -> None:
+    assert misfit_profile_tool.main(["--check"]) == 0, capsys.readouterr().out
+
+
+def test_what_every_basis_misses_is_in_its_bands() -> None:
+    """At every wavelength, also before any photo; in a mean capture the peak's neighbours are certain otherwise."""
+    missed = interpolate(misfit_profile()[..., None])[..., 0].T
+    assert missed.shape == (681, 3)
+    assert (missed >= 0).all()
+    assert 0.005 < missed[40:641].mean() < 0.02
+    assert (prior_std(read_basis("phones")) >= missed).all()
 
 
 def test_makers_are_the_first_words_of_names() -> None:

@@ -13,6 +13,10 @@ import pytest
 from benchmarks import shared
 from benchmarks.claims import certify
 from benchmarks.kernels import arm, arm_jvm, capture, solver
+from camssf.calibration import solve
+from camssf.options import Options
+from camssf.recovery.basis import read_basis
+from camssf.spectra import read_lamp
 
 pytestmark = pytest.mark.full
 
@@ -140,6 +144,25 @@ def test_lamps_by_name_and_by_kind_are_solved(results: Path, capsys: pytest.Capt
             assert 0.0 < row[how]["rmse"] < 0.2
             assert row[how]["coverage"] > 0.4
     assert status == ("MISSED" in capsys.readouterr().out)
+
+
+@pytest.mark.requirement("R-FIELD")
+@pytest.mark.parametrize("row", ["any light", "framed", "field"])
+def test_simulated_captures_are_solved_and_not_refused_as_files(row: str) -> None:
+    """A benchmark that counts refusals must not count those of its own files: a chart and a frame that are one."""
+    from benchmarks.claims import any_light, field
+    from benchmarks.claims.phones import CAMERAS, Device
+    from tests.problems import measured_cameras
+
+    name = "Nikon D5100"
+    device = Device(name, measured_cameras()[name], {CAMERAS: read_basis("cameras")})
+    light = read_lamp("D55")
+    if row == "any light":
+        simulated = any_light.capture(device, ("D55",), [light], "nikon", 3)
+    else:
+        place = field.place(np.random.default_rng(3), row)
+        simulated = field.photographed(device, "D55", light, place, row, "nikon", 3)
+    assert solve(simulated, options=Options(engine="reference")).verdict.status == "accepted"
 
 
 def test_what_an_unnamed_light_costs(results: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from benchmarks.problems import chosen_basis
 from camssf.calibration import solve
@@ -34,8 +35,15 @@ from camssf.recovery.hypotheses import (
 )
 from camssf.recovery.observation import Observation
 from camssf.recovery.prediction import predict
-from camssf.recovery.sensitivity import LARGEST_GAP, Hypothesis, SolverSettings, Ssf, solve_on_basis
-from camssf.recovery.unfamiliar_camera import code_length, family_test
+from camssf.recovery.sensitivity import (
+    LARGEST_GAP,
+    FamilyTest,
+    Hypothesis,
+    SolverSettings,
+    Ssf,
+    solve_on_basis,
+)
+from camssf.recovery.unfamiliar_camera import code_length, family_test, stranger_probability
 from camssf.rules import rules
 from camssf.spectra import Unnamed, read_chart, read_lamp
 from camssf.verdict.judge import judge
@@ -180,20 +188,51 @@ def test_each_family_is_known_by_its_own() -> None:
 
 @pytest.mark.requirement("R-UNUSUAL")
 def test_a_camera_of_no_family_gets_a_wider_prior() -> None:
-    """The answer is that of its basis with a prior four times as wide; hypotheses and test are those of its width."""
+    """Almost all of the answer is that of a prior four times as wide; the test is that of the learned width."""
     given = observed(resolve(ODD), "D55", "A")
     found = recover(given)
     test = found.family_test
     assert test is not None
     assert not test.passed
     assert found.prior_scale == 4.0
-    assert (found.values == solve_on_basis(given, found.basis, prior_scale=4.0).values).all()
-    assert test.length == code_length(solve_on_basis(given, found.basis))
+    own, wide = (solve_on_basis(given, found.basis, prior_scale=scale) for scale in (1.0, 4.0))
+    assert test.length == code_length(own)
+    p = stranger_probability(test)
+    assert 0.5 < p <= 1.0
+    (mean, std), parts = found.peak(), [answer.peak() for answer in (own, wide)]
+    expected = (1.0 - p) * parts[0][0] + p * parts[1][0]
+    assert mean == pytest.approx(expected / expected.max(axis=0), abs=1e-12)
+    variance = sum(w * (sd**2 + (v - expected) ** 2) for w, (v, sd) in zip((1.0 - p, p), parts, strict=True))
+    assert std == pytest.approx(np.sqrt(variance) / expected.max(axis=0), abs=1e-12)
+    assert (found.code == wide.code).all()
+    assert found.half_width_of_basis == wide.half_width
     phone = recover(observed(resolve(PHONE), "D55", "A"))
     assert phone.prior_scale == 1.0
     assert phone.family_test is not None
     assert phone.family_test.passed
     assert recover(given, basis="phones").family_test is None
+
+
+def test_a_stranger_is_the_more_probable_the_longer_its_code() -> None:
+    """Also by the lamp residual; by hand at one length, from the rules' two normal densities."""
+
+    def probability(z: float, residual: float | None = None) -> float:
+        return stranger_probability(FamilyTest(z, residual, longest=0.6, largest=0.4))
+
+    number = rules().number
+    prior, mean, own, other = (
+        number(f"choice.{name}") for name in ("stranger", "familiar", "familiar_std", "stranger_std")
+    )
+    for z in (-3.0, -0.5, 1.0):
+        stranger, member = prior * norm.pdf(z, 0.0, other), (1.0 - prior) * norm.pdf(z, mean, own)
+        assert probability(z) == pytest.approx(stranger / (stranger + member), rel=1e-12)
+    lengths = np.linspace(-4.0, 4.0, 50)
+    assert (np.diff([probability(z) for z in lengths]) > 0).all()
+    assert probability(-20.0) == probability(-5.0) == min(probability(z) for z in lengths)  # as near as can be told
+    assert probability(100.0) == probability(1e6) == 1.0
+    assert probability(-2.0) < 0.02
+    assert probability(-2.0, 0.3) == probability(-2.0)
+    assert probability(-2.0, 0.5) == 1.0
 
 
 def test_a_faded_chart_is_found_and_allowed_for() -> None:
@@ -561,7 +600,7 @@ def test_the_choice_in_words() -> None:
     assert half is not None
     assert "averaged with their probabilities" in half.words[0]
     assert half.words[-1].startswith(
-        "The camera is unlike those that this basis was learned from, so its prior is 4 "
+        "The camera is unlike those that this basis was learned from, so most of the answer is that of a prior 4 "
     )
     outweighed = choice_of(weighed(("phones", 9.0, 0.9), ("cameras", 9.0 - np.log(180.0), 0.1)))
     assert outweighed is not None

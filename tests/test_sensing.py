@@ -114,12 +114,13 @@ def test_covariance_is_that_of_drawn_errors(term: str) -> None:
     def of_wrong_charts(count: int) -> Floats:
         """What wrong reflectances do to the signals, (count, rows): linear, so each smooth error is seen once."""
         moved = np.zeros((count, 3, 2, n))
+        red = 1.0 + 1.6 / (1.0 + np.exp((650.0 - WAVELENGTHS) / 8.0))
         for way, each in (
             (0.6 * reflectance, wide),
             (np.full_like(reflectance, 1 / 3), short),
             (70.0 * slope, short),
         ):
-            errors = size * way[:, None] * each.T  # (n, p, 681)
+            errors = size * (red * way)[:, None] * each.T  # (n, p, 681)
             seen = np.stack([theory(errors.reshape(-1, 681), lamp, camera).reshape(n, -1, 3) for lamp in lamps])
             common, own = rng.normal(size=(count, *errors.shape[:2])), rng.normal(size=(count, 3, *errors.shape[:2]))
             u = np.sqrt(0.7) * common[:, None] + np.sqrt(0.3) * own

@@ -45,7 +45,7 @@ from benchmarks.shared import (
     versions,
 )
 from camssf.grid import STEP, WAVELENGTHS, Floats
-from camssf.recovery.basis import Basis, interpolate, read_basis
+from camssf.recovery.basis import Basis, interpolate, misfit_profile, read_basis
 from camssf.recovery.covariance import (
     ABSOLUTE,
     CHANNEL_SHARE,
@@ -211,7 +211,12 @@ def answer_of(linear: LinearModel, observation: Observation, basis: Basis) -> Fo
     spread = own_blocks(np.linalg.inv(code.precision[0] + np.eye(x.size)))
     peak = curves.max(axis=1)[:, None]
     std = np.sqrt(np.maximum(np.einsum("cmr,crs,cms->cm", moves, spread, moves), 0.0))
-    return (curves / peak).T, (std / peak).T
+    return (curves / peak).T, np.hypot((std / peak).T, missed())
+
+
+def missed() -> Floats:
+    """(681, 3) what every basis misses, one standard deviation of the curves of peak 1."""
+    return np.asarray(interpolate(misfit_profile()[..., None])[..., 0].T)
 
 
 def declared(setting: Setting, y: Floats, error: Floats) -> Observation:

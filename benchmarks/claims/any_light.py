@@ -31,7 +31,7 @@ import numpy as np
 from benchmarks.claims.accuracy import LOW, SEEN
 from benchmarks.claims.phones import OTHER_MAKER, OTHERS, Device
 from benchmarks.claims.wrong_lamps import populations, stands_in
-from benchmarks.problems import MATRIX_ERROR, makers_matrices
+from benchmarks.problems import MATRIX_ERROR, in_roles, makers_matrices
 from benchmarks.shared import (
     TABLE,
     command_parser,
@@ -206,7 +206,7 @@ def capture(
         even = level * np.ones_like(y)
         white, dark = frame(even, 1e-5 * even), frame(np.zeros_like(y), np.zeros_like(y))
         means = PatchMeans(frame(level * (y + noise), level * error), white, dark, np.full(3, BLACK), 16383.0)
-        shots.append(MeasuredShot(light, photo, photo, photo, pose(), means, None))
+        shots.append(MeasuredShot(light, *in_roles(photo), pose(), means, None))
     return Capture(tuple(shots), read_chart(table), None)
 
 

@@ -37,6 +37,7 @@ from benchmarks.claims.any_light import BLACK, KIND_OF, OTHER, Taken, frame, jud
 from benchmarks.claims.faults import HARM
 from benchmarks.claims.phones import Device
 from benchmarks.claims.wrong_lamps import LEFT_OUT, WRONG, populations, stands_in
+from benchmarks.problems import in_roles
 from benchmarks.shared import (
     TABLE,
     command_parser,
@@ -127,8 +128,8 @@ def photographed(device: Device, lamp: str, stated: Light, at: Place, row: str, 
     means = PatchMeans(
         frame(y + noise, error), white if framed else None, dark if framed else None, np.full(3, BLACK), 16383.0
     )
-    other = photo if framed else None
-    return Capture((MeasuredShot(stated, photo, other, other, at.pose, means, None),), read_chart(TABLE), None)
+    chart, *frames = in_roles(photo) if framed else (photo, None, None)
+    return Capture((MeasuredShot(stated, chart, *frames, at.pose, means, None),), read_chart(TABLE), None)
 
 
 @contextmanager

@@ -43,11 +43,22 @@ from benchmarks.claims.accuracy import (
     power,
 )
 from benchmarks.claims.accuracy import judge as against
-from benchmarks.problems import chosen_basis
-from benchmarks.shared import chart, command_parser, console, one_thread, progress, save, table, take_tables, versions
+from benchmarks.shared import (
+    chart,
+    command_parser,
+    console,
+    one_thread,
+    progress,
+    save,
+    standing_in,
+    table,
+    take_tables,
+    versions,
+)
 from camssf.errors import CalibrationError
 from camssf.grid import Floats
 from camssf.recovery.basis import Basis, interpolate, read_basis
+from camssf.recovery.hypotheses import LampGuess, Space
 from camssf.recovery.observation import Observation
 from camssf.recovery.sensitivity import SolverSettings, Ssf, solve_on_basis
 from camssf.spectra import read_chart
@@ -186,11 +197,18 @@ def answers(device: Device, observation: Observation) -> dict[str, tuple[Found, 
         return found
     for name in device.bases:
         if name != CAMERAS:
-            pair = [solved[name], solved[CAMERAS]]
-            found[auto(name)] = chosen_basis(observation, pair, np.zeros(2)).peak(), float("nan")
+            found[auto(name)] = automatic(observation, device, name).peak(), float("nan")
     book = device.bases[CAMERAS]
     found[APART] = answer_of(apart(linear_model(observation, book)), observation, book), float("nan")
     return found
+
+
+def automatic(observation: Observation, device: Device, name: str) -> Ssf:
+    """The product's choice between that basis, as `phones`, and `cameras`, without a maker's name."""
+    bases = (replace(device.bases[name], name="phones"), replace(device.bases[CAMERAS], name="cameras"))
+    guess, settings = LampGuess((), observation, 0.0), SolverSettings(engine="reference")
+    with standing_in(*bases):
+        return Space((guess,), tuple((basis.name, 1.0, 0.0) for basis in bases), None, settings).recover()
 
 
 def doubted_lamp(devices: Sequence[Device], draws: int, bar: Progress) -> dict[str, dict[str, Any]]:

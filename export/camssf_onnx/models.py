@@ -12,7 +12,7 @@ from onnx import helper
 
 from camssf import __version__
 from camssf.recovery.arrays import cond
-from camssf.recovery.basis import LEARNED, NODES, Basis, read_basis
+from camssf.recovery.basis import LEARNED, NODES, Basis, misfit_profile, read_basis
 from camssf.recovery.drift import DRIFTS, UnitShots, drift_evidences
 from camssf.recovery.inputs import basis_arrays
 from camssf.recovery.layers import DEPTH
@@ -274,9 +274,13 @@ def _described(model: onnx.ModelProto, text: str, metadata: dict[str, str]) -> o
 
 
 def bases() -> bytes:
-    """The learned bases for Kotlin: of each of LEARNED μ (3, 69), then Ψ (3, 69, ATOMS), float64, little-endian."""
+    """The learned bases for Kotlin, float64, little-endian.
+
+    Of each of LEARNED μ (3, 69), then Ψ (3, 69, ATOMS); last the misfit profile (3, 69) of all.
+    """
     every = [basis_arrays(read_basis(name), ATOMS) for name in LEARNED]
-    return b"".join(np.asarray(each[name], "<f8").tobytes() for each in every for name in ("mean", "dictionary"))
+    arrays = [one[name] for one in every for name in ("mean", "dictionary")] + [misfit_profile()]
+    return b"".join(np.asarray(array, "<f8").tobytes() for array in arrays)
 
 
 def files() -> dict[str, bytes]:

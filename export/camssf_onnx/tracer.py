@@ -384,10 +384,14 @@ class Tracer:
         return proto, arrays
 
     def loop(
-        self, times: int, state: Sequence[Array], body: Callable[[Any, Sequence[Array]], Sequence[Array]]
+        self,
+        times: int,
+        state: Sequence[Array],
+        body: Callable[[Any, Sequence[Array]], Sequence[Array]],
+        stride: int | None = None,
     ) -> list[Array]:
-        """A Loop of a fixed number of steps, several a turn."""
-        stride = next(stride for stride in STRIDES if times % stride == 0)
+        """A Loop of a fixed number of steps, `stride` or several a turn."""
+        stride = stride or next(stride for stride in STRIDES if times % stride == 0)
 
         def turn(step: Array, arrays: Sequence[Array]) -> tuple[Sequence[Array], list[Array], None]:
             for i in range(stride):

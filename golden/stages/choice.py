@@ -12,7 +12,7 @@ from camssf.recovery.sensitivity import SolverSettings
 from golden.contract import LARGEST_GAP, Call, Keys, Stage, always, each, limit, stored, words
 from golden.forms import Json
 from golden.products import CALL, build_observation
-from golden.scenes import BETWEEN, NIKON, ODD, PHONE, TWELVE, YELLOW_PHONE, Case, scene
+from golden.scenes import BETWEEN, NIKON, ODD, PHONE, TWELVE, YELLOW_PHONE, Case, moved, scene
 
 
 def cases() -> Iterator[Json]:
@@ -34,7 +34,9 @@ def cases() -> Iterator[Json]:
                  PHONE, ["D55", "A"], {"cameras": 20.0}, noise="none")  # fmt: skip
     yield choice("ryyb", "A phone with yellow in green's place: the basis made for it answers alone.", YELLOW_PHONE,
                  ["D55", "A"], {"phones": 20.0})  # fmt: skip
-    yield choice("unfamiliar", "Curves that no basis knows: answered with a wider prior.", ODD, ["D55", "A"])
+    yield choice("unfamiliar", "Curves that no basis knows: the answer has a wider prior.", ODD, ["D55", "A"])
+    for nm, share in ((9.0, "a third"), (10.0, "more than half")):
+        yield choice(f"moved-{nm:g}", f"A phone moved by {nm:g} nm: {share} of the answer has a wider prior.", moved(nm), ["D55", "A"])  # fmt: skip
     yield choice("faded", "A chart that lost a fifth of its colours: found, and the prior is not wider.",
                  PHONE, ["D55", "A"], fading=0.2)  # fmt: skip
     yield choice("l1-only", "λ₂ = 0: the evidence does not know of the penalties.", BETWEEN, ["D55"],

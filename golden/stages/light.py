@@ -14,7 +14,7 @@ from camssf.verdict.rival_lamps import weigh
 from golden.contract import LARGEST_GAP, Call, Keys, Stage, always, case, each, limit, stored, words
 from golden.forms import Json, resolve
 from golden.products import CAPTURE, build_capture
-from golden.scenes import NIKON, PHONE, Case, dimmed, frames, uneven_light
+from golden.scenes import NIKON, PHONE, Case, dimmed, frames, moved, uneven_light
 from golden.stages import calibrate
 
 
@@ -48,6 +48,8 @@ def cases() -> Iterator[Json]:
                 ["D55", "A"], [2])  # fmt: skip
     yield light("faded", "A chart that lost a fifth of its colours, under daylight that nobody named.",
                 PHONE, ["D55"], [1], fading=0.2)  # fmt: skip
+    yield light("moved", "A phone moved by 12 nm, under a bulb that nobody named: two widths are mixed.",
+                moved(12.0), ["A"], [1])  # fmt: skip
     yield light("told-basis", "The basis told, a fluorescent lamp not: a phone by word.", PHONE, ["FL2"], [1],
                 basis="phones")  # fmt: skip
     yield light("camera", "A camera must name its lamp: refused, and what it might have been.", NIKON, ["D55"], [1],

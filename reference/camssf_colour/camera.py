@@ -21,8 +21,9 @@ from camssf.spectra import Lamp
 BAND_CORRELATION = 10.0
 """Correlation length of a curve's errors if only its band is known, nm. Photos determine integrals of the curves, so
 true errors change sign; a longer length would overestimate the uncertainty of colours even more."""
-SAME_BAND = 0.02
-"""Largest difference between an answer's bands and those that its covariance gives, relative to the largest band."""
+SAME_BAND = 0.5
+"""How far the bands that an answer's covariance gives may be beyond its own, relative to the largest band: the
+covariance is that of the likelier width of the prior, which is up to half as wide again as the mixture of both."""
 LEAST = 1e-6
 """Modes with less than this share of the largest mode's variance are left out."""
 
@@ -103,16 +104,18 @@ def camera_of_ssf(ssf: Ssf, basis: Basis, white: Floats, own: OwnWhite | None = 
     """
     if ssf.code_covariance is None:
         raise InvalidArgument(f"The {ssf.basis} basis has no prior, so no covariance.", "Choose the basis cameras.")
-    values, basis = ssf.peak()[0], widened(basis, ssf.prior_scale)
-    return Camera(ssf.basis, values, modes_of_code(values, ssf.code_covariance, basis, white), own)
+    (values, band), basis = ssf.peak(), widened(basis, ssf.prior_scale)
+    assert band is not None  # a covariance comes with a band
+    return Camera(ssf.basis, values, with_rest(modes_of_code(values, ssf.code_covariance, basis, white), band), own)
 
 
 def camera_of_result(document: Document | Excerpt) -> Camera:
     """The camera of a result, or of the excerpt of one.
 
-    The modes come from the result's covariance if its basis is available. Else, and of an excerpt, they come from its
-    bands: errors are then assumed smooth over BAND_CORRELATION and independent between the channels, which about
-    doubles the stated uncertainty of colours. `own` needs the light of the first shot.
+    The modes come from the result's covariance, if its basis is available, and from what its bands hold besides.
+    Else, and of an excerpt, they come from its bands alone: errors are then assumed smooth over BAND_CORRELATION and
+    independent between the channels, which about doubles the stated uncertainty of colours. `own` needs the light of
+    the first shot.
 
     Raises:
         InvalidArgument: a refused result.
@@ -153,9 +156,20 @@ def _modes_of_answer(answer: Answer, band: Floats, white: Floats) -> Floats | No
         return None
     with np.errstate(all="ignore"):  # the covariance may belong to another basis; this is checked below
         modes = modes_of_code(values, covariance, basis, white)
-        # The answer's own bands show whether basis and covariance belong together.
+        # The answer's own bands show whether basis and covariance belong together: they are at least as wide.
         std = np.sqrt(np.sum(modes**2, axis=0))
-    return modes if np.abs(std - band).max() < SAME_BAND * band.max() else None
+    return with_rest(modes, band) if (std - band).max() < SAME_BAND * band.max() else None
+
+
+def with_rest(modes: Floats, band: Floats) -> Floats:
+    """Modes of a band (681, 3): these (q, 681, 3), where they are not wider, and those of what else the band holds.
+
+    The rest is what the basis misses, and the difference between mixed answers.
+    """
+    own = np.sqrt(np.sum(modes**2, axis=0))
+    modes = modes * np.divide(band, own, out=np.ones_like(own), where=own > band)
+    rest = np.sqrt(np.maximum(band**2 - np.minimum(own, band) ** 2, 0.0))
+    return _largest(np.concatenate([modes, modes_of_bands(rest)])) if rest.any() else modes
 
 
 def modes_of_code(values: Floats, covariance: Floats, basis: Basis, white: Floats) -> Floats:

@@ -103,7 +103,7 @@ def _words(basis: str, others: str, odds: float, prior_odds: float | None, scale
             words.append(f"These odds include the maker's name in the file: {odds_in_words(prior)} for {likely}.")
     if scale > 1.0:
         words.append(
-            f"The camera is unlike those that this basis was learned from, so its prior is {scale:g} times as wide "
-            "here, and the error bands are wider."
+            f"The camera is unlike those that this basis was learned from, so most of the answer is that of a prior "
+            f"{scale:g} times as wide, and the error bands are wider."
         )
     return words

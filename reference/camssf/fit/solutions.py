@@ -272,7 +272,7 @@ def uncertainty_budget(fit: CaptureFit, ssf: Ssf, alone: Sequence[Ssf]) -> Uncer
     sizes = {
         "noise": f"standard errors of the signals, median {noise:.2%}",
         "chart": f"{np.median(capture.chart.tolerance):.1%} a patch, smooth over {CHART_CORRELATION:g} nm, "
-        "the same under every lamp",
+        "more in the deep red, the same under every lamp",
         "white": f"{white:.1%}, smooth over {CHART_CORRELATION:g} nm",
         "lamp": ", ".join(f"{lamp.tolerance:.1%}" for lamp in lamps) + f", smooth over {LAMP_CORRELATION:g} nm",
         "lamp modes": ", ".join(f"{lamp.name}: {len(lamp.modes)}" for lamp in lamps),

@@ -65,12 +65,18 @@ def cond(
 
 
 def loop(
-    times: int, state: Sequence[Array], body: Callable[[Any, Sequence[Array]], Sequence[Array]]
+    times: int,
+    state: Sequence[Array],
+    body: Callable[[Any, Sequence[Array]], Sequence[Array]],
+    stride: int | None = None,
 ) -> Sequence[Array]:
-    """The state after `times` steps `body(step, state)`."""
+    """The state after `times` steps `body(step, state)`.
+
+    `stride`: number of steps that the tracer's loop takes at a time, None for several; without effect elsewhere.
+    """
     xp = namespace(state[0])
     if not isinstance(xp, ModuleType):
-        return xp.loop(times, state, body)  # type: ignore[no-any-return]
+        return xp.loop(times, state, body, stride)  # type: ignore[no-any-return]
     for step in range(times):
         state = body(step, state)
     return state

@@ -8,9 +8,10 @@ that the prior of the code x is N(0, I). `camssf_lab.learning.basis` writes thei
 from __future__ import annotations
 
 import hashlib
+import json
 import zipfile
 from dataclasses import dataclass, replace
-from functools import lru_cache, reduce
+from functools import cache, lru_cache, reduce
 from importlib import resources
 from operator import mul
 from os import PathLike
@@ -21,12 +22,26 @@ import numpy as np
 
 from camssf.errors import InvalidArgument
 from camssf.files import local
-from camssf.grid import WAVELENGTHS, Floats
+from camssf.grid import WAVELENGTHS, Floats, frozen
 from camssf.recovery.arrays import Array, constant, namespace
 from camssf.spectra.text import path_text
 
 NODES: Floats = WAVELENGTHS[::10]
 """The 69 wavelengths, 5 nm apart, of the measured curves; between them curves are interpolated linearly."""
+
+MISFIT_FILE = Path(__file__).parents[1] / "data" / "misfit.json"
+"""Written by `python -m tools.misfit_profile`."""
+
+
+@cache
+def misfit_profile() -> Floats:
+    """m (3, 69) of R, G, B at the nodes: one standard deviation of what curves of peak 1 miss besides their bands.
+
+    A learned basis holds only cameras like those that it was learned from. The profile comes from measured cameras,
+    each solved without its maker's; it is added in squares to the bands of every basis with a prior.
+    """
+    return frozen(np.array(json.loads(MISFIT_FILE.read_text("utf-8"))["values"]))
+
 
 FWHM_TO_SIGMA = 1.0 / np.sqrt(8.0 * np.log(2.0))
 LEARNED = ("cameras", "phones", "ryyb")

@@ -5,7 +5,7 @@ The linear model (at the mean camera), the verdict (at the solution), the budget
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,6 +24,8 @@ RELATIVE, ABSOLUTE, EDGE = (rules().number(f"covariance.{name}") for name in ("r
 From a robust fit (multivariate t) to the difference of the two measured tables in colour-science, BabelColor's and
 Ohta's: 1.8 % of R over 100 nm, 1.0 % of white over 35 nm and a wavelength error of 2.1 nm over 17 nm.
 TABLE_CORRELATION replaces the two short lengths; τ = 3 % is the tolerance of a public table."""
+RED_MORE, RED_FROM, RED_OVER = (rules().number(f"covariance.{name}") for name in ("red_more", "red_from", "red_over"))
+"""The chart's error in the deep red, relative to that elsewhere: 1 + 1.6 / (1 + exp(-(λ - 650 nm) / 8 nm))."""
 LAMP_CORRELATION = rules().number("covariance.lamp_correlation")
 """Correlation length of a lamp's error, nm."""
 INDEPENDENT_SHARE = rules().number("covariance.independent_share")
@@ -105,6 +107,10 @@ class Covariance:
     white: Array
     lamp: Array
 
+    def scaled(self, scale: Array) -> Covariance:
+        """With `scale` (h, n) times the chart's variance of each patch."""
+        return replace(self, chart=scale[..., None, None] * self.chart)
+
     @property
     def common(self) -> Array:
         """(h, N, p) factors U of the errors that patches have in common."""
@@ -139,13 +145,20 @@ def smooth_errors(length: float, at: Array = NODES) -> Array:
     return weight * xp.exp(-(((at[:, None] - points) / length) ** 2))
 
 
+def red_end(at: Array) -> Array:
+    """h (v,): the chart's smooth error at the wavelengths `at`, relative to that elsewhere."""
+    xp = namespace(at)
+    return 1.0 + RED_MORE / (1.0 + xp.exp((RED_FROM - at) / RED_OVER))
+
+
 def covariance(signals_at: LinearisedSignals, tolerances: Tolerances, at: Floats = NODES) -> Covariance:
     """Covariance of the errors of linearised signals; `at` are the wavelengths, (v,).
 
         noise     se²                                                  independent
         chart     (τ y / 20)²                                          independent
-                  τ Σ (0.6 R u₁ + u₂ / 3 + 70 nm · dR/dλ u₃) L s dλ / W    one u a patch, for all shots; κ = 0.7 of
-                                                                         its variance common to the channels
+                  τ Σ (0.6 R u₁ + u₂ / 3 + 70 nm · dR/dλ u₃) h L s dλ / W  one u a patch, for all shots; κ = 0.7 of
+                                                                         its variance common to the channels;
+                                                                         h(λ) of `red_end`
         white     -ŷ Σ ρ_w ε_w L s dλ / W                              one ε_w for all rows
         lamp      Σ (R - ŷ ρ_w) L η s dλ / W                           one smooth η a shot, for all channels
                   ŷ / 100                                              drift of the light: one a shot, all channels
@@ -159,9 +172,10 @@ def covariance(signals_at: LinearisedSignals, tolerances: Tolerances, at: Floats
         signals_at.curve * smooth_errors(length, wavelengths)
         for length in (CHART_CORRELATION, LAMP_CORRELATION, TABLE_CORRELATION)
     )
-    edges = EDGE * (signals_at.edges @ over_table)
-    light = xp.broadcast_to(ABSOLUTE * (signals_at.light @ over_table), edges.shape)
-    chart = xp.concat([RELATIVE * (signals_at.patches @ over_chart), light, edges], axis=-1)
+    red = red_end(wavelengths)[:, None]
+    edges = EDGE * (signals_at.edges @ (red * over_table))
+    light = xp.broadcast_to(ABSOLUTE * (signals_at.light @ (red * over_table)), edges.shape)
+    chart = xp.concat([RELATIVE * (signals_at.patches @ (red * over_chart)), light, edges], axis=-1)
     chart = patchwise(tolerances.chart[:, None] * chart)
     chart = xp.reshape(chart, (h, n, 3 * k, chart.shape[-1]))
     between_channels = constant(xp, CHANNEL_SHARE + (1.0 - CHANNEL_SHARE) * np.eye(3))[:, None, :, None]

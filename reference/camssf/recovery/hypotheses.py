@@ -4,8 +4,8 @@ Phones, cameras and phones with an RYYB sensor are three families of curves, eac
 basis together with a kind of light for each shot whose lamp was not named. The posterior probability of each follows
 from its evidence and its prior odds (docs/maths.md, "Which basis" and "Unnamed light"). A basis with odds of at least
 CLEAR is used alone. Answers of enough weight are mixed by probability, their bands by the law of total variance.
-Where the camera seems to belong to no family, the chart may have faded (`faded_chart`), or the answer has a wider
-prior (`unfamiliar_camera`).
+Where the camera seems to belong to no family, the chart may have faded (`faded_chart`); by the probability of such a
+camera the answer is mixed with that of a wider prior (`unfamiliar_camera`).
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from camssf.recovery.sensitivity import (
     solve_on_basis,
     solve_together,
 )
-from camssf.recovery.unfamiliar_camera import WIDER, family_test
+from camssf.recovery.unfamiliar_camera import WIDER, family_test, stranger_probability
 from camssf.recovery.unnamed_light import estimated_lamp, lamp_posteriors
 from camssf.rules import rules
 from camssf.spectra.charts import faded
@@ -58,6 +58,8 @@ SOLVED = _NUMBER("lamp.solved")
 """The same if a light is not named, where hypotheses are many."""
 NARROW = _NUMBER("lamp.narrow")
 """Width of a phones' prior for the curves, relative to the learned one, where no light is named."""
+UNFAMILIAR = _NUMBER("choice.unfamiliar")
+"""Smallest probability of a camera of no family at which the answer of a wider prior is computed."""
 SCREENED = _NUMBER("lamp.screened")
 """Smallest probability, by its own shot alone, of a kind that is combined with those of other shots."""
 
@@ -175,6 +177,25 @@ class Space:
 
         return choose(hypotheses, self.log_evidences(), solve, self.of)
 
+    def recover(self) -> Ssf:
+        """Solve, where the chart may have faded and the camera may belong to none of the families.
+
+        Raises:
+            InvalidArgument, NotConverged: as `recover`.
+        """
+        answer, passed = self.solve_and_test()
+        space, fading = self, 0.0
+        if not passed:
+            fading = chart_fading(lambda v: float(np.logaddexp.reduce(self.faded(v).log_weights())), CLEAR)
+        if fading:
+            space = self.faded(fading)
+            answer, _ = space.solve_and_test()
+        assert answer.family_test is not None
+        share = stranger_probability(answer.family_test)
+        if share >= UNFAMILIAR:
+            answer = of_two_widths(answer, space.on(answer.basis, WIDER).solve(), share, space)
+        return replace(answer, chart_fading=fading)
+
     def solve_and_test(self) -> tuple[Ssf, bool]:
         """The answer with its `family_test`, and whether it passed; the test is of the prior's learned width."""
         answer = self.solve()
@@ -220,19 +241,36 @@ def recover(
     guesses = [LampGuess((), observation, 0.0)] if isinstance(observation, Observation) else observation
     shown = None if of is None else surfaces_of("of", of)
     space = Space(tuple(guesses), _bases(guesses, basis, prior or {}, prior_scale), shown, settings)
-    if basis != AUTO:
-        return space.solve()
-    answer, passed = space.solve_and_test()
-    fading = 0.0
-    if not passed:
-        fading = chart_fading(lambda v: float(np.logaddexp.reduce(space.faded(v).log_weights())), CLEAR)
-    if fading:
-        space = space.faded(fading)
-        answer, passed = space.solve_and_test()
-    if not passed:
-        wider = space.on(answer.basis, WIDER).solve()
-        answer = replace(wider, choice=answer.choice, family_test=answer.family_test)
-    return replace(answer, chart_fading=fading)
+    return space.solve() if basis != AUTO else space.recover()
+
+
+def of_two_widths(answer: Ssf, wider: Ssf, share: float, space: Space) -> Ssf:
+    """The answer mixed with that of a wider prior, which has the weight `share`; what is not mixed is the likelier's.
+
+    Curves of peak 1 and their variances are mixed as those of hypotheses are (`mixture`).
+    """
+    likelier = answer if share <= 0.5 else replace(wider, choice=answer.choice, family_test=answer.family_test)
+    mean, std = of_peak_one([answer, wider], np.array([1.0 - share, share]))
+    assert std is not None  # every family has a prior
+    best = next(one for one in space.guesses if one.kinds == likelier.kinds)
+    scale = (best.observation.white_reflectance * best.observation.lamp[0] * STEP) @ mean
+    of_basis = likelier.half_width if likelier.half_width_of_basis is None else likelier.half_width_of_basis
+    (_, own), between = likelier.peak(), likelier.between
+    if between is not None and own is not None:  # a share of the mixture's variance
+        between = between * np.sum(own**2, axis=0) / np.sum(std**2, axis=0)
+    mixed = replace(
+        likelier,
+        values=mean / scale,
+        std=std / scale,
+        proof=largest_gaps([answer, wider]),
+        between=between,
+        half_width_of_basis=of_basis,
+    )
+    if likelier.kinds:
+        return replace(mixed, predicted=(1.0 - share) * answer.predicted + share * wider.predicted)
+    chart = best.observation.reflectance if space.of is None else space.of
+    rho = best.observation.white_reflectance
+    return replace(mixed, predicted=predict_signals(mixed.values, chart, likelier.lamp, rho))
 
 
 def likely_kinds(guesses: Sequence[LampGuess], basis: str | Basis, prior: Mapping[str, float]) -> list[str]:
@@ -367,11 +405,7 @@ def mixture(
         std=None if std is None else std / scale,
         lamp=lamp,
         gain_code=np.einsum("a,akg->kg", share, np.stack([answer.gain_code for answer in answers])),
-        proof=Proof(
-            gap=np.max([answer.proof.gap for answer in answers], axis=0),
-            layers_gap=np.max([answer.proof.layers_gap for answer in answers], axis=0),
-            finish_steps=np.max([answer.proof.finish_steps for answer in answers], axis=0),
-        ),
+        proof=largest_gaps(answers),
     )
     if not guess.kinds:
         return replace(mixed, predicted=predict_signals(mixed.values, chart, lamp, rho))
@@ -389,6 +423,15 @@ def mixture(
         kinds=guess.kinds,
         between=np.einsum("a,amc->c", share, apart**2) / np.sum(std**2, axis=0),
         half_width_of_basis=half_width_of(of_basis),
+    )
+
+
+def largest_gaps(answers: Sequence[Ssf]) -> Proof:
+    """The largest of each gap, and the most steps, of several answers."""
+    return Proof(
+        gap=np.max([answer.proof.gap for answer in answers], axis=0),
+        layers_gap=np.max([answer.proof.layers_gap for answer in answers], axis=0),
+        finish_steps=np.max([answer.proof.finish_steps for answer in answers], axis=0),
     )
 
 

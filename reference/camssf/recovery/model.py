@@ -87,9 +87,8 @@ def _solved(inputs: Mapping[str, Array], model: Whitened) -> dict[str, Array]:
     curves = folded.mean + (folded.atoms @ code[..., None])[..., 0]
     first = folded.white[:, 0, :, None]  # (h, v, 1)
     scale = curves @ first  # (h, 3, 1): Σ ρ_w L s dλ = 1 for the first lamp
-    curves = curves / scale
     std = std_of_curves(folded.atoms, curves, spread) / scale
-    ssf = interpolate(curves.mT)  # (h, m, 3)
+    ssf = interpolate((curves / scale).mT)  # (h, m, 3)
     lamp = hypotheses.lamp * interpolate(model.lamp.mT).mT
     response = (lamp * hypotheses.white_reflectance[:, None, :]) @ ssf  # (h, k, 3)
     seen = (lamp[:, :, None, :] * hypotheses.reflectance[:, None, ...]) @ ssf[:, None, ...]

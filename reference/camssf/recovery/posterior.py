@@ -6,7 +6,7 @@ The small l1 penalty is left out: x ~ N(0, I), b = A x + error, error ~ N(0, I).
 from __future__ import annotations
 
 from camssf.recovery.arrays import Array, constant, eye, inverse, namespace, whiten_and_solve
-from camssf.recovery.basis import NODES, SHARES
+from camssf.recovery.basis import NODES, SHARES, interpolate, misfit_profile
 from camssf.recovery.whitening import Whitened
 
 
@@ -91,11 +91,22 @@ def variance_of_curves(moves: Array, spread: Array) -> tuple[Array, Array]:
 
 
 def std_of_curves(dictionary: Array, curves: Array, spread: Array) -> Array:
-    """One standard deviation (h, 3, m) on the grid of the curves of peak 1, times the peak."""
+    """One standard deviation (h, 3, m) on the grid of the curves of peak 1, times the peak.
+
+    It includes what every basis misses (`misfit_profile`).
+    """
     xp, (h, _, v) = namespace(curves), curves.shape
     here, between = variance_of_curves(peak_normalised_jacobian(dictionary, curves), own_blocks(spread))
     variance = xp.concat([xp.reshape(between, (h, 3, (v - 1) * 10)), here[..., -1:]], axis=-1)
-    return xp.sqrt(xp.maximum(variance, 0.0))
+    return xp.sqrt(xp.maximum(variance, 0.0) + missed_variance(curves))
+
+
+def missed_variance(curves: Array) -> Array:
+    """Variance (..., 3, m) on the grid that every basis misses of curves (..., 3, v) of peak 1, times the peak²."""
+    xp = namespace(curves)
+    missed = interpolate(constant(xp, misfit_profile()[..., None]))[..., 0]  # (3, m)
+    missed = missed * xp.max(curves, axis=-1, keepdims=True)
+    return missed * missed
 
 
 def budget(model: Whitened, mean: Array, spread: Array) -> Array:
@@ -103,7 +114,7 @@ def budget(model: Whitened, mean: Array, spread: Array) -> Array:
 
     The covariance of the code is S = G Σ Gᵀ + (I - G A)(I - G A)ᵀ, G = S Eᵀ: the sum of S Eᵀ Σ_t E S over the
     sources t, and of S S, the prior variance that the patches do not determine, because I - G A = S. The variance of
-    a channel is that of its curve of peak 1, summed over the grid.
+    a channel is that of its curve of peak 1, summed over the grid. What every basis misses is unseen, too.
 
     Args:
         model: with its `errors`.
@@ -116,6 +127,8 @@ def budget(model: Whitened, mean: Array, spread: Array) -> Array:
     parts = own_blocks(spread[:, None, ...] @ every @ spread[:, None, ...])  # (h, 7, 3, r, r)
     here, between = variance_of_curves(peak_normalised_jacobian(folded.atoms, curves)[:, None, ...], parts)
     total = xp.sum(between, axis=(-2, -1)) + here[..., NODES.size - 1]
+    missed = xp.sum(missed_variance(curves), axis=-1)[:, None, :]
+    total = xp.concat([total[:, :-1, :], total[:, -1:, :] + missed], axis=1)
     return total / xp.sum(total, axis=1, keepdims=True)
 
 

@@ -152,6 +152,10 @@ class Rows:
     against_white: Array
     white: Array
 
+    def scaled(self, scale: Array) -> Rows:
+        """With `scale` (h, n) times the chart's variance of each patch."""
+        return replace(self, covariance=self.covariance.scaled(scale))
+
 
 def fold_hypotheses(hypotheses: Hypotheses) -> Folded:
     """Fold the integrals onto the nodes, and anchor the basis to the first shot's white."""

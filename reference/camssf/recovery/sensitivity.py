@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.messages import fail
-from camssf.recovery.basis import LEARNED, Basis, basis_of, widened
+from camssf.recovery.basis import LEARNED, Basis, basis_of, interpolate, misfit_profile, widened
 from camssf.recovery.inputs import observation_arrays, stacks_of
 from camssf.recovery.observation import Observation
 from camssf.recovery.onnx_model import SHIPPED, Model, load_model, run_stack
@@ -144,7 +144,8 @@ class Ssf:
             named, the mean of the hypotheses' lamps, each scaled to a mean of 1.
         gain_code: (k, g) v̂, estimated amplitudes of the gain modes φ: y (1 - Σ v̂ φ) compares with `predicted`.
         channel_gain: (3,) raw white signal of each channel relative to green; ones where no frame was given.
-        std: (681, 3) standard deviation of the curve of peak 1, times its peak, so 0 at the peak itself.
+        std: (681, 3) standard deviation of the curve of peak 1, times its peak; at the peak itself it is only what
+            every basis misses.
         code_covariance: (3 r, 3 r) of x, red's r first, then green's, then blue's, (H + I)⁻¹.
         log_evidence: ln of the marginal likelihood of the signals up to a constant.
         half_width_without_photo: `half_width` of the basis's mean camera under the prior of the learned width: what
@@ -157,7 +158,8 @@ class Ssf:
         lights: of each shot the estimated light, None where its lamp was named; empty if all were.
         kinds: of the most probable hypothesis, as in `Hypothesis`.
         between: (3,) share of each channel's variance that is between the hypotheses; None if all lamps were named.
-        half_width_of_basis: `half_width` of the most probable basis's hypotheses alone; None if all lamps were named.
+        half_width_of_basis: `half_width` of the most probable basis's hypotheses alone, of one width of its prior;
+            None if that is the whole answer.
     """
 
     basis: str
@@ -353,7 +355,8 @@ def predict_signals(values: Floats, reflectance: Floats, lamp: Floats, white_ref
 def prior_std(basis: Basis) -> Floats:
     """(681, 3) one standard deviation of the curves of peak 1 before any photo, about the basis's mean."""
     moves = peak_normalised_jacobian(basis.dictionary, basis.mean)
-    return np.asarray(np.sqrt(np.einsum("cmr,cmr->cm", moves, moves)) / basis.mean.max(axis=1)[:, None]).T
+    std = np.sqrt(np.einsum("cmr,cmr->cm", moves, moves)) / basis.mean.max(axis=1)[:, None]
+    return np.asarray(np.hypot(std, interpolate(misfit_profile()[..., None])[..., 0])).T
 
 
 def half_width_of(std: Floats) -> float:

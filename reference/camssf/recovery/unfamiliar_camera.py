@@ -1,13 +1,15 @@
 """Tests whether a camera belongs to the family of its basis, and answers one that does not with a wider prior.
 
 Two numbers of the answer at the width that the basis was learned with (docs/verdict.md, rule 7): the length of its
-code, and the gain in evidence when the lamp may err by much more than was declared. Their limits are the largest
-values of clean captures of that family, with some slack. Beyond one of them the bands of the learned width are too
-narrow, and the answer is that of a prior WIDER times as wide.
+code, and the gain in evidence when the lamp may err by much more than was declared. From the length follows the
+probability that the camera is a stranger to the family. By it the answer is mixed with that of a prior WIDER times as
+wide, so that its bands hold for a stranger, too, and are hardly wider for another camera. Beyond the limit of the
+second number the answer is the wider one.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -20,8 +22,18 @@ from camssf.recovery.sensitivity import FamilyTest, Ssf
 from camssf.rules import rules
 
 _NUMBER = rules().number
+LARGEST = 700.0
+"""Largest ln of odds: the exponential of a larger one is no number."""
 WIDER = _NUMBER("choice.wider")
 """Width of the prior of an unfamiliar camera, relative to the learned one."""
+STRANGER = _NUMBER("choice.stranger")
+"""Prior probability that a camera belongs to no family."""
+FAMILIAR, FAMILIAR_STD, STRANGER_STD = (
+    _NUMBER(f"choice.{name}") for name in ("familiar", "familiar_std", "stranger_std")
+)
+"""Mean and standard deviation of z(x) of a family's members, and the latter of strangers, whose mean is 0."""
+LEAST_STRANGE = FAMILIAR / (1.0 - (FAMILIAR_STD / STRANGER_STD) ** 2)
+"""z(x) of the least odds of a stranger, -4.3: below it they would rise again, since strangers spread more."""
 LAMP_ERROR = _NUMBER("choice.lamp_error")
 """Smooth relative error that a named lamp may have in the lamp residual."""
 
@@ -33,6 +45,16 @@ def family_test(observation: Observation, answer: Ssf, named: Sequence[bool]) ->
     assert evidence is not None
     residual = lamp_residual(observation, read_basis(basis), evidence, named) if any(named) else None
     return FamilyTest(length, residual, longest_code(basis, named=all(named)), largest_residual(basis))
+
+
+def stranger_probability(test: FamilyTest) -> float:
+    """Probability that a camera belongs to no family; 1 where the lamp residual is beyond its limit."""
+    if test.lamp_residual is not None and test.lamp_residual > test.largest:
+        return 1.0
+    z = max(test.length, LEAST_STRANGE)
+    squares = ((z - FAMILIAR) / FAMILIAR_STD) ** 2 - (z / STRANGER_STD) ** 2
+    odds = math.log(STRANGER / (1.0 - STRANGER) * FAMILIAR_STD / STRANGER_STD) + 0.5 * squares
+    return 1.0 / (1.0 + math.exp(-min(odds, LARGEST)))
 
 
 def code_length(answer: Ssf) -> float | None:

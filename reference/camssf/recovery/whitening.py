@@ -5,10 +5,10 @@ Letters, axes and the order of the rows as in `camssf.recovery.rows`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from camssf.recovery.arrays import Array, cond, eye, namespace, whiten, whiten_and_solve, zeros
+from camssf.recovery.arrays import Array, cond, eye, loop, namespace, whiten, whiten_and_solve, zeros
 from camssf.recovery.rows import (
     DARKEST,
     Folded,
@@ -23,6 +23,12 @@ from camssf.recovery.rows import (
     prior_point,
     rows_at,
 )
+from camssf.rules import rules
+
+FREEDOM, MOST = (rules().number(f"covariance.patch_{name}") for name in ("freedom", "most"))
+"""ν of Student's t of a patch's error, and the largest scale of its variance."""
+STEPS = 3
+"""Number of EM steps."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +88,8 @@ def whitened_model(hypotheses: Hypotheses, explain: Array) -> Whitened:
     The errors of lamp and white enter with the predicted ŷ, not with the measured y: otherwise a mere change of
     scale could explain the signals. For the same reason Ψ is anchored to the first shot's white.
 
+    The chart's variance of each patch is multiplied by a scale that its signals show (`patch_scales`).
+
     Lamp modes m_q have unknown amplitudes u ~ N(0, I): the lamp is L_j (1 + Σ u_jq m_jq), the same u for the three
     channels. It can be far from its mean, so `first_pass` estimates û and x̂. Then all of the above is
     computed again with L_j (1 + Σ û m) for L_j and μ + Ψ x̂ for s₀. In those shots' rows a_cij has ŷ in place of y,
@@ -109,9 +117,13 @@ def whitened_model(hypotheses: Hypotheses, explain: Array) -> Whitened:
     (k, _, q, _, _), prior = folded.sizes, prior_point(folded)
     rows = rows_at(folded, prior)
 
+    modes = modes_at_prior(folded, rows, prior)
+    scale = patch_scales(rows, modes)
+    rows = rows.scaled(scale)
+
     def with_modes() -> list[Array]:
-        point = first_pass(folded, rows, prior)
-        return [*whiten_densely(folded, rows_at(folded, point), point, explain), point.lamp]
+        point = first_pass(folded, rows, prior, modes)
+        return [*whiten_densely(folded, rows_at(folded, point).scaled(scale), point, explain), point.lamp]
 
     def without_modes() -> list[Array]:
         return [*whiten_by_blocks(folded, rows, explain), prior.lamp]
@@ -120,7 +132,58 @@ def whitened_model(hypotheses: Hypotheses, explain: Array) -> Whitened:
     return Whitened(folded, A, b, log_det, D[..., : k * q], D[..., k * q :], lamp, ErrorSources(*errors))
 
 
-def first_pass(folded: Folded, rows: Rows, point: Point) -> Point:
+def modes_at_prior(folded: Folded, rows: Rows, prior: Point) -> ModeRows:
+    """The mode rows at the prior means; zeros if there are no modes."""
+    xp, h, (k, n, q, g, _) = namespace(folded.signal), folded.h, folded.sizes
+    N = 3 * k * n
+
+    def of_modes() -> list[Array]:
+        modes = mode_rows(folded, rows, prior)
+        return [modes.lamps, modes.gains, modes.by_channel, modes.curvature]
+
+    def none() -> list[Array]:
+        return [zeros(xp, h, N, k * q), zeros(xp, h, N, k * g), zeros(xp, h, N, 3 * k * g), zeros(xp, h, N, N)]
+
+    return ModeRows(*cond(folded.has_modes, of_modes, none))
+
+
+def patch_scales(rows: Rows, modes: ModeRows) -> Array:
+    """Scale (h, n) of the chart's variance of each patch: three EM steps for Student's t (docs/maths.md).
+
+    A table may be right for most patches and wrong for one: dirt, a misprint, a pigment of another year. With C_i the
+    part of Σ of patch i's chart error, P = Σ + A Aᵀ and e = P⁻¹ b, a step is
+
+        τ_i² ← τ_i² (ν + q_i) / (ν + t_i),   q_i = e_iᵀ C_i e_i,   t_i = tr C_i (P⁻¹)_ii,
+
+    between 1 and 16: a few signals cannot show that a patch is better than its table says (Lange, Little and Taylor
+    1989, for one scale a patch).
+
+    Args:
+        rows: at the prior means.
+        modes: at the same point.
+    """
+    xp, (h, n, d, _) = namespace(rows.b), rows.covariance.chart.shape
+    one = eye(xp, n * d)
+    common = xp.concat([rows.covariance.common, rows.A, modes.both, modes.by_channel], axis=-1)
+    others = rows.covariance.noise_term + common @ common.mT + modes.curvature
+
+    def step(_: Array, state: Sequence[Array]) -> list[Array]:
+        (scale,) = state
+        scaled = rows.covariance.scaled(scale)
+        spread = others + scaled.chart_term
+        columns, _ = whiten(spread, xp.concat([rows.b[..., None], xp.broadcast_to(one, spread.shape)], axis=-1))
+        of_patch = xp.permute_dims(xp.reshape(columns[..., 1:], (h, n * d, n, d)), (0, 2, 1, 3))  # (h, n, N, d)
+        e = of_patch.mT @ columns[:, None, :, :1]  # (h, n, d, 1)
+        q = xp.sum(e * (scaled.chart @ e), axis=(2, 3))
+        t = xp.sum(scaled.chart * (of_patch.mT @ of_patch), axis=(2, 3))
+        grown = scale * (FREEDOM + q) / (FREEDOM + t)
+        return [xp.minimum(xp.maximum(grown, 1.0), MOST)]
+
+    (scale,) = loop(STEPS, [xp.ones((h, n), dtype=xp.float64)], step, stride=1)
+    return scale
+
+
+def first_pass(folded: Folded, rows: Rows, point: Point, modes: ModeRows) -> Point:
     """Gaussian posterior of lamps, gains and curves, from rows linearised at the prior means.
 
     With P = Σ + A Aᵀ, and D of both u and v, Λ = Dᵀ P⁻¹ D and h = Dᵀ P⁻¹ b: û = C h with C = (I + Λ)⁻¹, and
@@ -128,7 +191,6 @@ def first_pass(folded: Folded, rows: Rows, point: Point) -> Point:
     """
     xp, h, (k, _, q, g, r) = namespace(folded.signal), folded.h, folded.sizes
     R, K, size = 3 * r, k * q, k * q + k * g
-    modes = mode_rows(folded, rows, point)
     # Whitened by P = L Lᵀ: an explicit P⁻¹ loses twice the digits, and modes may raise P's condition above 1e12.
     spread = dense_covariance(rows, modes) + rows.A @ rows.A.mT
     columns, _ = whiten(spread, xp.concat([rows.A, rows.b[..., None], modes.both], axis=-1))

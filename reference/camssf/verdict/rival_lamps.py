@@ -81,7 +81,7 @@ def weigh_rivals(fit: CaptureFit, ssf: Ssf, new: int | None = None) -> tuple[Riv
     capture, used = fit.capture, fit.signals.used
     if ssf.std is None or len(capture.shots) > MOST_SHOTS_COMPARED:
         return ()
-    scale = NARROW if ssf.prior_scale == 1.0 else 1.0  # the learned width for an unfamiliar camera
+    scale = NARROW if ssf.prior_scale == 1.0 else 1.0  # the learned width where the wider one is the likelier
     families = sorted({*MAKERS_OF.values(), ssf.basis}) if fit.basis == AUTO else [fit.basis]
     bases = [widened(basis_of(family), scale) for family in families]
     beliefs = [np.log(fit.prior_odds.get(MAKERS_OF[basis.name], 1.0)) if len(bases) > 1 else 0.0 for basis in bases]

@@ -10,7 +10,8 @@ the sensor and its colour filters shift and widen along the wavelength, lens and
 smoothly, and neighbouring pixels leak into each other. The makers are fewer still, and a new camera may come from
 another maker: so a maker is weighted by the square root of the number of its cameras, and the covariance between
 cameras is multiplied by FEW_MAKERS. The basis holds the principal components, each scaled by its standard deviation,
-so that the prior of a code is standard normal. HANDFUL is for very few cameras, such as six phones of two makers.
+so that the prior of a code is standard normal. HANDFUL is for very few cameras, such as six phones of two makers:
+half of its covariance is that of a Gaussian process, which allows for what copies cannot show.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from camssf.files import write_file
 from camssf.grid import Floats
 from camssf.recovery.basis import NODES
 from camssf_lab.learning.training import (
+    FEW_MAKERS,
     HANDFUL,
     RYYB_PHONES,
     Enlargement,
@@ -47,6 +49,11 @@ from camssf_lab.learning.training import (
 COMPONENTS = 24
 COPIES = 40
 SEED = 2021
+PROCESS_SHIFT, PROCESS_WARP, PROCESS_SMOOTH = 2.0, 0.1, 30.0
+"""Of the Gaussian process: shift along the wavelength, nm, smooth change of s relative to s, and its length, nm.
+
+Chosen by leaving each of the six phones out, on charts of other tables under one to three lamps: of shifts of 2 and
+3 nm, changes of 0.05 to 0.25 and lengths of 20 to 60 nm, with and without FEW_MAKERS."""
 
 
 def enlarge(curves: Floats, size: Enlargement, copies: int, rng: np.random.Generator) -> Floats:
@@ -94,6 +101,25 @@ def _smooth_root(length: float) -> Floats:
     return np.array([[float(value) for value in row] + [0.0] * (size - len(row)) for row in rows])
 
 
+def process_rows(shapes: Floats, weight: Floats) -> Floats:
+    """Rows (p, 69) whose Σ row rowᵀ is the covariance of one channel's curves as a Gaussian process.
+
+    It is the covariance between the cameras, with that for a member of a new group (FEW_MAKERS), plus a shift of each
+    camera along the wavelength, to first order, and a smooth relative change of it.
+
+    Args:
+        shapes: (cameras, 69), in the scale of their mean.
+        weight: (cameras,) of sum 1.
+    """
+    root = np.sqrt(weight)[:, None]
+    smooth = (root * shapes)[..., None] * _smooth_root(PROCESS_SMOOTH)  # (cameras, 69, 69)
+    return np.concatenate([
+        np.sqrt(FEW_MAKERS) * root * (shapes - weight @ shapes),
+        PROCESS_SHIFT * root * np.gradient(shapes, NODES, axis=1),
+        PROCESS_WARP * np.swapaxes(smooth, 1, 2).reshape(-1, NODES.size),
+    ])  # fmt: skip
+
+
 def learn(
     curves: Floats,
     *,
@@ -134,6 +160,9 @@ def learn(
         between, within = cameras - centre, shapes - cameras
         rows = np.sqrt(weight)[:, None] * np.stack([np.sqrt(size.few_makers) * between, *within / np.sqrt(copies)])
         rows = rows.reshape(-1, NODES.size)
+        if size.process:
+            of_process = process_rows(shapes[0], weight / weight.sum()) * np.sqrt(weight.sum())
+            rows = np.concatenate([np.sqrt(1.0 - size.process) * rows, np.sqrt(size.process) * of_process])
         if statistics:
             away = statistics.mean[c] / area / height - centre
             own = statistics.spread[c].T / area / height

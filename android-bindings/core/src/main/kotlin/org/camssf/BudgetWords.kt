@@ -14,7 +14,7 @@ internal object BudgetWords {
         return mapOf(
             "noise" to "standard errors of the signals, median ${percent(noise(signals), 2)}",
             "chart" to "${percent(median(fit.table.sharedTolerance), 1)} a patch, smooth over $chart nm, " +
-                "the same under every lamp",
+                "more in the deep red, the same under every lamp",
             "white" to "${percent(fit.whiteTolerance, 1)}, smooth over $chart nm",
             "lamp" to fit.lamps.joinToString { percent(it.tolerance, 1) } + ", smooth over $lamps nm",
             "lamp modes" to fit.lamps.joinToString { "${it.name}: ${it.sharedModes.size}" },

@@ -11,8 +11,8 @@ import org.camssf.photo.DocumentForm
 import org.camssf.photo.PhysicalCamera
 import org.camssf.recovery.LearnedBasis
 import org.camssf.spectra.Lamp
-import kotlin.math.abs
 import kotlin.math.max
+import kotlin.math.min
 import kotlin.math.sqrt
 
 /**
@@ -128,7 +128,8 @@ internal class ColourCamera private constructor(
             if (!std.all { band -> band.all { it >= 0 && it.isFinite() } }) {
                 throw InvalidArgument("A standard deviation is negative or not finite.", DocumentForm.ADVICE)
             }
-            val modes = ownWhite?.let { ofCode(it.lamp) }?.takeIf { isSame(it, std) } ?: ofBands(std)
+            val modes = ownWhite?.let { ofCode(it.lamp) }?.takeIf { isWithin(it, std) }?.let { withRest(it, std) }
+                ?: ofBands(std)
             return ColourCamera(values, modes, ownWhite, camera)
         }
 
@@ -146,22 +147,47 @@ internal class ColourCamera private constructor(
             val size = 3 * basis.atoms
             if (!(scale > 0 && scale.isFinite()) || triangle.size != size * (size + 1) / 2) return null
             val covariance = Array(size) { a ->
-                DoubleArray(size) { b -> max(a, b).let { triangle[it * (it + 1) / 2 + minOf(a, b)] } }
+                DoubleArray(size) { b -> max(a, b).let { triangle[it * (it + 1) / 2 + min(a, b)] } }
             }
             return modes(values, covariance, basis, scale, lamp.sharedValues)
         }
 
-        /** Whether the modes reproduce the result's own bands. */
-        private fun isSame(modes: List<Three>, std: Three): Boolean {
-            var difference = 0.0
+        /** Whether the result's own bands are at least as wide as the modes. */
+        private fun isWithin(modes: List<Three>, std: Three): Boolean {
+            var beyond = Double.NEGATIVE_INFINITY
             for (c in 0..2) {
                 for (m in 0 until Grid.SIZE) {
-                    val band = sqrt(modes.sumOf { it[c][m] * it[c][m] })
-                    difference = if (band.isNaN()) Double.NaN else max(difference, abs(band - std[c][m]))
+                    val band = sqrt(variance(modes, c, m))
+                    beyond = if (band.isNaN()) Double.NaN else max(beyond, band - std[c][m])
                 }
             }
-            return difference < SAME_BAND * std.maxOf { it.max() }
+            return beyond < SAME_BAND * std.maxOf { it.max() }
         }
+
+        /**
+         * Modes of the bands: these, where they are not wider, and those of what else the bands hold.
+         *
+         * The rest is what the basis misses, and the difference between mixed answers.
+         */
+        private fun withRest(modes: List<Three>, std: Three): List<Three> {
+            val own = Array(3) { c -> DoubleArray(Grid.SIZE) { sqrt(variance(modes, c, it)) } }
+            val within = modes.map { mode ->
+                Array(3) { c ->
+                    DoubleArray(Grid.SIZE) {
+                        mode[c][it] * if (own[c][it] > std[c][it]) std[c][it] / own[c][it] else 1.0
+                    }
+                }
+            }
+            val rest = Array(3) { c ->
+                DoubleArray(Grid.SIZE) {
+                    val inside = min(own[c][it], std[c][it])
+                    sqrt(max(std[c][it] * std[c][it] - inside * inside, 0.0))
+                }
+            }
+            return if (rest.any { it.max() > 0 }) largest(within + ofBands(rest)) else within
+        }
+
+        private fun variance(modes: List<Three>, c: Int, m: Int): Double = modes.sumOf { it[c][m] * it[c][m] }
 
         /**
          * Modes of curves with peak 1, from the covariance (3 r, 3 r) of their code.
@@ -251,10 +277,10 @@ internal class ColourCamera private constructor(
         private const val BAND_CORRELATION = 10.0
 
         /**
-         * Largest difference between a document's bands and those of its covariance, as a fraction of the largest
-         * band.
+         * How far the covariance's bands may be beyond those of the document, as a fraction of the largest band: the
+         * covariance is that of the likelier width of the prior, up to half as wide again as the mixture of both.
          */
-        private const val SAME_BAND = 0.02
+        private const val SAME_BAND = 0.5
 
         /** Modes with less than this fraction of the largest one's variance are left out. */
         private const val LEAST = 1e-6

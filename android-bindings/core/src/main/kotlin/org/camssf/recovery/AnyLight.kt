@@ -69,21 +69,25 @@ internal class AnyLight(
             return found to UnfamiliarCamera.test(engine(found), best.observation, learned, named(found))
         }
         var answer = chosen(0.0)
-        if (answer.second.passed) return answer.first.withFamilyTest(answer.second, 0.0)
-        val fading = FadedChart.fading { amounts ->
-            val faded = amounts.flatMap { amount -> guesses.map { it.faded(amount) } }
-            val hypotheses = faded.flatMap { guess -> narrowed.map { LampHypothesis(guess, it) } }
-            val log = joint(hypotheses, evidences(hypotheses, onRun)).chunked(guesses.size * narrowed.size)
-            DoubleArray(amounts.size) { Choice.logSum(log[it]) }
+        var fading = 0.0
+        if (!answer.second.passed) {
+            fading = FadedChart.fading { amounts ->
+                val faded = amounts.flatMap { amount -> guesses.map { it.faded(amount) } }
+                val hypotheses = faded.flatMap { guess -> narrowed.map { LampHypothesis(guess, it) } }
+                val log = joint(hypotheses, evidences(hypotheses, onRun)).chunked(guesses.size * narrowed.size)
+                DoubleArray(amounts.size) { Choice.logSum(log[it]) }
+            }
+            if (fading > 0.0) answer = chosen(fading)
         }
-        if (fading > 0.0) answer = chosen(fading)
         val (found, test) = answer
-        if (test.passed) return found.withFamilyTest(test, fading)
-        val own = families.first { it.engine.basis == found.basis }
-        val wider = listOf(Choice.Family(own.engine, UnfamiliarCamera.WIDER, own.belief))
-        val wide = weighed(wider, guesses.map { it.faded(fading) }, faded(of, fading))
-        return wide.chosen(found.choice, wide.lights, wide.kinds, wide.between, wide.halfWidthOfBasis)
-            .withFamilyTest(test, fading)
+        val possible = guesses.map { it.faded(fading) }
+        fun known(answer: Ssf) = possible.first { it.kinds == answer.kinds }.observation.known
+        return UnfamiliarCamera.mixed(found, test, ::known) {
+            val own = families.first { it.engine.basis == found.basis }
+            val wider = listOf(Choice.Family(own.engine, UnfamiliarCamera.WIDER, own.belief))
+            val wide = weighed(wider, possible, faded(of, fading))
+            wide.chosen(found.choice, wide.lights, wide.kinds, wide.between, wide.halfWidthOfBasis)
+        }.withFamilyTest(test, fading)
     }
 
     /** The mixture of the hypotheses of these families. */

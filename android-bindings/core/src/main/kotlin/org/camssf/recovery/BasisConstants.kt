@@ -34,11 +34,25 @@ internal class BasisConstants private constructor(val mean: DoubleArray, val dic
             null
         }
 
-        /** Of each basis μ (3, 69), then Ψ (3, 69, r): float64, little-endian. */
+        /**
+         * (3, 69) one standard deviation of what curves of peak 1 miss besides their bands, on every learned basis.
+         * Python's `misfit_profile`.
+         */
+        val misfit: DoubleArray by lazy {
+            val numbers = numbers()
+            numbers.position(numbers.limit() - CURVES)
+            DoubleArray(CURVES).also { numbers.get(it) }
+        }
+
+        private fun numbers() = ByteBuffer.wrap(content).order(ByteOrder.LITTLE_ENDIAN).asDoubleBuffer()
+
+        private const val CURVES = 3 * Nodes.SIZE
+
+        /** Of each basis μ (3, 69), then Ψ (3, 69, r); last the misfit profile: float64, little-endian. */
         private fun read(at: Int): BasisConstants {
-            val numbers = ByteBuffer.wrap(content).order(ByteOrder.LITTLE_ENDIAN).asDoubleBuffer()
-            val mean = DoubleArray(3 * Nodes.SIZE)
-            val size = numbers.remaining() / NAMES.size
+            val numbers = numbers()
+            val mean = DoubleArray(CURVES)
+            val size = (numbers.remaining() - CURVES) / NAMES.size
             check(size % mean.size == 0 && size > mean.size) { "$FILE has ${numbers.remaining()} numbers" }
             numbers.position(at * size)
             numbers.get(mean)

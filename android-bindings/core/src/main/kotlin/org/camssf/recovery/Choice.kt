@@ -10,8 +10,8 @@ import kotlin.math.ln
  * The posterior probability of each family of cameras follows from its evidence and its prior odds. A basis with odds
  * of at least [CLEAR] is used alone; otherwise the solutions are mixed by probability, and their bands by the law of
  * total variance (docs/maths.md, "Which basis"). Where the camera seems to belong to no family, the chart may have faded
- * ([FadedChart]), or the answer has a wider prior ([UnfamiliarCamera]). Python's camssf.recovery.hypotheses, in its
- * order.
+ * ([FadedChart]); by the probability of such a camera the answer is mixed with that of a wider prior
+ * ([UnfamiliarCamera]). Python's camssf.recovery.hypotheses, in its order.
  */
 internal object Choice {
     const val AUTO = "auto"
@@ -78,18 +78,20 @@ internal object Choice {
             return found to UnfamiliarCamera.test(engine(found), given, found, named)
         }
         var answer = chosen(observation)
-        if (answer.second.passed) return answer.first.withFamilyTest(answer.second, 0.0)
-        val fading = FadedChart.fading { amounts ->
-            val given = amounts.map { observation.faded(it) }
-            val nats = families.map { Recover.logEvidences(it.engine, given, it.scale) to it.belief }
-            DoubleArray(amounts.size) { i -> logSum(nats.map { (own, belief) -> own[i] + belief }) }
+        var fading = 0.0
+        if (!answer.second.passed) {
+            fading = FadedChart.fading { amounts ->
+                val given = amounts.map { observation.faded(it) }
+                val nats = families.map { Recover.logEvidences(it.engine, given, it.scale) to it.belief }
+                DoubleArray(amounts.size) { i -> logSum(nats.map { (own, belief) -> own[i] + belief }) }
+            }
+            if (fading > 0.0) answer = chosen(observation.faded(fading))
         }
         val given = observation.faded(fading)
-        if (fading > 0.0) answer = chosen(given)
         val (found, test) = answer
-        if (test.passed) return found.withFamilyTest(test, fading)
-        val wide = Recover.recover(engine(found), given, frames, penalties, UnfamiliarCamera.WIDER)
-        return wide.chosen(found.choice).withFamilyTest(test, fading)
+        return UnfamiliarCamera.mixed(found, test, { given.known }) {
+            Recover.recover(engine(found), given, frames, penalties, UnfamiliarCamera.WIDER).chosen(found.choice)
+        }.withFamilyTest(test, fading)
     }
 
     /** ln Σ e^l without overflow. */

@@ -30,20 +30,53 @@ internal class Mixture(private val answers: List<Ssf>, weights: List<Double>) {
      */
     fun ssf(known: Known, lamp: DoubleArray, predicted: DoubleArray? = null): Ssf {
         val white = known.whiteReflectance.values
+        val likeliest = answers[best]
+        val (values, std) = scaled(known)
+        val seen = predicted ?: predictSignals(values, known.reflectance.values, lamp, white)
+        return likeliest.mixed(values, std, seen, lamp, mean { it.sharedGainCode }, proof())
+    }
+
+    /**
+     * The mixture of the answers of two widths of one prior: curves and bands are mixed, and under lights that are not
+     * named the predictions; all else is the likelier's.
+     *
+     * @param known of an answer: what was known under its hypothesis.
+     */
+    fun ofTwoWidths(known: (Ssf) -> Known): Ssf {
+        val likelier = answers[best]
+        val own = known(likelier)
+        val (values, std) = scaled(own)
+        val predicted = if (likelier.kinds.isEmpty()) {
+            val white = own.whiteReflectance.values
+            predictSignals(values, own.reflectance.values, likelier.sharedLamp, white)
+        } else {
+            mean { it.sharedPredicted }
+        }
+        val inside = DoubleArray(3) { c -> sumOf(likelier, c) / (0 until Grid.SIZE).sumOf { variance(3 * it + c) } }
+        val between = likelier.between?.let { own -> DoubleArray(3) { own[it] * inside[it] } }
+        return likelier.ofTwoWidths(values, std, predicted, proof(), between)
+    }
+
+    /** Σ over the grid of the variance of an answer's curve of peak 1. */
+    private fun sumOf(answer: Ssf, c: Int): Double = answer.deviation(c)!!.sumOf { it * it }
+
+    /** The largest of each gap, and the most steps, of the answers. */
+    private fun proof(): Ssf.Proof {
+        val steps = answers.map { it.sharedFinishSteps }
+            .reduce { a, b -> IntArray(a.size) { max(a[it], b[it]) } }
+        return Ssf.Proof(largest { it.sharedGap }, largest { it.sharedLayersGap }, steps, answers[best].logEvidence)
+    }
+
+    /** Mean curves and their standard deviations, such that Σ ρ_w L s dλ = 1 for the first lamp. */
+    private fun scaled(known: Known): Pair<DoubleArray, DoubleArray?> {
+        val white = known.whiteReflectance.values
         val scale = DoubleArray(3) { c ->
             (0 until Grid.SIZE).sumOf { white[it] * known.lamp.values[it] * Grid.STEP * mean[3 * it + c] }
         }
-        val values = DoubleArray(mean.size) { mean[it] / scale[it % 3] }
-        val likeliest = answers[best]
-        val std = likeliest.sharedStd?.let {
+        val std = answers[best].sharedStd?.let {
             DoubleArray(mean.size) { at -> sqrt(variance(at)) / scale[at % 3] }
         }
-        val steps = answers.map { it.sharedFinishSteps }
-            .reduce { a, b -> IntArray(a.size) { max(a[it], b[it]) } }
-        val proof =
-            Ssf.Proof(largest { it.sharedGap }, largest { it.sharedLayersGap }, steps, likeliest.logEvidence)
-        val seen = predicted ?: predictSignals(values, known.reflectance.values, lamp, white)
-        return likeliest.mixed(values, std, seen, lamp, mean { it.sharedGainCode }, proof)
+        return DoubleArray(mean.size) { mean[it] / scale[it % 3] } to std
     }
 
     /** [Ssf.halfWidth] of the mixture. */

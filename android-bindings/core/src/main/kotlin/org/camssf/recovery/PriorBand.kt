@@ -2,6 +2,7 @@ package org.camssf.recovery
 
 import org.camssf.Grid
 import org.camssf.Nodes
+import kotlin.math.hypot
 import kotlin.math.sqrt
 
 /** The band of the curves of peak 1 before any photo. */
@@ -13,7 +14,7 @@ internal object PriorBand {
      * basis without a prior.
      *
      * An error d s changes the curve of peak 1, ŝ = s / s_p, by (d s - ŝ d s_p) / s_p, p where s peaks; s = μ + Ψ x, and
-     * x is N(0, I).
+     * x is N(0, I). What every basis misses is added in squares.
      */
     fun halfWidth(basis: String): Double? = synchronized(known) { known.getOrPut(basis) { of(basis) } }
 
@@ -25,8 +26,10 @@ internal object PriorBand {
             val atoms = List(nodes.atoms) { q ->
                 Nodes.straight { nodes.dictionary[(c * Nodes.SIZE + it) * nodes.atoms + q] }
             }
+            val missed = Nodes.straight { BasisConstants.misfit[c * Nodes.SIZE + it] }
             (FIRST..LAST).sumOf { m ->
-                sqrt(atoms.sumOf { atom -> (atom[m] - mean[m] / mean[top] * atom[top]).let { it * it } }) / mean[top]
+                val own = atoms.sumOf { atom -> (atom[m] - mean[m] / mean[top] * atom[top]).let { it * it } }
+                hypot(sqrt(own) / mean[top], missed[m])
             }
         }
         return 1.96 * total / (3 * (LAST - FIRST + 1))

@@ -142,7 +142,8 @@ internal data class Ssf(
      * @property kinds of the most probable hypothesis, one a shot.
      * @property between (3) share of each channel's variance that is between the hypotheses on the light; null if all
      *   lamps were named.
-     * @property halfWidthOfBasis half-width of the most probable basis's hypotheses alone; null if all lamps were named.
+     * @property halfWidthOfBasis half-width of the most probable basis's hypotheses alone, of one width of its prior;
+     *   null if that is the whole answer.
      */
     class Comparison(
         val choice: List<Hypothesis> = emptyList(),
@@ -237,6 +238,19 @@ internal data class Ssf(
     ): Ssf {
         val curves = Curves(values, std, sharedCode, sharedCodeCovariance, predicted, lamp, gainCode)
         return copy(curves = curves, proof = proof, family = Family(priorScale), comparison = Comparison(choice))
+    }
+
+    /** The same answer with curves, bands and proof that are mixed with those of another width of its prior. */
+    fun ofTwoWidths(
+        values: DoubleArray,
+        std: DoubleArray?,
+        predicted: DoubleArray,
+        proof: Proof,
+        between: DoubleArray?,
+    ): Ssf {
+        val curves = Curves(values, std, sharedCode, sharedCodeCovariance, predicted, sharedLamp, sharedGainCode)
+        val width = halfWidthOfBasis ?: halfWidth
+        return copy(curves = curves, proof = proof, comparison = Comparison(choice, lights, kinds, between, width))
     }
 
     /** Mean half-width of the 95 % band, 400 to 700 nm, in parts of the peak; 0 without a prior. */

@@ -2,7 +2,10 @@ package org.camssf.recovery
 
 import org.camssf.Rules
 import kotlin.math.cbrt
+import kotlin.math.exp
+import kotlin.math.ln
 import kotlin.math.max
+import kotlin.math.min
 import kotlin.math.sqrt
 
 /**
@@ -19,12 +22,30 @@ internal class FamilyTest(val length: Double, val lampResidual: Double?, val lon
 }
 
 /**
- * Tests whether a camera belongs to the family of its basis (docs/verdict.md, rule 7). One that does not is answered
- * with a prior [WIDER] times as wide. Python's camssf.recovery.unfamiliar_camera.
+ * Tests whether a camera belongs to the family of its basis (docs/verdict.md, rule 7). By the probability that it does
+ * not, the answer is mixed with that of a prior [WIDER] times as wide. Python's camssf.recovery.unfamiliar_camera.
  */
 internal object UnfamiliarCamera {
     /** Width of the prior of an unfamiliar camera, relative to the learned one. */
     val WIDER get() = Rules.shipped.number("choice.wider")
+
+    /** Prior probability that a camera belongs to no family. */
+    private val STRANGER get() = Rules.shipped.number("choice.stranger")
+
+    /** Mean and standard deviation of z(x) of a family's members, and the latter of strangers, whose mean is 0. */
+    private val FAMILIAR get() = Rules.shipped.number("choice.familiar")
+    private val FAMILIAR_STD get() = Rules.shipped.number("choice.familiar_std")
+    private val STRANGER_STD get() = Rules.shipped.number("choice.stranger_std")
+
+    /** z(x) of the least odds of a stranger: below it they would rise again, since strangers spread more. */
+    private val leastStrange: Double
+        get() = FAMILIAR / (1.0 - (FAMILIAR_STD / STRANGER_STD) * (FAMILIAR_STD / STRANGER_STD))
+
+    /** Largest ln of odds: the exponential of a larger one is no number. */
+    private const val LARGEST = 700.0
+
+    /** Smallest probability of a camera of no family at which the answer of a wider prior is computed. */
+    private val UNFAMILIAR get() = Rules.shipped.number("choice.unfamiliar")
 
     /** Smooth relative error that a named lamp may have in the lamp residual. */
     private val LAMP_ERROR get() = Rules.shipped.number("choice.lamp_error")
@@ -35,6 +56,29 @@ internal object UnfamiliarCamera {
         val basis = engine.basis
         val longest = longestCode(basis, named.all { it })
         return FamilyTest(codeLength(answer)!!, residual, longest, largestResidual(basis))
+    }
+
+    /** Probability that a camera belongs to no family; 1 where the lamp residual is beyond its limit. */
+    private fun strangerProbability(test: FamilyTest): Double {
+        if (test.lampResidual != null && test.lampResidual > test.largest) return 1.0
+        val z = max(test.length, leastStrange)
+        val member = (z - FAMILIAR) / FAMILIAR_STD
+        val stranger = z / STRANGER_STD
+        val odds = ln(STRANGER / (1.0 - STRANGER) * FAMILIAR_STD / STRANGER_STD) +
+            0.5 * (member * member - stranger * stranger)
+        return 1.0 / (1.0 + exp(-min(odds, LARGEST)))
+    }
+
+    /**
+     * The answer mixed with that of a wider prior by the probability that the camera belongs to no family.
+     *
+     * @param known of an answer: what was known under its hypothesis.
+     * @param wider gives the answer of a prior [WIDER] times as wide, with the hypotheses of the first.
+     */
+    fun mixed(answer: Ssf, test: FamilyTest, known: (Ssf) -> Known, wider: () -> Ssf): Ssf {
+        val share = strangerProbability(test)
+        if (share < UNFAMILIAR) return answer
+        return Mixture(listOf(answer, wider()), listOf(1.0 - share, share)).ofTwoWidths(known)
     }
 
     /**

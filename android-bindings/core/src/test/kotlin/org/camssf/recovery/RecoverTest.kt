@@ -148,11 +148,11 @@ class RecoverTest {
             assertEquals(1, ssf.sharedLayersGap.size)
             assertTrue(ssf.sharedLayersGap[0] <= 1e-10 && ssf.sharedFinishSteps.contentEquals(intArrayOf(0)))
             assertTrue(ssf.sharedGap.all { it == ssf.sharedGap[0] })
-            // A patch that is a fifth too dark speaks against all that was observed.
+            // A patch that is a fifth too dark speaks against all, although it gets a scale of its own.
             val dark = DoubleArray(72) { if (it / 3 == 7) 0.8 * signals[it] else signals[it] }
             val wrong = Observation(Tensor(dark, 1, 24, 3), observed.standardError, observed.known)
             val misled = Recover.recover(engine, wrong, null, defaults)
-            assertTrue(misled.logEvidence!! < ssf.logEvidence!! - 10, "${misled.logEvidence}, ${ssf.logEvidence}")
+            assertTrue(misled.logEvidence!! < ssf.logEvidence!! - 3, "${misled.logEvidence}, ${ssf.logEvidence}")
         }
     }
 
