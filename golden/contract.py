@@ -66,7 +66,7 @@ class Stage:
     oracle: bool = False
 
 
-PLAIN = ("basis", "shots", "iteration", "depth", "prior", "make", "unnamed", "colour_matrices")
+PLAIN = ("basis", "shots", "iteration", "depth", "prior", "make", "unnamed", "called", "colour_matrices")
 """Inputs that are no numbers."""
 
 

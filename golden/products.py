@@ -21,7 +21,7 @@ from camssf.recovery.basis import Basis, gaussian_basis, read_basis, widened
 from camssf.recovery.observation import Observation
 from camssf.recovery.onnx_model import Model
 from camssf.spectra import ChartTable, Lamp, read_chart
-from camssf.spectra.lamps import AUTO, TORCH, unnamed_light
+from camssf.spectra.lamps import AUTO, TORCH, read_light, unnamed_light
 from camssf.spectra.layouts import LAYOUTS
 from golden.compare import optimality
 from golden.contract import words
@@ -113,10 +113,15 @@ def build_capture(given: dict[str, Any], engine: str) -> tuple[Capture, Options]
         [replace(photo, sha256=f"{number}{j:063}") for j in range(len(given["shots"]))] for number in (1, 2, 3)
     )
     unnamed = dict.fromkeys(given.get("unnamed", ()), AUTO) | dict.fromkeys(given.get("torch", ()), TORCH)
+    names = given.get("called") or [""] * len(given["shots"])
     matrices = given.get("colour_matrices") or [[] for _ in given["shots"]]
     shots = tuple(
         MeasuredShot(
-            lamp=unnamed_light(unnamed[j]) if j in unnamed else build_lamp(values, tolerance, modes),
+            lamp=unnamed_light(unnamed[j])
+            if j in unnamed
+            else read_light(names[j - 1])
+            if names[j - 1]
+            else build_lamp(values, tolerance, modes),
             photo=replace(
                 charts[j - 1],
                 colour_matrices=tuple(ColourMatrix(each["light"], tuple(each["values"])) for each in matrices[j - 1]),

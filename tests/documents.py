@@ -25,8 +25,9 @@ from camssf.report.provenance import Provenance, Signature
 from camssf.report.shots import shots_of
 from camssf.result import Result
 from camssf.rules import rules
-from camssf.spectra import Unnamed, read_camera, read_chart, read_lamp
+from camssf.spectra import read_camera, read_chart, read_lamp
 from camssf.spectra.bundled import observer
+from camssf.spectra.lamps import unnamed_light
 from camssf.verdict.reasons import Check, Reason, Verdict
 from camssf_fleet.passport.document import Passport
 from camssf_fleet.passport.excerpt import excerpt_of
@@ -288,7 +289,7 @@ def unnamed() -> Result:
     )
     return replace(
         made,
-        capture=replace(made.capture, shots=(replace(shot, lamp=Unnamed()),)),
+        capture=replace(made.capture, shots=(replace(shot, lamp=unnamed_light()),)),
         answer=replace(made.answer, choice=choice, lights=(light,)),
         verdict=replace(made.verdict, checks=tuple(checks(1, unnamed=True))),
     )

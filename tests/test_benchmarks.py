@@ -15,8 +15,9 @@ from benchmarks.claims import certify
 from benchmarks.kernels import arm, arm_jvm, capture, solver
 from camssf.calibration import solve
 from camssf.options import Options
+from camssf.photo.capture import Capture
 from camssf.recovery.basis import read_basis
-from camssf.spectra import read_lamp
+from camssf.spectra import read_chart, read_lamp
 
 pytestmark = pytest.mark.full
 
@@ -147,10 +148,10 @@ def test_lamps_by_name_and_by_kind_are_solved(results: Path, capsys: pytest.Capt
 
 
 @pytest.mark.requirement("R-FIELD")
-@pytest.mark.parametrize("row", ["any light", "framed", "field"])
+@pytest.mark.parametrize("row", ["any light", "framed", "field", "a fault's clean capture"])
 def test_simulated_captures_are_solved_and_not_refused_as_files(row: str) -> None:
     """A benchmark that counts refusals must not count those of its own files: a chart and a frame that are one."""
-    from benchmarks.claims import any_light, field
+    from benchmarks.claims import any_light, faults, field
     from benchmarks.claims.phones import CAMERAS, Device
     from tests.problems import measured_cameras
 
@@ -159,6 +160,9 @@ def test_simulated_captures_are_solved_and_not_refused_as_files(row: str) -> Non
     light = read_lamp("D55")
     if row == "any light":
         simulated = any_light.capture(device, ("D55",), [light], "nikon", 3)
+    elif row.startswith("a fault"):
+        staged = faults.stage(3, name, device.curves, "D55")
+        simulated = Capture((faults.shoot(staged, staged.setup, search=False),), read_chart("classic24"), None)
     else:
         place = field.place(np.random.default_rng(3), row)
         simulated = field.photographed(device, "D55", light, place, row, "nikon", 3)

@@ -29,8 +29,8 @@ from camssf.recovery.drift import STEPS, moves
 from camssf.report.build import report
 from camssf.result import Result
 from camssf.rules import rules
-from camssf.spectra import Unnamed, read_chart, read_lamp
-from camssf.spectra.lamps import read_light, with_tolerance
+from camssf.spectra import read_chart, read_lamp
+from camssf.spectra.lamps import read_light, unnamed_light, with_tolerance
 from golden.forms import resolve
 from golden.scenes import PHONE
 from tests import captures
@@ -44,7 +44,7 @@ def later(lamp: str, named: bool = False, camera: Floats | None = None, frames: 
     """A photo of the phone taken later, in this lamp."""
     given = capture(resolve(PHONE) if camera is None else camera, (lamp,), make="Apple")
     (shot,) = given.shots
-    shot = replace(shot, photo=replace(shot.photo, sha256=NEW), lamp=shot.lamp if named else Unnamed())
+    shot = replace(shot, photo=replace(shot.photo, sha256=NEW), lamp=shot.lamp if named else unnamed_light())
     if not frames:
         shot = replace(shot, white=None, means=replace(shot.means, white=None))
     return replace(given, shots=(shot,))

@@ -26,6 +26,7 @@ from camssf.photo.read.raw import read_raw
 from camssf.photo.read.unit import photo_hash, read_unit
 from camssf.photo.shot import Shot
 from camssf.rules import rules
+from camssf.spectra import read_lamp
 from camssf_lab.simulation.camera import Sensor
 from camssf_lab.simulation.frames import simulate
 from camssf_lab.simulation.scene import Scene
@@ -77,7 +78,9 @@ SOUND: dict[str, Any] = {
 
 def solved(folder: Path, ending: str) -> Result:
     return calibrate(
-        Shot(folder / f"chart.{ending}", "D55", white=folder / f"white.{ending}"), options=Options(basis="cameras")
+        # A lamp, not its name: a name is weighed by the colour matrices that the DNG alone has.
+        Shot(folder / f"chart.{ending}", read_lamp("D55"), white=folder / f"white.{ending}"),
+        options=Options(basis="cameras"),
     )
 
 

@@ -15,8 +15,9 @@ from camssf.photo.read.colour_matrix import WHITE_POINTS, ColourMatrix, colour_m
 from camssf.recovery.covariance import LAMP_CORRELATION, smooth_errors
 from camssf.recovery.raw_white import given_raw_white, narrow
 from camssf.rules import rules
-from camssf.spectra import Unnamed, colour_science, read_lamp
+from camssf.spectra import colour_science, read_lamp
 from camssf.spectra.bundled import observer
+from camssf.spectra.lamps import unnamed_light
 from golden.forms import resolve
 from golden.scenes import PHONE
 from tests.test_any_light import unnamed
@@ -57,7 +58,7 @@ def test_two_matrices_are_interpolated_by_the_reciprocal_temperature() -> None:
 
 @pytest.mark.parametrize("matrices", [[], [(6504.0, np.zeros((3, 3)))], [(6504.0, np.diag([1.0, 1.0, -1.0]))]])
 def test_matrices_without_a_chromaticity_change_nothing(matrices: list[tuple[float, np.ndarray]]) -> None:
-    light = Unnamed()
+    light = unnamed_light()
     assert given_raw_white(light, np.ones(3), matrices, FLAT) is light
 
 

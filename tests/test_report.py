@@ -59,7 +59,8 @@ from camssf.report.sections.truth import true_errors
 from camssf.report.shots import ShownPatches, ShownShot, shots_of
 from camssf.result import Result
 from camssf.rules import rules
-from camssf.spectra import Lamp, Unnamed, read_chart, read_lamp
+from camssf.spectra import Lamp, read_chart, read_lamp
+from camssf.spectra.lamps import unnamed_light
 from camssf.spectra.layouts import LAYOUTS
 from camssf.verdict.reasons import Reason, Verdict
 from camssf_colour.colour_error import expected_error, true_error
@@ -700,7 +701,7 @@ def test_a_lamp_is_drawn_with_its_band() -> None:
         np.testing.assert_allclose((ring[:341] - ring[341:][::-1]) / scale, 2 * 1.96 * 0.02 * power, atol=0.004)
         assert line[0] == pytest.approx(zero + scale * power[0], abs=0.06)
     assert "<h2>The light</h2>" in html_of(refused(shots=True))
-    assert "<h2>The light</h2>" not in html_of(changed(refused(shots=True), capture__shots__0__lamp=Unnamed()))
+    assert "<h2>The light</h2>" not in html_of(changed(refused(shots=True), capture__shots__0__lamp=unnamed_light()))
 
 
 def test_an_unnamed_light_is_drawn_with_its_kinds_and_their_probabilities() -> None:

@@ -102,9 +102,18 @@ def drift(stored: Json, made: Json) -> list[str]:
     families = stored.get("families", {})
     if list(families) != list(made["families"]):
         return [*faults, "families differ"]
-    for name, family in made["families"].items():
-        ours, theirs = (dict(each) for each in (family, families[name]))
-        for key, bound in (("weights", 1e-9), ("modes", 2e-7), ("mean", 2e-7)):
+    parts = [(name, family, families[name]) for name, family in made["families"].items()]
+    for name, family, known in list(parts):
+        shapes = family.get("shapes", []), known.get("shapes", [])
+        if len(shapes[0]) != len(shapes[1]):
+            faults.append(f"the family {name} differs in its shapes")
+        parts += [(f"{name}/{i}", *pair) for i, pair in enumerate(zip(*shapes, strict=False), 1)]
+    for name, family, known_family in parts:
+        ours, theirs = (
+            {key: value for key, value in one.items() if key != "shapes"} for one in (family, known_family)
+        )
+        rounding = 2e-7 if "share" not in family else 2e-5
+        for key, bound in (("weights", 1e-9), ("modes", rounding), ("mean", rounding)):
             values, known = np.array(ours.pop(key, [])), np.array(theirs.pop(key, []))
             if values.shape != known.shape or np.abs(values - known).max(initial=0.0) > bound:
                 faults.append(f"the family {name} differs in {key}")

@@ -61,6 +61,7 @@ from camssf.recovery.unnamed_light import temperature
 from camssf.spectra import Lamp, Light, Unnamed, read_chart, read_lamp
 from camssf.spectra.bundled import observer
 from camssf.spectra.families import FAMILIES, LampKind, principal_modes
+from camssf.spectra.lamps import kind_of, unnamed_light
 from camssf.spectra.layouts import LAYOUTS
 from camssf.spectra.sampled import colour_science
 from camssf_lab.learning.training import maker_of
@@ -157,15 +158,15 @@ def power(lamp: str) -> Floats:
 
 def unnamed(lamp: str) -> Unnamed:
     """Unnamed light, and of which no table holds this lamp."""
-    found = []
-    for each in Unnamed().kinds:
-        family = FAMILIES[each.name]
+    light, lamps = unnamed_light(), []
+    for possible in light.lamps:
+        family = FAMILIES[kind_of(possible.name) or ""]
         if isinstance(family, LampKind) and lamp in family.members:
             rest = [read_lamp(member).values for member in family.members if member != lamp]
             mean, modes = principal_modes(rest, family.components)
-            each = replace(each, values=mean / mean.mean(), modes=modes)
-        found.append(each)
-    return Unnamed(kinds=tuple(found))
+            possible = replace(possible, values=mean / mean.mean(), modes=modes)
+        lamps.append(possible)
+    return replace(light, lamps=tuple(lamps))
 
 
 def frame(signal: Floats, error: Floats) -> FrameMeans:

@@ -25,6 +25,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -73,7 +74,6 @@ SEARCHED = {"mirrored", "upside-down", "covered", "wrong-type", "defocus", "moti
 TUNE = ("canon", "fujifilm", "arri")
 """Makers of the first half."""
 HARM = 0.03
-EMPTY = "0" * 64
 
 
 @dataclass(frozen=True)
@@ -201,7 +201,8 @@ def mosaic(plan: ShotPlan, frames: dict[str, Any], role: str, frame: str, number
     return Mosaic(
         path=role, samples=frames[frame], cfa=tags.cfa, black=np.full((2, 2), tags.black),
         white=float(tags.white_level), make="", model=plan.camera.name, exposure=tags.exposure, iso=tags.iso,
-        orientation=1, gain_maps=(), color_matrix1=None, color_matrix2=None, as_shot_neutral=None, sha256=EMPTY,
+        orientation=1, gain_maps=(), color_matrix1=None, color_matrix2=None, as_shot_neutral=None,
+        sha256=sha256(frames[frame].tobytes()).hexdigest(),
         colour_matrices=makers_matrices(camera, number),
     )  # fmt: skip
 

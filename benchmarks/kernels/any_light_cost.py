@@ -25,7 +25,8 @@ from camssf.recovery.observation import Observation
 from camssf.recovery.onnx_model import load_model
 from camssf.recovery.sensitivity import solve_on_basis
 from camssf.recovery.unnamed_light import by_modes
-from camssf.spectra import Unnamed, read_chart, read_lamp
+from camssf.spectra import read_chart, read_lamp
+from camssf.spectra.lamps import unnamed_light
 
 BAR = 3.0
 """Calls with four kinds, in calls with one lamp."""
@@ -77,7 +78,7 @@ def main(arguments: list[str] | None = None) -> int:
     guesses = [
         LampGuess((kind.name,), replace(given, lamp=kind.values[None], lamp_tolerance=np.array([kind.tolerance]),
                                     lamp_modes=kind.modes[None]), 0.0)
-        for kind in Unnamed().kinds
+        for kind in unnamed_light().lamps
     ]  # fmt: skip
     exact = log_evidences([guess.observation for guess in guesses], read_basis("phones"))
     assert np.abs(weigh(guesses, "phones") - exact).max() <= 1e-9 * np.abs(exact).max()

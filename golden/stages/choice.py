@@ -36,7 +36,8 @@ def cases() -> Iterator[Json]:
                  ["D55", "A"], {"phones": 20.0})  # fmt: skip
     yield choice("unfamiliar", "Curves that no basis knows: the answer has a wider prior.", ODD, ["D55", "A"])
     for nm, share in ((9.0, "a third"), (10.0, "more than half")):
-        yield choice(f"moved-{nm:g}", f"A phone moved by {nm:g} nm: {share} of the answer has a wider prior.", moved(nm), ["D55", "A"])  # fmt: skip
+        yield choice(f"moved-{nm:g}", f"A phone moved by {nm:g} nm: {share} of the answer has a wider prior.",
+                     moved(nm), ["D55", "A"])  # fmt: skip
     yield choice("faded", "A chart that lost a fifth of its colours: found, and the prior is not wider.",
                  PHONE, ["D55", "A"], fading=0.2)  # fmt: skip
     yield choice("l1-only", "λ₂ = 0: the evidence does not know of the penalties.", BETWEEN, ["D55"],

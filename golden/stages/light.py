@@ -19,7 +19,7 @@ from golden.stages import calibrate
 
 
 def cases() -> Iterator[Json]:
-    """Cases of unnamed light: `unnamed` lists the shots, counted from 1; their `lamp` is ignored."""
+    """Cases of uncertain light: `unnamed` lists the shots, counted from 1, `called` the names; `lamp` is ignored."""
 
     def matrix(made_for: str, tint: float) -> Json:
         """A colour matrix that takes the scene's equal raw white for a light of about 5,000 K."""
@@ -50,6 +50,13 @@ def cases() -> Iterator[Json]:
                 PHONE, ["D55"], [1], fading=0.2)  # fmt: skip
     yield light("moved", "A phone moved by 12 nm, under a bulb that nobody named: two widths are mixed.",
                 moved(12.0), ["A"], [1])  # fmt: skip
+    for name, comment, lamps, names in (
+        ("called-right", "A phone under D55, called so: the table and the kind are mixed.", ["D55"], ["D55"]),
+        ("called-wrong", "The same, called D75: the kind, and that is said.", ["D55"], ["D75"]),
+        ("called-kind", "A white LED by its kind: its shapes are weighed.", ["LED-B3"], ["white-led"]),
+        ("called-two", "Daylight and a LED by their names, the LED's wrong.", ["D55", "LED-B3"], ["D55", "LED-B1"]),
+    ):
+        yield light(name, comment, PHONE, lamps, [], called=names)
     yield light("told-basis", "The basis told, a fluorescent lamp not: a phone by word.", PHONE, ["FL2"], [1],
                 basis="phones")  # fmt: skip
     yield light("camera", "A camera must name its lamp: refused, and what it might have been.", NIKON, ["D55"], [1],
@@ -153,7 +160,7 @@ STAGE = Stage(
             "likeliest rmsre_percent kinds power power_std kelvin kelvin_std status codes messages values "
             "thresholds said"
         ),
-        words("make model colour_matrices torch"),
+        words("make model colour_matrices torch called"),
         rounded=words("ssf ssf_std power power_std predicted"),
     ),
     requires=always("signals", "model"),

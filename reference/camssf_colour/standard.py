@@ -13,8 +13,10 @@ from camssf.colorimetry import adaptation, lab, lab_slopes, white_of, xyz_of
 from camssf.errors import InvalidArgument
 from camssf.grid import Floats
 from camssf.messages import fail
-from camssf.spectra import Lamp, LampLike, read_lamp, read_light
+from camssf.spectra import Lamp, LampLike, Unnamed, read_lamp, read_light
 from camssf.spectra.bundled import observer
+from camssf.spectra.families import FAMILIES
+from camssf.spectra.lamps import TORCH
 from camssf_colour.camera import Camera, ColourCamera, as_camera
 from camssf_colour.light import Light, see
 from camssf_colour.posterior import surface_posterior
@@ -147,15 +149,16 @@ def lamps_of(lamp: LampLike, ratios: Floats | None) -> list[Lamp]:
         InvalidArgument: "auto" without ratios of a reference.
     """
     light = read_light(lamp)
-    if isinstance(light, Lamp):
-        return [light]
-    if len(light.kinds) > 1 and ratios is None:
+    if not isinstance(light, Unnamed):
+        return [light if isinstance(light, Lamp) else read_lamp(light.name)]
+    kinds = list(FAMILIES) if light.name != TORCH else ["white-led"]
+    if len(kinds) > 1 and ratios is None:
         raise InvalidArgument(
             "The lamp is unknown, and nothing in the photo tells it.",
             "Name the lamp; or measure a white or grey reference in the photo, and take a result that holds the "
             "light of its first photo: the whole result.json, not a passport, and not of an older version.",
         )
-    return list(light.kinds)
+    return [read_lamp(kind) for kind in kinds]
 
 
 def ratios_of(camera: Camera, given: Reference) -> Floats | None:

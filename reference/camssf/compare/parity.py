@@ -29,7 +29,17 @@ from camssf.photo.shot import PathLike, Shot
 from camssf.progress import Progress, part_of
 from camssf.recovery.hypotheses import AUTO
 from camssf.result import Result
-from camssf.spectra import CameraCurves, ChartTable, Light, Unnamed, read_chart, read_light, with_tolerance
+from camssf.spectra import (
+    Called,
+    CameraCurves,
+    ChartTable,
+    Light,
+    Unnamed,
+    read_chart,
+    read_lamp,
+    read_light,
+    with_tolerance,
+)
 
 Json: TypeAlias = dict[str, Any]
 Frames: TypeAlias = Mapping[str, Sequence[PathLike | None]]
@@ -278,8 +288,10 @@ def _frames(
 def _light(spec: str, stated: Light) -> Light:
     """The lamp of that name or file with the tolerances that the result states, or an unnamed light."""
     lamp = read_light(spec)
-    if isinstance(lamp, Unnamed) or isinstance(stated, Unnamed):
+    if isinstance(stated, Called | Unnamed) or isinstance(lamp, Unnamed):
         return lamp
+    if isinstance(lamp, Called):  # a tolerance was given by hand
+        lamp = read_lamp(lamp.name)
     if stated.tolerance_kelvin is not None:
         lamp = with_tolerance(lamp, f"{stated.tolerance_kelvin!r}K")
     return replace(lamp, name=stated.name, tolerance=stated.tolerance)

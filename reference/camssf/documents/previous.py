@@ -12,7 +12,7 @@ from camssf.messages import fail
 from camssf.photo.capture import CHART_TABLE, Capture, MeasuredShot, Photo, check_alike
 from camssf.photo.read.unit import check_unit
 from camssf.photo.signals import normalise
-from camssf.spectra import ChartTable, Lamp
+from camssf.spectra import ChartTable, Unnamed
 
 AGAIN = "Give the result of an accepted calibration of this unit, under a lamp that you named."
 
@@ -42,7 +42,7 @@ class PreviousResult:
         """
         stored = self._checked(capture)
         table = self._table(stored, capture)
-        named = [shot for shot in stored.shots if isinstance(shot.lamp, Lamp)]
+        named = [shot for shot in stored.shots if not isinstance(shot.lamp, Unnamed)]
         shots = tuple(evened(shot, table) for shot in (*capture.shots, *named))
         check_alike(shots)
         return replace(capture, shots=shots, chart=table, white_reflectance=None)
@@ -54,7 +54,7 @@ class PreviousResult:
             why = verdict.reasons[0].message if verdict and verdict.reasons else ""
             status = "not solved" if verdict is None else verdict.status
             raise InvalidArgument(f"The previous result {self.name} was {status}: {why}", AGAIN)
-        if not any(isinstance(shot.lamp, Lamp) for shot in stored.shots):
+        if all(isinstance(shot.lamp, Unnamed) for shot in stored.shots):
             raise InvalidArgument(f"The previous result {self.name} names no lamp.", AGAIN)
         self._check_unit(stored.shots[0].photo, capture.shots[0].photo)
         hashes = {shot.photo.sha256 for shot in stored.shots}

@@ -10,7 +10,7 @@ import numpy as np
 from camssf.documents.document import Document
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery.covariance import LAMP_CORRELATION, smooth_errors
-from camssf.spectra import Lamp
+from camssf.spectra import Called, Lamp, read_lamp
 
 
 def lamp_of(document: Document, shot: int) -> Lamp | None:
@@ -24,7 +24,9 @@ def lamp_of(document: Document, shot: int) -> Lamp | None:
     if isinstance(lamp, Lamp):
         return replace(lamp, values=lamp.values / lamp.values.mean())
     light = document.answer.lights[shot] if document.answer is not None and document.answer.lights else None
-    return None if light is None else estimated_lamp(lamp.name, light.power, light.std)
+    if light is None:
+        return read_lamp(lamp.name) if isinstance(lamp, Called) else None
+    return estimated_lamp(lamp.name, light.power, light.std)
 
 
 def estimated_lamp(name: str, power: Floats, std: Floats) -> Lamp:

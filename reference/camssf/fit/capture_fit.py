@@ -23,7 +23,7 @@ from camssf.recovery.raw_white import given_raw_white
 from camssf.recovery.rows import levels
 from camssf.recovery.sensitivity import Ssf
 from camssf.rules import rules
-from camssf.spectra import ChartTable, Lamp, Unnamed
+from camssf.spectra import Called, ChartTable, Lamp, PossibleLamps, Unnamed, read_lamp
 from camssf.spectra.layouts import ChartLayout
 
 FEWEST_PATCHES = 3
@@ -92,8 +92,8 @@ class CaptureFit:
         """The fit with these kinds of light, one a shot; "" keeps a shot's lamp."""
         shots = []
         for shot, kind in zip(self.capture.shots, kinds, strict=True):
-            of_kind = shot.lamp.kinds if isinstance(shot.lamp, Unnamed) else ()
-            shots.append(replace(shot, lamp=next((lamp for lamp in of_kind if lamp.name == kind), shot.lamp)))
+            possible = shot.lamp.lamps if isinstance(shot.lamp, PossibleLamps) else ()
+            shots.append(replace(shot, lamp=next((lamp for lamp in possible if lamp.name == kind), shot.lamp)))
         return replace(self, capture=replace(self.capture, shots=tuple(shots)))
 
     def of_shot(self, j: int) -> CaptureFit:
@@ -101,13 +101,21 @@ class CaptureFit:
         shot = self.capture.shots[j : j + 1]
         return replace(self, capture=replace(self.capture, shots=shot), signals=self.signals.of_shot(j))
 
+    def with_tables(self) -> CaptureFit:
+        """The fit with the lamps as they were called: the table of a name, the one lamp of a kind."""
+        shots = [
+            replace(shot, lamp=read_lamp(shot.lamp.name)) if isinstance(shot.lamp, Called) else shot
+            for shot in self.capture.shots
+        ]
+        return replace(self, capture=replace(self.capture, shots=tuple(shots)))
+
     def with_raw_white(self) -> CaptureFit:
-        """The fit with the kinds of each unnamed light narrowed by the raw white and the file's colour matrices."""
+        """The fit with each light's possible lamps narrowed by the raw white and the file's colour matrices."""
         rho, _ = self.white_reference()
         shots = []
         for j, shot in enumerate(self.capture.shots):
             used = self.signals.used[j]
-            if isinstance(shot.lamp, Unnamed) and used.any():
+            if isinstance(shot.lamp, Called | Unnamed) and used.any():
                 white = (self.signals.white - self.signals.dark)[j][used].mean(axis=0)
                 matrices = [(matrix.kelvin, matrix.to_raw) for matrix in shot.photo.colour_matrices]
                 shot = replace(shot, lamp=given_raw_white(shot.lamp, white, matrices, rho))
@@ -120,6 +128,11 @@ class CaptureFit:
         return tuple(isinstance(shot.lamp, Unnamed) for shot in self.capture.shots)
 
     @property
+    def uncertain(self) -> tuple[bool, ...]:
+        """Whether the light of each shot may be one of several lamps: it was not named, or by a name only."""
+        return tuple(isinstance(shot.lamp, PossibleLamps) for shot in self.capture.shots)
+
+    @property
     def prior_odds(self) -> dict[str, float]:
         """Prior odds of the bases from the maker and model in the photo's metadata."""
         photo = self.capture.shots[0].photo
@@ -127,9 +140,9 @@ class CaptureFit:
 
     @property
     def lamps(self) -> list[Lamp]:
-        """Each shot's lamp, if all are named or set by `with_kinds`."""
+        """Each shot's lamp, if all are certain or set by `with_kinds`."""
         lamps = [shot.lamp for shot in self.capture.shots]
-        assert not any(self.unnamed)
+        assert not any(self.uncertain)
         return [lamp for lamp in lamps if isinstance(lamp, Lamp)]
 
     def white_reference(self) -> tuple[Floats, float]:
@@ -188,7 +201,7 @@ def prepare_fit(capture: Capture, options: Options) -> CaptureFit:
             f"Only {count} patches are left for the fit.", "Name more patches to fit, or leave the list out."
         )
     fit = CaptureFit(capture, signals, allowed, options, options.basis)
-    fit = fit if fit.exact else fit.with_raw_white()
+    fit = fit.with_tables() if fit.exact else fit.with_raw_white()
     if differs is not None and fit.exact:
         raise InvalidArgument(
             "The basis has no prior, so light that differs between patches cannot be estimated.",

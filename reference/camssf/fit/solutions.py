@@ -26,7 +26,8 @@ from camssf.recovery.prediction import Prediction, predict, predict_together
 from camssf.recovery.sensitivity import Problem, SolverSettings, Ssf, predict_signals, solve_together
 from camssf.rules import rules
 from camssf.shapes import Rgb, Size, Text
-from camssf.spectra import ChartTable, Unnamed
+from camssf.spectra import ChartTable, PossibleLamps
+from camssf.spectra.lamps import kind_of
 
 MOST_UNNAMED = rules().whole("lamp.most")
 """Largest number of shots whose light is not named."""
@@ -40,7 +41,7 @@ def recover_fit(fit: CaptureFit, used: NDArray[np.bool_], gamma: ArrayLike | Non
         NotConverged: as `recover`.
     """
     return recover(
-        _guesses(fit, used) if any(fit.unnamed) else fit.given(used),
+        _guesses(fit, used) if any(fit.uncertain) else fit.given(used),
         basis=fit.basis,
         prior=fit.prior_odds,
         prior_scale=fit.prior_scale,
@@ -68,7 +69,7 @@ def recover_folds(
     On a learned basis under named lamps all are solved together: what a mask leaves out is masked.
     """
     table = fit.capture.chart
-    if any(fit.unnamed) or not (isinstance(fit.basis, str) and fit.basis in LEARNED):
+    if any(fit.uncertain) or not (isinstance(fit.basis, str) and fit.basis in LEARNED):
         answers = [recover_fit(fit, mask, gamma) for mask in masks]
         return [(ssf, prediction_bands(fit, mask, ssf)) for mask, ssf in zip(masks, answers, strict=True)]
     taken = np.any(masks, axis=(0, 1))
@@ -109,7 +110,7 @@ def prediction_bands(fit: CaptureFit, used: NDArray[np.bool_], ssf: Ssf) -> Floa
 
 
 def _guesses(fit: CaptureFit, used: NDArray[np.bool_]) -> list[LampGuess]:
-    """All combinations of kinds for the unnamed lights."""
+    """All combinations of the possible lamps of the shots."""
     if sum(fit.unnamed) > MOST_UNNAMED:
         raise InvalidArgument(
             f"The light of {sum(fit.unnamed)} shots was not named; at most {MOST_UNNAMED} can be estimated at once.",
@@ -120,12 +121,12 @@ def _guesses(fit: CaptureFit, used: NDArray[np.bool_]) -> list[LampGuess]:
 
 
 def _kinds(fit: CaptureFit, used: NDArray[np.bool_], j: int) -> list[str]:
-    """The kinds of shot j's light that are combined with those of the other shots; "" if it was named."""
-    lamp = fit.capture.shots[j].lamp
-    if not isinstance(lamp, Unnamed):
+    """The lamps of shot j's light that are combined with those of the other shots; "" if it is certain."""
+    light = fit.capture.shots[j].lamp
+    if not isinstance(light, PossibleLamps):
         return [""]
-    kinds = [kind.name for kind in lamp.kinds]
-    if sum(fit.unnamed) == 1:
+    kinds = [lamp.name for lamp in light.lamps]
+    if sum(fit.uncertain) == 1:
         return kinds
     alone, own = fit.of_shot(j), used[j : j + 1]
     return likely_kinds([_guess(alone, own, (kind,)) for kind in kinds], fit.basis, fit.prior_odds)
@@ -133,11 +134,12 @@ def _kinds(fit: CaptureFit, used: NDArray[np.bool_], j: int) -> list[str]:
 
 def _guess(fit: CaptureFit, used: NDArray[np.bool_], kinds: tuple[str, ...]) -> LampGuess:
     belief = sum(
-        dict(zip([lamp.name for lamp in shot.lamp.kinds], shot.lamp.log_prior, strict=True))[kind]
+        dict(zip([lamp.name for lamp in shot.lamp.lamps], shot.lamp.log_prior, strict=True))[kind]
         for kind, shot in zip(kinds, fit.capture.shots, strict=True)
-        if isinstance(shot.lamp, Unnamed)
+        if isinstance(shot.lamp, PossibleLamps)
     )
-    return LampGuess(kinds, fit.with_kinds(kinds).given(used), belief)
+    tabulated = any(not kind or kind_of(kind) is None for kind in kinds)
+    return LampGuess(kinds, fit.with_kinds(kinds).given(used), belief, tabulated)
 
 
 OTHER_TABLE = rules().number("choice.other_table")

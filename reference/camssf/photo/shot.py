@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from camssf.errors import InvalidArgument
 from camssf.files import check_local
 from camssf.shapes import MOST_SHOTS
-from camssf.spectra import Light, LightLike, Unnamed, read_light, with_tolerance
+from camssf.spectra import Called, Light, LightLike, Unnamed, read_lamp, read_light, with_tolerance
 from camssf.spectra.lamps import AUTO, TORCH
 
 SHOTS = 'Give the path of one photo, a Shot, or a list as [Shot("a.dng", "D55"), Shot("b.dng", "A")].'
@@ -58,7 +58,8 @@ class Shot:
             raise InvalidArgument(
                 "A light that is not named has no tolerance.", "Leave the tolerance out, or name the lamp."
             )
-        return with_tolerance(light, self.lamp_tolerance)
+        # Who states a tolerance knows the lamp: it is taken as said, not as one of its kind.
+        return with_tolerance(read_lamp(light.name) if isinstance(light, Called) else light, self.lamp_tolerance)
 
 
 Shots: TypeAlias = PathLike | Shot | Sequence[Shot]

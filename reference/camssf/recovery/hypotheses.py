@@ -39,6 +39,7 @@ from camssf.recovery.unfamiliar_camera import WIDER, family_test, stranger_proba
 from camssf.recovery.unnamed_light import estimated_lamp, lamp_posteriors
 from camssf.rules import rules
 from camssf.spectra.charts import faded
+from camssf.spectra.lamps import kind_of
 
 AUTO = "auto"
 MAKERS_OF = {"phones": "phones", "cameras": "cameras", "ryyb": "phones"}
@@ -72,11 +73,13 @@ class LampGuess:
         kinds: of each shot, "" where its lamp was named; empty if all were.
         observation: with the lamps of these kinds.
         belief: ln of its prior probability.
+        tabulated: whether the lamp of a shot is that of a table, so that the curves have the learned prior.
     """
 
     kinds: tuple[str, ...]
     observation: Observation
     belief: float
+    tabulated: bool = False
 
 
 @dataclass(frozen=True)
@@ -106,8 +109,9 @@ class UnweighedHypothesis:
 
     @property
     def problem(self) -> Problem:
-        """What is solved for its answer."""
-        return Problem(self.guess.observation, self.basis, self.scale)
+        """What is solved for its answer: with the learned width where a lamp is that of a table."""
+        scale = max(self.scale, 1.0) if self.guess.tabulated else self.scale
+        return Problem(self.guess.observation, self.basis, scale)
 
     @property
     def widened_basis(self) -> Basis:
@@ -203,7 +207,7 @@ class Space:
         learned, observation = answer, best.guess.observation
         if best.scale != 1.0:
             learned = solve_on_basis(observation, best.basis, settings=self.settings)
-        named = [not kind for kind in answer.kinds] or [True] * len(observation.lamp)
+        named = [not kind_of(kind) for kind in answer.kinds] or [True] * len(observation.lamp)
         test = family_test(observation, learned, named)
         return replace(answer, family_test=test), test.passed
 
@@ -367,7 +371,7 @@ def _answers(hypotheses: Sequence[UnweighedHypothesis], settings: SolverSettings
     product of light and curve; but a camera may be as far from that mean as the learned width says. The code is given
     in units of the learned width: s = μ + w Ψ x = μ + Ψ (w x).
     """
-    narrow = [i for i, hypothesis in enumerate(hypotheses) if hypothesis.scale < 1.0]
+    narrow = [i for i, one in enumerate(hypotheses) if one.scale < 1.0 and not one.guess.tabulated]
     problems = [hypothesis.problem for hypothesis in hypotheses]
     problems += [replace(problems[i], prior_scale=1.0) for i in narrow]
     answers = solve_together(problems, settings)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -17,10 +18,12 @@ from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery.covariance import LAMP_CORRELATION, smooth_errors
 from camssf.recovery.rows import DARKEST
 from camssf.rules import rules
-from camssf.spectra import Lamp, Unnamed
+from camssf.spectra import Lamp, PossibleLamps
 from camssf.spectra.bundled import observer
+from camssf.spectra.lamps import plain_kind
 
 _NUMBER = rules().number
+Light = TypeVar("Light", bound=PossibleLamps)
 RIGHT = _NUMBER("lamp.matrix_right")
 """Prior probability that a file's colour matrices give the white's chromaticity."""
 AREA = _NUMBER("lamp.white_area")
@@ -30,12 +33,12 @@ EXPANSIONS = 3
 
 
 def given_raw_white(
-    light: Unnamed, white: Floats, matrices: Sequence[tuple[float, Floats]], white_reflectance: Floats
-) -> Unnamed:
-    """The unnamed light with its kinds narrowed by the raw white; as given if the file has no usable matrix.
+    light: Light, white: Floats, matrices: Sequence[tuple[float, Floats]], white_reflectance: Floats
+) -> Light:
+    """The light with its possible lamps narrowed by the raw white; as it was if the file has no usable matrix.
 
     Args:
-        light: the kinds, with their prior probabilities.
+        light: the possible lamps, with their prior probabilities.
         white: (3,) raw values of the white, black level subtracted, any scale.
         matrices: of the file, one or two: temperature of the matrix's illuminant, K, and (3, 3) XYZ to raw.
         white_reflectance: (681,) of the white.
@@ -43,13 +46,13 @@ def given_raw_white(
     measured = chromaticity(white, matrices)
     if measured is None:
         return light
-    kinds, priors = [], []
-    for kind, prior in zip(light.kinds, light.log_prior, strict=True):
-        narrowed, log_density = narrow(kind, measured, white_reflectance)
+    lamps, priors = [], []
+    for lamp, prior in zip(light.lamps, light.log_prior, strict=True):
+        narrowed, log_density = narrow(lamp, measured, white_reflectance)
         right, wrong = np.log(RIGHT) + log_density, np.log((1.0 - RIGHT) / AREA)
-        kinds.append(narrowed if right > wrong else kind)
+        lamps.append(narrowed if right > wrong else lamp)
         priors.append(float(prior + np.logaddexp(right, wrong)))
-    return replace(light, kinds=tuple(kinds), log_prior=tuple(priors))
+    return replace(light, lamps=tuple(lamps), log_prior=tuple(priors))
 
 
 def narrow(lamp: Lamp, measured: Floats, white_reflectance: Floats) -> tuple[Lamp, float]:
@@ -62,7 +65,7 @@ def narrow(lamp: Lamp, measured: Floats, white_reflectance: Floats) -> tuple[Lam
     modes = lamp.modes
     smooth = lamp.tolerance * smooth_errors(LAMP_CORRELATION, WAVELENGTHS).T
     functions = white_reflectance[:, None] * observer("1931")
-    error = _NUMBER(f"lamp.white_error_{lamp.name}")
+    error = _NUMBER(f"lamp.white_error_{plain_kind(lamp.name)}")
     code = np.zeros(len(modes))
     factor = np.ones(WAVELENGTHS.size)
     for _ in range(EXPANSIONS):

@@ -19,9 +19,14 @@ from camssf.recovery.whitening import whitened_model
 from camssf.rules import rules
 from camssf.spectra.bundled import correlated_temperature, observer
 from camssf.spectra.families import FAMILIES as LAMP_KINDS
+from camssf.spectra.lamps import kind_of
 
 NO_KIND = rules().number("lamp.no_kind")
 """Prior probability of a light that is of no kind; any kind may be taken for it."""
+
+
+NAMED = "named"
+"""The kind of a lamp that is that of a table."""
 
 
 @dataclass(frozen=True)
@@ -87,9 +92,11 @@ def estimated_lamp(
     variance = np.stack([np.sum(posterior.modes**2, axis=0) for posterior in posteriors])
     kelvin, kelvin_std = np.array([posterior.kelvin for posterior in posteriors]).T
     middle = float(share @ kelvin)
-    kinds = dict.fromkeys(LAMP_KINDS, 0.0)
+    called = any(kind_of(hypothesis.kinds[j]) is None for hypothesis in choice)
+    kinds = {} if called else dict.fromkeys(LAMP_KINDS, 0.0)
     for hypothesis in choice:
-        kinds[hypothesis.kinds[j]] += hypothesis.probability
+        kind = kind_of(hypothesis.kinds[j]) or NAMED
+        kinds[kind] = kinds.get(kind, 0.0) + hypothesis.probability
     return EstimatedLamp(
         kinds={kind: (1.0 - NO_KIND) * min(sum_, 1.0) + NO_KIND / len(kinds) for kind, sum_ in kinds.items()},
         power=mean,

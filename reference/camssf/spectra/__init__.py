@@ -10,10 +10,12 @@ from camssf.spectra.cameras import (
 )
 from camssf.spectra.charts import ChartLike, ChartTable, chart_names, read_chart
 from camssf.spectra.lamps import (
+    Called,
     Lamp,
     LampLike,
     Light,
     LightLike,
+    PossibleLamps,
     Unnamed,
     lamp_names,
     read_lamp,
@@ -23,6 +25,7 @@ from camssf.spectra.lamps import (
 from camssf.spectra.sampled import colour_science
 
 __all__ = [
+    "Called",
     "CameraCurves",
     "CameraLike",
     "ChartLike",
@@ -32,6 +35,7 @@ __all__ = [
     "Light",
     "LightLike",
     "MeasuredCurves",
+    "PossibleLamps",
     "Unnamed",
     "camera_names",
     "chart_names",

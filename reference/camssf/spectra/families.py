@@ -52,7 +52,7 @@ class DrawnKind:
 FAMILIES: dict[str, Temperature | LampKind | DrawnKind] = {
     "daylight": DrawnKind("CIE daylight, 4,200 to 23,800 K"),
     "bulb": Temperature(2700.0, 250.0),
-    "white-led": DrawnKind("white LEDs by formula, pump and phosphors, 2,500 to 8,000 K"),
+    "white-led": DrawnKind("white LEDs by formula, pump and phosphors, 2,500 to 7,000 K"),
     "fluorescent": LampKind((*(f"FL{i}" for i in range(1, 13)), *(f"FL3.{i}" for i in range(1, 16))), 8, 0.06),
 }
 """The prior of temperature covers common bulbs."""

@@ -6,7 +6,8 @@ from camssf.grid import Floats
 from camssf.photo.capture import Capture, MeasuredShot
 from camssf.photo.signals import Assumption
 from camssf.recovery.sensitivity import EstimatedLamp, Ssf
-from camssf.spectra import Lamp, Light
+from camssf.recovery.unnamed_light import NAMED
+from camssf.spectra import Called, Lamp, Light, read_lamp
 from camssf.spectra.lamps import TORCH
 
 SHOWN = 0.005
@@ -22,9 +23,7 @@ def assume(capture: Capture, ssf: Ssf, level: Floats) -> tuple[Assumption, ...]:
     for j, shot in enumerate(capture.shots):
         where = f"shot {j + 1}: " if len(capture.shots) > 1 else ""
         light = ssf.lights[j] if ssf.lights else None
-        assumptions.append(
-            Assumption("lamp", where + (_named(shot.lamp) if light is None else _unnamed(shot.lamp.name, light)))
-        )
+        assumptions.append(Assumption("lamp", where + _light(shot.lamp, light)))
         assumptions += _uneven(where, shot, ssf, level[j])
         named_levels = {
             frame.levels: frame.name for frame in (shot.photo, shot.white, shot.dark) if frame and frame.levels
@@ -44,8 +43,11 @@ def assume(capture: Capture, ssf: Ssf, level: Floats) -> tuple[Assumption, ...]:
     return tuple(assumptions)
 
 
-def _named(lamp: Light) -> str:
-    """Describes a named lamp."""
+def _light(lamp: Light, light: EstimatedLamp | None) -> str:
+    """Describes a light as it was named, called, or estimated."""
+    if light is not None:
+        return _called(lamp.name, light) if isinstance(lamp, Called) else _unnamed(lamp.name, light)
+    lamp = read_lamp(lamp.name) if isinstance(lamp, Called) else lamp  # on a basis that weighs no lamps
     assert isinstance(lamp, Lamp)
     return (
         f"the light was {lamp.name} ({lamp.source}), smooth relative tolerance "
@@ -68,6 +70,18 @@ def _uneven(where: str, shot: MeasuredShot, ssf: Ssf, level: Floats) -> list[Ass
             f"{most:+.0f} % on the patches relative to the white one, almost the same for the three channels.",
         )
     ]
+
+
+def _called(name: str, light: EstimatedLamp) -> str:
+    """Describes a light that was called by a name, and what the signals say."""
+    table = light.kinds.get(NAMED, 0.0)
+    (kind, share), *_ = sorted(
+        ((kind, share) for kind, share in light.kinds.items() if kind != NAMED), key=lambda pair: -pair[1]
+    )
+    if table > share:
+        return f"the light was called {name}; by the signals it is that table ({table:.0%}) or another {kind}."
+    kelvin = f"{light.kelvin:,.0f} ± {light.kelvin_std:,.0f} K"
+    return f"the light was called {name}; by the signals it is {kind} of {kelvin} ({share:.0%})."
 
 
 def _unnamed(name: str, light: EstimatedLamp) -> str:

@@ -66,6 +66,7 @@ def judge(
     alone: Sequence[Ssf] = (),
     family: str | None = None,
     unnamed: Sequence[bool] = (),
+    by_kind: Sequence[bool] = (),
     drift: float | None = None,
 ) -> Verdict:
     """Apply all rules to an answer.
@@ -78,6 +79,7 @@ def judge(
         alone: for several shots, the answer to each alone, predictions (k, n, 3); not needed for one.
         family: the basis that the maker's name in the file suggests, if any.
         unnamed: for each shot, whether its light is unnamed; empty if all are named.
+        by_kind: for each shot, whether its light was called by a kind alone; empty if none was.
         drift: `drift_probability` of the new shots against those of a previous result; None if there is none.
     """
     signals, table, lamps = inputs.signals, inputs.table, inputs.lamps
@@ -103,7 +105,8 @@ def judge(
     reasons += _band_too_wide(ssf, checks)
     reasons += _other_makers(ssf, family, checks)
     alone_in_unnamed = any(unnamed) and drift is None  # a previous result says what camera it is
-    reasons += [*_unnamed(ssf, family, checks), *_typical(ssf, checks)] if alone_in_unnamed else []
+    reasons += _unnamed(ssf, family, checks) if alone_in_unnamed else []
+    reasons += _typical(ssf, checks) if alone_in_unnamed or (drift is None and any(by_kind)) else []
     fatal = any(isinstance(reason, Fatal) for reason in reasons)
     if not fatal and (len(lamps) == 1 or not any(best_explanation(one) for one in by_shot)):
         doubted = [j for j, white in enumerate(whites) if white]

@@ -15,7 +15,8 @@ from camssf.recovery.hypotheses import AUTO, MAKERS_OF
 from camssf.recovery.observation import Observation
 from camssf.recovery.sensitivity import Ssf
 from camssf.rules import rules
-from camssf.spectra import Lamp, read_lamp
+from camssf.spectra import Called, Lamp, read_lamp
+from camssf.spectra.lamps import plain_kind
 from camssf.verdict.goodness_of_fit import VerdictInputs
 from camssf.verdict.judge import judge
 from camssf.verdict.lamp import MOST_SHOTS_COMPARED, RIVALS, Neutral, Rival
@@ -32,7 +33,7 @@ def weigh(fit: CaptureFit, ssf: Ssf, alone: Sequence[Ssf], new: int | None = Non
     `new` is the number of new shots before those of a previous result; None if there is none.
     """
     fit = fit.with_chart_of(ssf)
-    answered = fit.with_kinds(ssf.kinds) if any(fit.unnamed) else fit
+    answered = fit.with_kinds(ssf.kinds) if any(fit.uncertain) else fit
     shots = fit.capture.shots
     rho, tolerance = fit.white_reference()
     inputs = VerdictInputs(
@@ -40,7 +41,7 @@ def weigh(fit: CaptureFit, ssf: Ssf, alone: Sequence[Ssf], new: int | None = Non
         fit.capture.chart,
         [shot.means for shot in shots],
         [shot.pose for shot in shots],
-        answered.lamps,
+        [replace(lamp, name=shot.lamp.name) for lamp, shot in zip(answered.lamps, shots, strict=True)],
         rho,
         tolerance,
         fit.gains,
@@ -60,6 +61,7 @@ def weigh(fit: CaptureFit, ssf: Ssf, alone: Sequence[Ssf], new: int | None = Non
         alone=alone,
         family=next(iter(fit.prior_odds), None) if fit.basis == AUTO else None,
         unnamed=fit.unnamed,
+        by_kind=[isinstance(shot.lamp, Called) and shot.lamp.table is None for shot in shots],
         drift=drift,
     )
 
@@ -69,7 +71,8 @@ def weigh_rivals(fit: CaptureFit, ssf: Ssf, new: int | None = None) -> tuple[Riv
 
     If the signals choose the basis, they choose it again for every lamp: a phone under a wrong lamp may look like a
     camera, and only the phones' basis then finds the right lamp. An unnamed light has no rivals, because all its
-    kinds were already compared; it keeps the kind that the answer found.
+    kinds were already compared, and one that was called by a name none of its own kind. Such lights keep the lamp
+    that the answer found.
 
     Args:
         fit: before it is conditioned on the answer, with basis "auto" if the signals chose.
@@ -77,7 +80,8 @@ def weigh_rivals(fit: CaptureFit, ssf: Ssf, new: int | None = None) -> tuple[Riv
         new: as in `weigh`; the lamps of a previous result are not doubted again.
     """
     named = [not light for light in fit.unnamed]
-    fit = fit if all(named) else fit.with_kinds(ssf.kinds)
+    kinds = [plain_kind(shot.lamp.name) if isinstance(shot.lamp, Called) else None for shot in fit.capture.shots]
+    fit = fit.with_kinds(ssf.kinds) if any(fit.uncertain) else fit
     capture, used = fit.capture, fit.signals.used
     if ssf.std is None or len(capture.shots) > MOST_SHOTS_COMPARED:
         return ()
@@ -86,7 +90,13 @@ def weigh_rivals(fit: CaptureFit, ssf: Ssf, new: int | None = None) -> tuple[Riv
     bases = [widened(basis_of(family), scale) for family in families]
     beliefs = [np.log(fit.prior_odds.get(MAKERS_OF[basis.name], 1.0)) if len(bases) > 1 else 0.0 for basis in bases]
 
-    rivals = [(j, name) for j in range(len(capture.shots[:new])) if named[j] for name in RIVALS]
+    rivals = [
+        (j, name)
+        for j, kind in enumerate(kinds[:new])
+        if named[j]
+        for name in RIVALS
+        if kind is None or plain_kind(name) != kind
+    ]
     if not rivals:
         return ()
     given = fit.given(used)

@@ -25,7 +25,7 @@ internal object Assumptions {
         for ((j, shot) in capture.shots.withIndex()) {
             val where = if (k > 1) "shot ${j + 1}: " else ""
             val light = ssf.lights.getOrNull(j)
-            found += Assumption("lamp", where + (light?.let { unnamed(shot.lamp.name, it) } ?: named(shot.lamp)))
+            found += Assumption("lamp", where + (light?.let { estimated(shot.lamp, it) } ?: named(shot.lamp)))
             uneven(where, shot, ssf, level.copyOfRange(j * n, (j + 1) * n))?.let { found += it }
             if (shot.photo.matricesLeftOut.isNotEmpty()) {
                 found += Assumption("colour_matrix", "$where${shot.photo.name}: ${shot.photo.matricesLeftOut}.")
@@ -71,6 +71,23 @@ internal object Assumptions {
     private fun named(lamp: Lamp): String =
         "the light was ${lamp.name} (${lamp.source}), smooth relative tolerance " +
             "${percent(lamp.tolerance, 1)}, ${lamp.sharedModes.size} mode(s)."
+
+    private fun estimated(lamp: Lamp, light: EstimatedLamp): String =
+        if (lamp.unnamed) unnamed(lamp.name, light) else called(lamp.name, light)
+
+    /** Describes a light that was called by a name, and what the signals say. */
+    private fun called(name: String, light: EstimatedLamp): String {
+        val table = light.kinds[EstimatedLamp.NAMED] ?: 0.0
+        val (kind, share) = light.kinds.entries.filter { it.key != EstimatedLamp.NAMED }.maxByOrNull { it.value }!!
+        if (table > share) {
+            return "the light was called $name; by the signals it is that table (${percent(table, 0)}) or another $kind."
+        }
+        val kelvin = "${grouped(light.kelvin)} ± ${grouped(light.kelvinStd)} K"
+        return "the light was called $name; by the signals it is $kind of $kelvin (${percent(share, 0)})."
+    }
+
+    /** A whole number in groups of three digits: 6,480. */
+    private fun grouped(value: Double): String = fixed(value, 0).reversed().chunked(3).joinToString(",").reversed()
 
     /** Describes a light that was estimated from the signals. */
     private fun unnamed(name: String, light: EstimatedLamp): String {

@@ -118,12 +118,16 @@ internal class CaptureFit(
     /** 1 - ĥ (k, n): the factor that corrects the signals to even light, by the gains of `ssf`. */
     fun level(ssf: Ssf): DoubleArray = GainModes.level(gains, ssf.sharedGainCode)
 
-    /** This fit with the kinds of each unnamed light narrowed by the raw white and the file's colour matrices. */
+    /**
+     * This fit with each light's possible lamps narrowed by the raw white and the file's colour matrices; on the paper's
+     * basis, which weighs none, with the lamps as they were called.
+     */
     fun withRawWhite(): CaptureFit {
-        if (paper || lamps.none { it.unnamed }) return this
+        if (lamps.none { it.uncertain }) return this
+        if (paper) return asSaid()
         val shots = capture.shots.mapIndexed { j, shot ->
             val own = (0 until n).filter { signals.sharedUsed[j * n + it] }
-            if (!shot.lamp.unnamed || own.isEmpty()) return@mapIndexed shot
+            if (!shot.lamp.uncertain || own.isEmpty()) return@mapIndexed shot
             val raw = DoubleArray(3) { c ->
                 own.sumOf { i ->
                     val at = 3 * (j * n + i) + c
@@ -135,6 +139,11 @@ internal class CaptureFit(
         }
         val other = capture.with(shots)
         return CaptureFit(engines, other, signals, settings, priorScale)
+    }
+
+    private fun asSaid(): CaptureFit {
+        val shots = capture.shots.map { if (it.lamp.unnamed) it else it.under(it.lamp.asSaid()) }
+        return CaptureFit(engines, capture.with(shots), signals, settings, priorScale)
     }
 
     /** The fit of shot j alone. */
@@ -151,7 +160,7 @@ internal class CaptureFit(
         return capture.with(shots)
     }
 
-    private fun light(lamp: Lamp, kind: String): Lamp = lamp.kinds.firstOrNull { it.name == kind } ?: lamp
+    private fun light(lamp: Lamp, kind: String): Lamp = lamp.lamps.firstOrNull { it.name == kind } ?: lamp
 
     /**
      * The curves from the `used` patches; the result predicts all n patches.
@@ -165,7 +174,7 @@ internal class CaptureFit(
     fun curves(used: PatchMask, gamma: DoubleArray?, onRun: () -> Unit = {}): Ssf {
         val shown = frames(used.selected)
         val penalties = Penalties(settings.l2, gamma, settings.nonnegative)
-        if (lamps.any { it.unnamed }) {
+        if (lamps.any { it.uncertain }) {
             return AnyLight(families(), shown, penalties, onRun)
                 .recover(guesses(used, onRun), table.sharedValues)
         }
@@ -193,17 +202,17 @@ internal class CaptureFit(
             )
         }
         val kinds = lamps.indices.fold(listOf(emptyList<String>())) { all, j ->
-            val own = kinds(used, j, unnamed, onRun)
+            val own = kinds(used, j, lamps.count { it.uncertain }, onRun)
             all.flatMap { before -> own.map { before + it } }
         }
         return guesses(used, kinds)
     }
 
-    /** The kinds of shot j's light that are combined with those of the other shots; "" if it was named. */
-    private fun kinds(used: PatchMask, j: Int, unnamed: Int, onRun: () -> Unit): List<String> {
-        if (!lamps[j].unnamed) return listOf("")
-        val kinds = lamps[j].kinds.map { it.name }
-        if (unnamed == 1) return kinds
+    /** The lamps of shot j's light that are combined with those of the other shots; "" if it is certain. */
+    private fun kinds(used: PatchMask, j: Int, uncertain: Int, onRun: () -> Unit): List<String> {
+        if (!lamps[j].uncertain) return listOf("")
+        val kinds = lamps[j].lamps.map { it.name }
+        if (uncertain == 1) return kinds
         val alone = only(j)
         val own = PatchMask(1, n) { _, i -> used[j, i] }
         return AnyLight.likelyKinds(alone.families(), alone.guesses(own, kinds.map { listOf(it) }), onRun)
@@ -213,10 +222,10 @@ internal class CaptureFit(
         val observations =
             observations(used, kinds.map { own -> lamps.mapIndexed { j, lamp -> light(lamp, own[j]) } })
         return kinds.mapIndexed { i, own ->
-            val belief = lamps.indices.filter { lamps[it].unnamed }.sumOf { j ->
-                lamps[j].logPrior[lamps[j].kinds.indexOfFirst { it.name == own[j] }]
+            val belief = lamps.indices.filter { lamps[it].uncertain }.sumOf { j ->
+                lamps[j].logPrior[lamps[j].lamps.indexOfFirst { it.name == own[j] }]
             }
-            LampGuess(own, observations[i], belief)
+            LampGuess(own, observations[i], belief, own.any { Lamp.kindOf(it) == null })
         }
     }
 
@@ -273,7 +282,7 @@ internal class CaptureFit(
      * @param onRun called before each run of a model where there are several.
      */
     fun folds(masks: List<PatchMask>, gamma: DoubleArray, onRun: () -> Unit): List<Ssf> {
-        if (paper || lamps.any { it.unnamed }) {
+        if (paper || lamps.any { it.uncertain }) {
             return masks.map {
                 onRun()
                 curves(it, gamma, onRun)

@@ -127,9 +127,10 @@ internal class ProgressPlan private constructor(private val steps: List<Step>) {
         private fun solving(lamps: List<Lamp>, options: CalibrationOptions, bases: Int, prior: Boolean): List<Step> {
             val k = lamps.size
             val unnamed = lamps.count { it.unnamed }
-            // Every kind of every unnamed light with every family, the family's test, and the lights' posteriors.
-            val kinds = lamps.filter { it.unnamed }.take(AnyLight.MOST).fold(1) { all, lamp -> all * lamp.kinds.size }
-            val runs = if (unnamed == 0) 1 else bases + LIGHTS
+            // Every lamp of every uncertain light with every family, the family's test, and the lights' posteriors.
+            val uncertain = lamps.filter { it.uncertain && (prior || it.unnamed) }
+            val kinds = uncertain.take(AnyLight.MOST).fold(1) { all, lamp -> all * lamp.lamps.size }
+            val runs = if (uncertain.isEmpty()) 1 else bases + LIGHTS
             val size = 1 + PER_SHOT * (k - 1)
             // All folds are solved in one call, and their bands in another.
             val folds = if (options.fit == null) 2 else 0

@@ -20,8 +20,8 @@ internal object Rivals {
      * more than [Light.MOST_SHOTS_COMPARED] shots.
      *
      * If the signals choose the basis, they choose between phones, cameras and the answer's basis again for every
-     * lamp. An unnamed light has no rivals, because all its kinds were already compared; it keeps the kind that the
-     * answer found.
+     * lamp. An unnamed light has no rivals, because all its kinds were already compared, and one that was called by a
+     * name none of its own kind. Such lights keep the lamp that the answer found.
      *
      * @param fit before it is conditioned on the answer.
      * @param used the patches that entered the fit.
@@ -30,12 +30,15 @@ internal object Rivals {
      */
     fun of(fit: CaptureFit, ssf: Ssf, used: PatchMask, new: Int = fit.lamps.size, onRun: () -> Unit): List<Rival> {
         if (ssf.sharedStd == null || fit.lamps.size > Light.MOST_SHOTS_COMPARED) return emptyList()
-        val scale = if (ssf.priorScale == 1.0) Light.NARROW else 1.0 // the learned width for an unfamiliar camera
+        val scale = if (ssf.priorScale == 1.0) Light.NARROW else 1.0 // the learned width if the wider one is likelier
         val bases = Choice.MAKERS_OF.values.toSet() + ssf.basis
         val named = (0 until new).filterNot { fit.lamps[it].unnamed }
         if (named.isEmpty()) return emptyList()
-        val lamps = if (fit.lamps.any { it.unnamed }) fit.under(ssf.kinds).lamps else fit.lamps
-        val rivals = named.flatMap { j -> Light.RIVALS.map { j to it } }
+        val lamps = if (fit.lamps.any { it.uncertain }) fit.under(ssf.kinds).lamps else fit.lamps
+        val rivals = named.flatMap { j ->
+            val kind = fit.lamps[j].takeIf { it.uncertain }?.let { Lamp.plainKind(it.name) }
+            Light.RIVALS.filter { kind == null || Lamp.plainKind(it) != kind }.map { j to it }
+        }
         val others = rivals.map { (j, name) -> lamps.toMutableList().also { it[j] = lamp(name) } }
         val nats = (listOf(lamps) + others).chunked(Recover.stackOf(lamps.size)).flatMap { some ->
             onRun()

@@ -40,7 +40,8 @@ public class PhotoLight internal constructor(
         }
         val noise = hypot(error, reference.tolerance / 2)
         val light = lamp ?: Lamp.auto()
-        val lamps = if (light.unnamed) light.kinds else listOf(light)
+        val kinds = light.lamps.mapNotNull { Lamp.kindOf(it.name) }.distinct()
+        val lamps = if (light.unnamed) kinds.map { Lamp.read(it) } else listOf(light)
         if (lamps.size > 1 && ratios == null) {
             throw InvalidArgument(
                 "The lamp is unknown, and nothing in the photo tells it.",

@@ -13,8 +13,9 @@ internal object StoredLamp {
     /** The lamp, its power of mean 1; null if it was neither named nor estimated. */
     fun of(result: Recovered): Lamp? {
         val lamp = result.capture.shots[0].lamp
-        if (!lamp.unnamed) return lamp.withPower(Bundled.scaled(lamp.sharedValues))
-        return result.lights.firstOrNull()?.let { estimated(lamp.name, it.sharedPower, it.sharedStd) }
+        val light = result.lights.firstOrNull()
+        if (light != null) return estimated(lamp.name, light.sharedPower, light.sharedStd)
+        return if (lamp.unnamed) null else lamp.withPower(Bundled.scaled(lamp.sharedValues))
     }
 
     /**

@@ -45,6 +45,7 @@ internal object CaptureForm {
 
     private fun plain(lamp: Lamp): Map<String, Any?> {
         if (lamp.unnamed) return mapOf(Forms.KIND to "unnamed", "name" to lamp.name)
+        if (lamp.uncertain) return mapOf(Forms.KIND to "called", "name" to lamp.name)
         return mapOf(Forms.KIND to "named") + Forms.plain(
             "Lamp", "name" to lamp.name, "values" to lamp.sharedValues, "tolerance" to lamp.tolerance,
             "modes" to Rows(lamp.sharedModes.flatten(), lamp.sharedModes.size, Grid.SIZE), "source" to lamp.source,
@@ -124,7 +125,7 @@ internal object CaptureForm {
         LensShading.of(part.text("lens_shading")),
     )
 
-    /** A named lamp's part, or an unnamed light, which is read already. */
+    /** A named lamp's part, or a light that is called by a name or unnamed, which is read already. */
     private fun lamp(part: Any?, file: SourceFile?): Lamp {
         if (part !is Fields) return part as Lamp
         val modes = part["modes"] as Rows

@@ -47,7 +47,7 @@ internal class DocumentForm private constructor(
             "Give the text that toJson made, the result.json of `camssf calibrate`, or what `camssf patches` printed."
         private val COLOURS = listOf("red", "green", "blue")
         private val FORMS = Forms(
-            mapOf("ChartLayout" to ChartLayout.Companion::of, "Unnamed" to ::unnamed),
+            mapOf("ChartLayout" to ChartLayout.Companion::of, "Called" to ::called, "Unnamed" to ::unnamed),
             mapOf("Answer" to ::checkAnswer, "Document" to ::checkDocument),
         )
 
@@ -70,6 +70,13 @@ internal class DocumentForm private constructor(
         } catch (error: CalibrationException) {
             val words = "$name: the document does not fit together: ${error.message.trimEnd('.')}."
             throw InvalidArgument(words, ADVICE, cause = error)
+        }
+
+        private fun called(value: Any?, place: String): Lamp {
+            val members = value as Map<*, *>
+            val lamp = (members["name"] as? String)?.takeIf { members.size == 1 }?.let { Lamp.read(it) }
+            if (lamp != null && lamp.uncertain) return lamp
+            throw InvalidArgument("$place is no light by the name of a lamp or of a kind.", "Write its name: D55.")
         }
 
         private fun unnamed(value: Any?, place: String): Lamp {

@@ -4,7 +4,9 @@ import org.camssf.Grid
 import org.camssf.InvalidArgument
 import org.camssf.Rules
 import org.camssf.spectra.Bundled
+import org.camssf.spectra.Lamp
 import org.camssf.spectra.faded
+import kotlin.math.max
 import kotlin.math.min
 import kotlin.math.sqrt
 
@@ -14,10 +16,16 @@ import kotlin.math.sqrt
  * @property kinds of each shot, "" where its lamp was named.
  * @property observation with the lamps of these kinds.
  * @property belief ln of its prior probability.
+ * @property tabulated whether the lamp of a shot is that of a table, so that the curves have the learned prior.
  */
-internal class LampGuess(val kinds: List<String>, val observation: Observation, val belief: Double) {
+internal class LampGuess(
+    val kinds: List<String>,
+    val observation: Observation,
+    val belief: Double,
+    val tabulated: Boolean = false,
+) {
     /** The same with a chart that has faded by `amount`. */
-    fun faded(amount: Double): LampGuess = LampGuess(kinds, observation.faded(amount), belief)
+    fun faded(amount: Double): LampGuess = LampGuess(kinds, observation.faded(amount), belief, tabulated)
 }
 
 /**
@@ -58,7 +66,7 @@ internal class AnyLight(
         }
         val narrowed = narrowed(families, guesses)
         if (families.size == 1) return weighed(narrowed, guesses, of)
-        fun named(found: Ssf) = found.kinds.map { it.isEmpty() }
+        fun named(found: Ssf) = found.kinds.map { Lamp.kindOf(it) == null }
         fun engine(found: Ssf) = families.first { it.engine.basis == found.basis }.engine
         fun chosen(fading: Double): Pair<Ssf, FamilyTest> {
             val seen = guesses.map { it.faded(fading) }
@@ -132,8 +140,8 @@ internal class AnyLight(
             val problems = some.map { Problem(it.family.engine, it.guess.observation, width(it)) }
             return Recover.recover(problems, frames, penalties)
         }
-        val own = solved(hypotheses) { it.family.scale }
-        val narrow = hypotheses.indices.filter { hypotheses[it].family.scale < 1.0 }
+        val own = solved(hypotheses) { if (it.guess.tabulated) max(it.family.scale, 1.0) else it.family.scale }
+        val narrow = hypotheses.indices.filter { hypotheses[it].family.scale < 1.0 && !hypotheses[it].guess.tabulated }
         if (narrow.isEmpty()) return own
         val wide = narrow.zip(solved(narrow.map { hypotheses[it] }) { 1.0 }).toMap()
         return own.mapIndexed { i, answer ->
@@ -173,10 +181,10 @@ internal class AnyLight(
             val off = seen[i].kelvin - kelvin
             shares[i] * (seen[i].kelvinVariance + off * off)
         }
-        val shares = compared.groupBy { it.kinds[j] }.mapValues { (_, own) -> min(own.sumOf { it.probability }, 1.0) }
-        val kinds = Bundled.families.associateWith {
-            (1.0 - NO_KIND) * (shares[it] ?: 0.0) + NO_KIND / Bundled.families.size
-        }
+        val shares = compared.groupBy { Lamp.kindOf(it.kinds[j]) ?: EstimatedLamp.NAMED }
+            .mapValues { (_, own) -> min(own.sumOf { it.probability }, 1.0) }
+        val names = if (EstimatedLamp.NAMED in shares) shares.keys else Bundled.families
+        val kinds = names.associateWith { (1.0 - NO_KIND) * (shares[it] ?: 0.0) + NO_KIND / names.size }
         return EstimatedLamp(kinds, mean, std, kelvin, sqrt(spread))
     }
 

@@ -38,12 +38,12 @@ internal object RawWhite {
         val measured = Chromaticity.of(white, matrices) ?: return light
         val right = ln(Rules.shipped.number("lamp.matrix_right"))
         val wrong = ln((1.0 - Rules.shipped.number("lamp.matrix_right")) / Rules.shipped.number("lamp.white_area"))
-        val found = light.kinds.mapIndexed { i, kind ->
-            val (narrowed, logDensity) = narrow(kind, measured, reflectance)
+        val narrower = light.lamps.mapIndexed { i, lamp ->
+            val (narrowed, logDensity) = narrow(lamp, measured, reflectance)
             val prior = light.logPrior[i] + Choice.logSum(listOf(right + logDensity, wrong))
-            (if (right + logDensity > wrong) narrowed else kind) to prior
+            (if (right + logDensity > wrong) narrowed else lamp) to prior
         }
-        return light.withKinds(found.map { it.first }, found.map { it.second })
+        return light.withLamps(narrower.map { it.first }, narrower.map { it.second })
     }
 
     /**
@@ -58,7 +58,7 @@ internal object RawWhite {
         val values = lamp.sharedValues
         val functions = Bundled.observer().map { own -> DoubleArray(Grid.SIZE) { reflectance[it] * own[it] } }
         val smooth = Directions.of(Rules.shipped.number("covariance.lamp_correlation")).columns
-        val error = Rules.shipped.number("lamp.white_error_${lamp.name}")
+        val error = Rules.shipped.number("lamp.white_error_${Lamp.plainKind(lamp.name)}")
         var code = DoubleArray(modes.size)
         var factor = DoubleArray(Grid.SIZE) { 1.0 }
         var gain = emptyList<DoubleArray>()

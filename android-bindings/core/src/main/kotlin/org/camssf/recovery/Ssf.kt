@@ -47,7 +47,10 @@ public class EstimatedLamp internal constructor(
     public val kelvin: Double,
     public val kelvinStd: Double,
 ) {
-    /** Posterior probability of each kind, "daylight", "bulb", "white-led", "fluorescent"; they add up to 1. */
+    /**
+     * Posterior probability of each kind, "daylight", "bulb", "white-led", "fluorescent", and "named" for the table of
+     * the name that the light was called by; they add up to 1.
+     */
     public val kinds: Map<String, Double> = Collections.unmodifiableMap(LinkedHashMap(kinds))
 
     /** Relative spectral power, of mean 1, averaged over the hypotheses. */
@@ -57,6 +60,11 @@ public class EstimatedLamp internal constructor(
     public val std: Curve get() = Curve(sharedStd)
 
     override fun toString(): String = "EstimatedLamp(${short(kelvin)} ± ${short(kelvinStd)} K, $kinds)"
+
+    internal companion object {
+        /** The kind of a lamp that is that of a table. */
+        const val NAMED = "named"
+    }
 }
 
 /**

@@ -127,19 +127,7 @@ internal object Bundled {
                 tolerance,
             )
         }
-        if ("mean" in entry) {
-            fun onGrid(row: DoubleArray) = Interpolation.linear(
-                Interpolation.nodes(entry.number("start"), entry.number("step"), row.size),
-                row,
-            )
-            val power = onGrid(entry.numbers("mean"))
-            val least = entry.number("dimmest") * power.max()
-            val modes = entry.list("modes").map { row ->
-                onGrid(numbers(row)).let { mode -> DoubleArray(Grid.SIZE) { mode[it] / max(power[it], least) } }
-            }
-            val source = "mean and ${modes.size} principal components of ${entry.text("source")}"
-            return Family(power, modes, source, tolerance)
-        }
+        if ("mean" in entry) return drawn(entry, entry, entry.text("source"))
         val members = entry.texts("members").map { scaled(illuminant(it)) }
         val power = DoubleArray(Grid.SIZE) { m -> members.sumOf { it[m] } / members.size }
         val least = entry.number("dimmest") * power.max()
@@ -161,6 +149,30 @@ internal object Bundled {
     fun scaled(power: DoubleArray): DoubleArray {
         val level = mean(power)
         return DoubleArray(power.size) { power[it] / level }
+    }
+
+    /** The shapes of a kind of drawn lamps with their shares; empty if it has none. */
+    fun shapes(name: String): List<Pair<Family, Double>> {
+        val whole = file.part("families").part(name)
+        if ("shapes" !in whole) return emptyList()
+        return whole.list("shapes").map { members(it) }.mapIndexed { i, shape ->
+            drawn(whole, shape, "white LEDs of shape ${i + 1}") to shape.number("share")
+        }
+    }
+
+    /** A kind of drawn lamps, or a shape of one, from its mean and modes at the nodes. */
+    private fun drawn(whole: Members, own: Members, words: String): Family {
+        fun onGrid(row: DoubleArray) = Interpolation.linear(
+            Interpolation.nodes(whole.number("start"), whole.number("step"), row.size),
+            row,
+        )
+        val power = onGrid(own.numbers("mean"))
+        val least = whole.number("dimmest") * power.max()
+        val modes = own.list("modes").map { row ->
+            onGrid(numbers(row)).let { mode -> DoubleArray(Grid.SIZE) { mode[it] / max(power[it], least) } }
+        }
+        val source = "mean and ${modes.size} principal components of $words"
+        return Family(power, modes, source, own.number("tolerance"))
     }
 
     class Family(val power: DoubleArray, val modes: List<DoubleArray>, val source: String, val tolerance: Double)

@@ -21,7 +21,8 @@ import kotlin.math.ln
  * @property source its table, formula or file, in words for the report.
  * @property file name and SHA-256 of its file, or null.
  * @property toleranceKelvin one standard deviation of its colour temperature, K, part of [modes]; null if not given.
- * @property kinds the possible kinds of an unnamed light, each a lamp known only by kind; empty for a named lamp.
+ * @property lamps what the light may be: of an unnamed light lamps known only by kind, of one called by name the table
+ *   of that name, then lamps of its kind; empty for a lamp that is taken as said.
  */
 public class Lamp internal constructor(
     public val name: String,
@@ -31,14 +32,23 @@ public class Lamp internal constructor(
     public val source: String,
     public val file: SourceFile? = null,
     public val toleranceKelvin: Double? = null,
-    internal val kinds: List<Lamp> = emptyList(),
-    /** ln of the prior probability of each of [kinds]. */
-    internal val logPrior: List<Double> = kinds.map { ln(Rules.shipped.number("lamp.${it.name}")) },
+    internal val lamps: List<Lamp> = emptyList(),
+    /** ln of the prior probability of each of [lamps]. */
+    internal val logPrior: List<Double> = emptyList(),
 ) {
     override fun toString(): String = if (unnamed) "Lamp($name)" else "Lamp($name, tolerance=${short(tolerance)})"
 
     /** True for an unnamed light, which has no spectrum, only possible kinds. */
     public val unnamed: Boolean get() = given == null
+
+    /** Whether the light may be one of several lamps: it was not named, or by a name only. */
+    internal val uncertain: Boolean get() = lamps.isNotEmpty()
+
+    /** Whether the light was called by a kind alone. */
+    internal val byKind: Boolean get() = !unnamed && uncertain && kindOf(name) != null
+
+    /** The lamp as it was called: the table of a name, the one lamp of a kind. */
+    internal fun asSaid(): Lamp = Lamp(name, sharedValues, tolerance, sharedModes, source, file, toleranceKelvin)
 
     internal val sharedValues: DoubleArray get() = given ?: throw nameless()
 
@@ -54,15 +64,15 @@ public class Lamp internal constructor(
 
     /** The same lamp, whatever file it is from. */
     internal fun withoutFile(): Lamp =
-        Lamp(name, given, tolerance, sharedModes, source, null, toleranceKelvin, kinds, logPrior)
+        Lamp(name, given, tolerance, sharedModes, source, null, toleranceKelvin, lamps, logPrior)
 
     /** The same lamp with another power (681). */
     internal fun withPower(power: DoubleArray): Lamp =
-        Lamp(name, power, tolerance, sharedModes, source, file, toleranceKelvin, kinds, logPrior)
+        Lamp(name, power, tolerance, sharedModes, source, file, toleranceKelvin, lamps, logPrior)
 
-    /** An unnamed light with these kinds. */
-    internal fun withKinds(kinds: List<Lamp>, logPrior: List<Double>): Lamp =
-        Lamp(name, given, tolerance, sharedModes, source, file, toleranceKelvin, kinds, logPrior)
+    /** The same light with these possible lamps. */
+    internal fun withLamps(lamps: List<Lamp>, logPrior: List<Double>): Lamp =
+        Lamp(name, given, tolerance, sharedModes, source, file, toleranceKelvin, lamps, logPrior)
 
     /**
      * Returns the lamp with another tolerance: `2%`, `300K`, or both, `300K,1%`.
@@ -148,14 +158,18 @@ public class Lamp internal constructor(
          * light.
          */
         @JvmStatic
-        public fun auto(): Lamp = Lamp(
-            AUTO,
-            null,
-            Double.NaN,
-            emptyList(),
-            "not named: daylight, bulb, white LED or fluorescent, as the signals say",
-            kinds = Bundled.families.map { read(it) },
-        )
+        public fun auto(): Lamp {
+            val kinds = Bundled.families.map { it to ln(Rules.shipped.number("lamp.$it")) }
+            return Lamp(
+                AUTO,
+                null,
+                Double.NaN,
+                emptyList(),
+                "not named: daylight, bulb, white LED or fluorescent, as the signals say",
+                lamps = kinds.flatMap { (kind, _) -> ofKind(kind).map { it.first } },
+                logPrior = kinds.flatMap { (kind, prior) -> ofKind(kind).map { prior + it.second } },
+            )
+        }
 
         /** The phone's own torch: an unnamed light whose only kind is the white LED. */
         @JvmStatic
@@ -165,9 +179,58 @@ public class Lamp internal constructor(
             Double.NaN,
             emptyList(),
             "the phone's torch, a white LED, as the signals say",
-            kinds = listOf(read("white-led")),
-            logPrior = listOf(0.0),
+            lamps = ofKind("white-led").map { it.first },
+            logPrior = ofKind("white-led").map { it.second },
         )
+
+        /** The lamps that a kind may be, and ln of their shares: one, or several shapes. */
+        private fun ofKind(kind: String): List<Pair<Lamp, Double>> = synchronized(known) {
+            known.getOrPut(kind) {
+                Bundled.shapes(kind).mapIndexed { i, (shape, share) ->
+                    lamp("$kind/${i + 1}", shape) to ln(share)
+                }.ifEmpty { listOf(lamp(kind, Bundled.family(kind)) to 0.0) }
+            }
+        }
+
+        private val known = HashMap<String, List<Pair<Lamp, Double>>>()
+
+        private fun lamp(name: String, family: Bundled.Family) =
+            Lamp(name, Bundled.scaled(family.power), family.tolerance, family.modes, family.source)
+
+        /** The kind of a lamp that is known by its kind alone, or by a shape of its kind; null for another lamp. */
+        internal fun kindOf(name: String): String? = name.substringBefore('/').takeIf { it in Bundled.families }
+
+        /** Names of tables by their kind. */
+        private val KINDS = mapOf(
+            "daylight" to Regex("d[0-9]{2}|b|c|id50|id65"),
+            "bulb" to Regex("a"),
+            "white-led" to Regex("led-(b[0-9]|bh1|v1|v2)"),
+            "fluorescent" to Regex("fl.*"),
+        )
+
+        /** Temperature above which `<T>K` is no bulb, K. */
+        private const val HOTTEST_BULB = 3500.0
+
+        /**
+         * The kind of the lamp that a name means: of a kind itself, or of a table or formula; null if it is of none.
+         */
+        internal fun plainKind(name: String): String? {
+            kindOf(name)?.let { return it }
+            kelvinOf(name)?.let { return if (it.toDouble() <= HOTTEST_BULB) "bulb" else null }
+            if (daylightOf(name) != null) return "daylight"
+            val cie = cieName(name)?.lowercase() ?: return null
+            return KINDS.entries.firstOrNull { it.value.matches(cie) }?.key
+        }
+
+        /** The lamp with what else it may be: a name is one hypothesis beside its kind. */
+        private fun called(lamp: Lamp): Lamp {
+            val kind = plainKind(lamp.name) ?: return lamp
+            val own = ofKind(kind)
+            if (lamp.name == kind) return lamp.withLamps(own.map { it.first }, own.map { it.second })
+            val named = Rules.shipped.number("lamp.named")
+            val priors = listOf(ln(named)) + own.map { ln(1.0 - named) + it.second }
+            return lamp.withLamps(listOf(lamp) + own.map { it.first }, priors)
+        }
 
         private fun nameless() = InvalidArgument(
             "A light that is not named has no spectrum.",
@@ -185,6 +248,9 @@ public class Lamp internal constructor(
          * A CIE illuminant (`A`, `D55`, `FL2`, `LED-B3`; case, blanks and hyphens do not matter); `2856K` (Planck,
          * 1000 to 20,000 K); `D:5500` (CIE daylight, 4000 to 25,000 K); `equal-energy` (tolerance 0); a kind of lamp:
          * `daylight`, `bulb`, `white-led`, `fluorescent`. The tolerance is 2 % for a name or formula.
+         *
+         * A calibration takes a name as one hypothesis beside its kind: lamps sold under one name differ, and people
+         * name them wrongly. With a tolerance ([withTolerance]) the lamp is taken as said, as one from [parse] is.
          *
          * `auto` is not accepted, because it has no spectrum; use [auto].
          *
@@ -207,20 +273,19 @@ public class Lamp internal constructor(
             if (plain(text) == "equalenergy") {
                 return Lamp(text, DoubleArray(Grid.SIZE) { 1.0 }, 0.0, emptyList(), "equal energy, by definition")
             }
-            if (key in Bundled.families) {
-                val family = Bundled.family(key)
-                return Lamp(key, Bundled.scaled(family.power), family.tolerance, family.modes, family.source)
-            }
+            if (key in Bundled.families) return called(lamp(key, Bundled.family(key)))
             val named = Bundled.tolerance("named_lamp")
             kelvinOf(text)?.let {
-                return Lamp(text, Bundled.scaled(planck(it.toDouble())), named, emptyList(), "Planck's law, $it K")
+                val power = Bundled.scaled(planck(it.toDouble()))
+                return called(Lamp(text, power, named, emptyList(), "Planck's law, $it K"))
             }
             daylightOf(text)?.let {
-                return Lamp(text, Bundled.scaled(daylight(it.toDouble())), named, emptyList(), "CIE daylight, $it K")
+                val power = Bundled.scaled(daylight(it.toDouble()))
+                return called(Lamp(text, power, named, emptyList(), "CIE daylight, $it K"))
             }
             val cie = cieName(text) ?: throw InvalidArgument("No lamp is called '$text'.", MENU)
             val source = "CIE illuminant $cie (colour-science)"
-            return Lamp(text, Bundled.scaled(Bundled.illuminant(cie)), named, emptyList(), source)
+            return called(Lamp(text, Bundled.scaled(Bundled.illuminant(cie)), named, emptyList(), source))
         }
 
         /**

@@ -29,6 +29,7 @@ internal class Case(
     val neutrals: List<List<CameraWhite>>,
     val family: String?,
     val unnamed: List<Boolean> = emptyList(),
+    val byKind: Boolean = false,
     val drift: Double? = null,
     val rivals: () -> List<Rival>,
 ) {
@@ -85,13 +86,12 @@ internal object Judge {
         reasons += bandTooWide(inputs.ssf, checks)
         reasons += otherMakers(inputs.ssf, case.family, checks)
         // A previous result says what camera it is.
-        if (case.unnamed.any { it } && case.drift == null) {
-            reasons += Light.unnamed(inputs.ssf.choice, case.family, checks)
-            reasons += typical(inputs.ssf, checks)
-        }
+        val aloneInUnnamed = case.unnamed.any { it } && case.drift == null
+        if (aloneInUnnamed) reasons += Light.unnamed(inputs.ssf.choice, case.family, checks)
+        if (aloneInUnnamed || (case.byKind && case.drift == null)) reasons += typical(inputs.ssf, checks)
         if (reasons.none { it.fatal } && (case.shots.size == 1 || each.none { it.bestExplanation() != null })) {
             val doubted = whites.indices.filter { whites[it].isNotEmpty() }
-            reasons += Light.rivalLamp(case.rivals(), inputs.lamps.map { it.name }, doubted, checks)
+            reasons += Light.rivalLamp(case.rivals(), case.shots.map { it.lamp.name }, doubted, checks)
         }
         reasons += unusual(inputs.ssf, case.unnamed, checks)
         case.drift?.let { reasons += drifted(it, case.unnamed.any { each -> each }, checks) }

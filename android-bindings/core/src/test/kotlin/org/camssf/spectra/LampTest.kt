@@ -5,6 +5,7 @@ import org.camssf.InvalidArgument
 import org.camssf.LampUnfit
 import org.junit.jupiter.api.Assertions.assertArrayEquals
 import org.junit.jupiter.api.Assertions.assertEquals
+import org.junit.jupiter.api.Assertions.assertFalse
 import org.junit.jupiter.api.Assertions.assertNull
 import org.junit.jupiter.api.Assertions.assertThrows
 import org.junit.jupiter.api.Assertions.assertTrue
@@ -34,13 +35,28 @@ class LampTest {
     fun `an unnamed light has kinds and no spectrum`() {
         val light = Lamp.auto()
         assertTrue(light.unnamed && light.tolerance.isNaN() && light.sharedModes.isEmpty())
-        assertEquals(listOf("daylight", "bulb", "white-led", "fluorescent"), light.kinds.map { it.name })
-        for (kind in light.kinds) assertArrayEquals(Lamp.read(kind.name).sharedValues, kind.sharedValues)
+        val kinds = light.lamps.map { Lamp.kindOf(it.name) }.distinct()
+        assertEquals(listOf("daylight", "bulb", "white-led", "fluorescent"), kinds)
+        assertEquals(1.0, light.logPrior.sumOf { exp(it) }, 1e-6)
         for (wrong in listOf({ light.sharedValues }, { light.withTolerance("2%") }, { Lamp.read(" Auto ") })) {
             val error = assertThrows(InvalidArgument::class.java) { wrong() }
             assertTrue("is not named" in error.message && error.advice.isNotEmpty(), error.message)
         }
         assertTrue("auto" !in Lamp.names() && !Lamp.read("A").unnamed)
+    }
+
+    @Test
+    fun `a name is one hypothesis beside its kind, unless it is taken as said`() {
+        val kinds = mapOf("D50" to "daylight", "2856K" to "bulb", "LED-B3" to "white-led", "FL2" to "fluorescent")
+        for ((name, kind) in kinds) {
+            val lamp = Lamp.read(name)
+            val names = lamp.lamps.map { Lamp.kindOf(it.name) ?: it.name }
+            assertEquals(listOf(name) + List(names.size - 1) { kind }, names)
+            assertEquals(1.0, lamp.logPrior.sumOf { exp(it) }, 1e-6)
+            assertTrue(!lamp.withTolerance("2%").uncertain && !lamp.asSaid().uncertain)
+        }
+        assertTrue(Lamp.read("daylight").byKind && Lamp.read("white-led").lamps.size == 6)
+        for (name in listOf("E", "HP1", "LED-RGB1", "5000K", "equal-energy")) assertFalse(Lamp.read(name).uncertain, name)
     }
 
     @Test

@@ -165,6 +165,7 @@ internal class Captures(private val forms: Forms, private val frames: Statistics
         val (unnamed, torch) = listOf("unnamed", "torch").map { name ->
             (case.inputs[name] as? JsonArray).orEmpty().map { it.jsonPrimitive.int - 1 }
         }
+        val called = (case.inputs["called"] as? JsonArray).orEmpty().map { it.jsonPrimitive.content }
         val shots = case.inputs.getValue("shots").jsonArray.mapIndexed { j, entry ->
             val means = frames.means(entry.jsonObject)
             val own = List(modes.shape[1]) { row(modes, j * modes.shape[1] + it) }
@@ -172,7 +173,7 @@ internal class Captures(private val forms: Forms, private val frames: Statistics
             val light = when (j) {
                 in unnamed -> Lamp.auto()
                 in torch -> Lamp.torch()
-                else -> named
+                else -> called.getOrNull(j)?.takeIf { it.isNotEmpty() }?.let { Lamp.read(it) } ?: named
             }
             val (white, dark) = listOf(means.white, means.dark).map { frame -> photo.takeIf { frame != null } }
             MeasuredShot(light, with(matrices(j)), white, dark, pose, means, LensShading.AS_STORED)

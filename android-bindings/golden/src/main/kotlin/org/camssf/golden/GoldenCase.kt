@@ -144,7 +144,7 @@ internal class GoldenCase private constructor(val name: String, private val json
             "sensing" to setOf("gain_modes", "gain_own"),
             "ssf" to setOf("prior_scale", "gain_modes", "gain_own"),
             "calibrate" to setOf("make", "model", "light_per_patch"),
-            "light" to setOf("make", "model", "colour_matrices", "torch"),
+            "light" to setOf("make", "model", "colour_matrices", "torch", "called"),
             "finder" to setOf("layout", "csv"),
             "pose" to setOf("layout", "csv"),
             "rivals" to setOf("make", "model"),

@@ -119,7 +119,7 @@ internal class VerdictStage(
             inputs.getValue("neutrals").jsonArray.map { shot -> shot.jsonArray.map { neutral(it) } },
             inputs["family"]?.jsonPrimitive?.contentOrNull,
             List(k) { inputs["unnamed"]?.jsonPrimitive?.boolean ?: false },
-            inputs["new"]?.let { UnitDrift.probability(verdictInputs, basis, it.jsonPrimitive.int) },
+            drift = inputs["new"]?.let { UnitDrift.probability(verdictInputs, basis, it.jsonPrimitive.int) },
         ) {
             inputs.getValue("rivals").jsonArray.map { entry ->
                 val (shot, name, gain) = entry.jsonArray.map { it.jsonPrimitive }

@@ -182,7 +182,7 @@ class ShrunkJarTest {
 
         /** kB; docs/android.md states them. Colour is about 80 of the first and 369 of the second. */
         const val CODE = 800
-        const val DATA = 790
+        const val DATA = 815
 
         /** kB: jar of core, jar of model, dex of the smallest app. */
         val MOST = listOf(1050L, 320L, 460L)
