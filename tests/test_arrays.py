@@ -295,7 +295,14 @@ def unit_arrays(arrays: Mapping[str, Floats], seed: int) -> dict[str, Floats]:
     """`UnitShots` of that capture, of which the first shot is new."""
     basis = basis_arrays(read_basis(BASES[seed % 3]), 24)
     new = np.arange(len(arrays["lamp"])) < 1
-    return {"new": new.astype(float), "first_lamp": arrays["lamp"][0], **{name: x[0] for name, x in basis.items()}}
+    response = (arrays["lamp"] * arrays["white_reflectance"]) @ arrays["curves"]
+    raw_white = response * np.exp(0.01 * np.random.default_rng(seed).normal(size=response.shape))
+    return {
+        "new": new.astype(float),
+        "first_lamp": arrays["lamp"][0],
+        "raw_white": raw_white,
+        **{name: x[0] for name, x in basis.items()},
+    }
 
 
 @pytest.mark.parametrize("library", ["array_api_strict", "torch"])

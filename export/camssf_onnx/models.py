@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import fields
 from hashlib import sha256
 from typing import Any
 
@@ -78,6 +79,7 @@ OF_VERDICT: dict[str, list[str | int]] = {
     "explain": [],
     "new": ["k"],
     "first_lamp": [M],
+    "raw_white": ["k", 3],
     "mean": [3, NODES.size],
     "dictionary": [3, NODES.size, ATOMS],
 }
@@ -132,7 +134,7 @@ def build_verdict() -> onnx.ModelProto:
 
     def function(inputs: dict[str, Array]) -> dict[str, Array]:
         explain, xp = inputs.pop("explain"), inputs["signals"].xp
-        unit = UnitShots(**{name: inputs.pop(name) for name in ("new", "first_lamp", "mean", "dictionary")})
+        unit = UnitShots(**{field.name: inputs.pop(field.name) for field in fields(UnitShots)})
         judged = JudgedSignals(**inputs)
         (drift,) = cond(
             xp.max(unit.new) > 0.5,

@@ -209,9 +209,12 @@ def cases() -> Iterator[Json]:
     surely = [["phones", 1.0]]
     for name, nm, outcome in (("drift", 1.0, "unit_differs"), ("drift-slight", 0.5, "not said")):
         yield case(name, f"The blue curve has moved by {nm} nm since the previous shot: {outcome}.",
-                   drifted(nm), k=2, forgiven=True, choice=surely, new=1)  # fmt: skip
+                   drifted(nm), k=2, forgiven=True, choice=surely, new=1, moved=nm)  # fmt: skip
     yield case("drift-white-patch", "Relative to the white patch, in a light that was not named: unit_differs.",
-               drifted(1.5, white=18), k=2, white=18, forgiven=True, choice=surely, unnamed=True, new=1)  # fmt: skip
+               drifted(1.5, white=18), k=2, white=18, forgiven=True, choice=surely, unnamed=True, new=1,
+               moved=1.5)  # fmt: skip
+    yield case("drift-by-white", "By the raw white the blue curve has moved by 2 nm, by the patches not: not said.",
+               predicted(2), k=2, forgiven=True, choice=surely, new=1, moved=2.0)  # fmt: skip
     # rule 6 and the rest
     yield case("grain", "Half the noise that light must have: not_sensor_raw.", y, noise=0.5)
     yield case("texture", "Patches that vary inside: blurred.", y, texture=0.04)
@@ -289,6 +292,7 @@ def case(
     solved: bool = False,
     unnamed: bool = False,
     new: int = 0,
+    moved: float = 0.0,
 ) -> Json:
     """The inputs of `judge`; the defaults are those of a clean capture.
 
@@ -296,7 +300,8 @@ def case(
     wavelengths. `forgiven`: the solution of each shot alone, or of a single shot, predicts its signals exactly.
     `known`: number of directions of the code with a variance of 0.1; all others have 0.99. `dark`: whether there is a
     dark frame. `solved`: whether gain modes were solved for. `unnamed`: whether the light is unnamed.
-    `new`: number of shots before those of a previous result; 0 if there is none.
+    `new`: number of shots before those of a previous result; 0 if there is none. `moved`: by so many nm has the blue
+    curve moved before these, by their raw white.
     """
     y = np.round(signals if k > 1 else signals[None], 7)
     fitted = predicted(k, white)
@@ -331,6 +336,9 @@ def case(
     neutral = [[{"lamps": ["D55"]}, white_under("D55", tint)]] if tint else []
     if second:
         neutral.append([{"lamps": ["A"]}, white_under("A", 1.0)])
+    white_levels = [[raw_white(level) if tint or not dark else [BLACK + span] * 3]] * k
+    if new:
+        white_levels = [[raw_white(level, name, moved if j < new else 0.0)] for j, name in enumerate(LAMPS[:k])]
     inputs: Json = {
         "reflectance": {"chart": "babelcolor", "patches": list(range(1, 25))},
         "chart_tolerance": {"constant": 0.03, "shape": [24]},
@@ -345,7 +353,7 @@ def case(
         "standard_error": np.round(error * (0.002 * y + 1e-4), 9).tolist(),
         "used": taken.tolist(),
         "white_is_patch": [white is not None] * k,
-        "white": np.broadcast_to([BLACK + span] * 3 if dark and not tint else raw_white(level), y.shape).tolist(),
+        "white": np.broadcast_to(white_levels, y.shape).tolist(),
         "dark": np.full(y.shape, BLACK).tolist(),
         "shots": shots,
         "centres": [place] * k,
@@ -376,9 +384,11 @@ def case(
     return contract.case(f"verdict/{name}", comment, inputs)
 
 
-def raw_white(level: float) -> list[float]:
-    """(3,) level of the white under the first lamp in each channel, DN."""
-    seen = lamp(LAMPS[0]) @ camera(CAMERA)
+def raw_white(level: float, name: str = LAMPS[0], nm: float = 0.0) -> list[float]:
+    """(3,) level of the white under a lamp in each channel, DN, with the blue curve moved by nm to the red."""
+    curves = camera(CAMERA).copy()
+    curves[:, 2] = np.interp(WAVELENGTHS - nm, WAVELENGTHS, curves[:, 2])
+    seen = lamp(name) @ curves
     levels: list[float] = np.round(BLACK + level * SPAN * seen / seen.max(), 6).tolist()
     return levels
 

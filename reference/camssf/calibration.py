@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from camssf.photo.shot import Shots
     from camssf.result import Result
     from camssf.spectra import CameraLike, ChartLike, LightLike
+    from camssf.verdict.reasons import Check, Reason
 
 MEASURING, SOLVING = 0.35, 0.4
 """Parts of the time for progress: of a calibration for measuring, of the rest for solving before validation."""
@@ -239,14 +240,18 @@ def read_previous(previous: PreviousLike) -> PreviousResult:
 
 
 def _solve_with(previous: PreviousResult, capture: Capture, options: Options, tell: Progress) -> Result:
-    """Solve together with the shots of a previous result; if they contradict the new ones, the new ones alone.
+    """Solve together with the shots of a previous result; its own answer stays unless the common one is accepted.
+
+    If all photos together contradict each other, the answer that stays is doubtful. If the common answer is doubtful
+    for another reason, the new photos add nothing, and an assumption says why.
 
     Raises:
         InvalidArgument: options for which there is no previous result; else as `PreviousResult.joined`.
+        CalibrationError: the new photos alone are refused.
     """
     from camssf.fit.capture_fit import prepare_fit
     from camssf.photo.signals import Assumption
-    from camssf.verdict.reasons import Verdict, reason_of
+    from camssf.verdict.reasons import reason_of
     from camssf.verdict.unit_drift import DRIFT, contradiction
 
     if options.light_per_patch is not None or prepare_fit(capture, options).exact:
@@ -256,26 +261,65 @@ def _solve_with(previous: PreviousResult, capture: Capture, options: Options, te
         )
     capture = replace(capture, files=capture.files | {f"previous result: {previous.name}": previous.sha256})
     new, joint = len(capture.shots), previous.joined(capture)
-    misfit = None
+    refused: Reason | None = None
     try:
         together = _solve(joint, options, part_of(tell, 0.0, 0.5), new)
     except InvalidArgument:
         raise
     except CalibrationError as error:
-        checks = error.checks
-        misfit = reason_of(error)
+        checks, refused = error.checks, reason_of(error)
+        left_out = refused
     else:
         checks = together.verdict.checks
-        if contradiction(checks, ()) is None:
+        if together.verdict.status == "accepted":
             used = Assumption(
                 "previous_result",
                 f"the shots after number {new} are those of {previous.name}: same unit, same chart.",
             )
             return replace(together, assumptions=(*together.assumptions, used))
+        left_out = together.verdict.reasons[0]
     alone = _solve(capture, options, part_of(tell, 0.5, 1.0))
-    why = contradiction(checks, alone.verdict.checks) or misfit
-    if why is None:  # the new photos alone do not fit either, and their verdict says so
-        return alone
-    verdict = alone.verdict
-    drift = tuple(check for check in checks if check.name == DRIFT)
-    return replace(alone, verdict=Verdict("doubtful", (why, *verdict.reasons), (*verdict.checks, *drift)))
+    why = contradiction(checks, alone.verdict.checks) or refused
+    reasons = () if why is None else (why, *alone.verdict.reasons)
+    return _kept(previous, capture, reasons, left_out, tuple(check for check in checks if check.name == DRIFT))
+
+
+def _kept(
+    previous: PreviousResult, new: Capture, reasons: tuple[Reason, ...], left_out: Reason, drift: tuple[Check, ...]
+) -> Result:
+    """The previous result, with what was found about the new photos, which did not enter.
+
+    Args:
+        previous: the stored result.
+        new: the new photos.
+        reasons: for which it is doubtful; empty if there is none.
+        left_out: the first reason for which the new photos did not enter.
+        drift: the checks of a drift.
+    """
+    from camssf.photo.signals import Assumption
+    from camssf.result import Result
+    from camssf.verdict.reasons import Verdict
+    from camssf.verdict.unit_drift import DRIFT
+
+    stored = previous.result
+    assert isinstance(stored, Result)
+    assert stored.verdict is not None
+    assert stored.capture is not None
+    photos = {f"not used: {shot.photo.name}": shot.photo.sha256 for shot in new.shots}
+    names = " and ".join(shot.photo.name for shot in new.shots)
+    stays = Assumption(
+        "previous_result", f"the answer is that of {previous.name}; {names} did not enter: {left_out.message}"
+    )
+    found = Verdict(
+        "doubtful" if reasons else "accepted",
+        reasons,
+        (*(check for check in stored.verdict.checks if check.name != DRIFT), *drift),
+    )
+    source = {f"previous result: {previous.name}": previous.sha256}
+    return replace(
+        stored,
+        capture=replace(stored.capture, files=stored.capture.files | source | photos),
+        verdict=found,
+        assumptions=(*stored.assumptions, stays),
+        truth=None,
+    )

@@ -114,9 +114,8 @@ class CaptureFit:
         rho, _ = self.white_reference()
         shots = []
         for j, shot in enumerate(self.capture.shots):
-            used = self.signals.used[j]
-            if isinstance(shot.lamp, Called | Unnamed) and used.any():
-                white = (self.signals.white - self.signals.dark)[j][used].mean(axis=0)
+            white = self.signals.raw_white(j)
+            if isinstance(shot.lamp, Called | Unnamed) and np.isfinite(white).all():
                 matrices = [(matrix.kelvin, matrix.to_raw) for matrix in shot.photo.colour_matrices]
                 shot = replace(shot, lamp=given_raw_white(shot.lamp, white, matrices, rho))
             shots.append(shot)

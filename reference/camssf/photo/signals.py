@@ -68,6 +68,11 @@ class Signals:
         arrays = ("values", "standard_error", "chart", "white", "dark", "used", "white_is_patch")
         return replace(self, **{name: getattr(self, name)[j : j + 1] for name in arrays})
 
+    def raw_white(self, j: int) -> Floats:
+        """Raw white (3,) of shot j above dark, the mean over its used patches; NaN if it has none."""
+        used = self.used[j]
+        return np.asarray((self.white[j] - self.dark[j])[used].mean(axis=0)) if used.any() else np.full(3, np.nan)
+
 
 def normalise(shots: Sequence[PatchMeans], table: ChartTable) -> Signals:
     """Divide every patch signal by the white signal at its place: the paper's Eq. (5), y = (C - D) / (W - D).

@@ -104,24 +104,36 @@ def signals_at_answer(judged: JudgedSignals) -> LinearisedSignals:
     )  # fmt: skip
 
 
-def covariance_at_answer(judged: JudgedSignals, signals_at: LinearisedSignals) -> Array:
-    """Covariance Σ (N, N) of the errors of the signals at the answer; rows that do not count are of the identity.
+@dataclass(frozen=True)
+class ErrorsAtAnswer:
+    """Errors of the signals at the answer; rows that do not count are of the identity.
 
-    It includes lamp and gain modes by their prior size, so that what they can model is weighted by it.
+    Attributes:
+        covariance: Σ (N, N). It includes lamp and gain modes by their prior size, so that what they can model is
+            weighted by it.
+        lamp: (N, p) factors of the lamps' part of it: their modes, then those of `Covariance.lamp`.
     """
+
+    covariance: Array
+    lamp: Array
+
+
+def errors_at_answer(judged: JudgedSignals, signals_at: LinearisedSignals) -> ErrorsAtAnswer:
+    """The errors of the signals at the answer."""
     xp, (k, n, _), q = namespace(judged.signals), judged.signals.shape, judged.lamp_modes.shape[1]
     g, N = judged.gain_modes.shape[1], n * 3 * k
     y, curve = signals_at.signal, signals_at.curve
     tolerances = Tolerances(judged.chart_tolerance, judged.white_tolerance, judged.lamp_tolerance[None, :])
-    sigma = covariance(signals_at, tolerances, WAVELENGTHS).dense[0, ...]
+    errors = covariance(signals_at, tolerances, WAVELENGTHS)
     by_lamp = (signals_at.against_white * curve[..., 0][..., None, :]) @ judged.lamp_modes.mT[None, None, ...]
     lamps = xp.reshape(by_shot(patchwise(by_lamp)), (N, k * q))
     gains = xp.reshape(by_shot(patchwise(y[..., None] * judged.gain_modes.mT)), (N, k * g))
     one_channel = xp.broadcast_to(constant(xp, np.eye(3))[:, None, None, :, None], (n, 3, k, n, 3, k))
     one_channel = xp.reshape(one_channel, (N, N))
-    sigma = sigma + lamps @ lamps.mT + (1.0 + judged.gain_own**2 * one_channel) * (gains @ gains.mT)
+    sigma = errors.dense[0, ...] + lamps @ lamps.mT + (1.0 + judged.gain_own**2 * one_channel) * (gains @ gains.mT)
     counts = by_row(judged.counts)
-    return counts * counts.mT * sigma + (1.0 - counts) * eye(xp, N)
+    lamp = counts * xp.concat([lamps, errors.lamp[0, ...]], axis=-1)
+    return ErrorsAtAnswer(counts * counts.mT * sigma + (1.0 - counts) * eye(xp, N), lamp)
 
 
 def misfit(judged: JudgedSignals, explain: Array) -> Misfit:
@@ -139,7 +151,7 @@ def misfit(judged: JudgedSignals, explain: Array) -> Misfit:
     xp, (k, n, _) = namespace(judged.signals), judged.signals.shape
     N, f, y = n * 3 * k, judged.fields.shape[0], judged.signals
     used, difference = judged.counts, judged.difference
-    sigma = covariance_at_answer(judged, signals_at_answer(judged))
+    sigma = errors_at_answer(judged, signals_at_answer(judged)).covariance
 
     def explained() -> list[Array]:
         directions = [

@@ -13,7 +13,7 @@ from camssf.grid import Floats
 from camssf.photo.find.pose import Pose
 from camssf.photo.patches import PatchMeans
 from camssf.photo.signals import Signals
-from camssf.recovery.misfit import KINDS, JudgedSignals, Misfit, covariance_at_answer, misfit, signals_at_answer
+from camssf.recovery.misfit import KINDS, JudgedSignals, Misfit, errors_at_answer, misfit, signals_at_answer
 from camssf.recovery.sensitivity import Ssf
 from camssf.rules import rules
 from camssf.spectra import ChartTable, Lamp
@@ -168,7 +168,7 @@ def signal_covariance(inputs: VerdictInputs, ssf: Ssf) -> Floats:
     shot, patch = np.nonzero(used)
     channel, shot, patch = np.repeat(np.arange(3), len(shot)), np.tile(shot, 3), np.tile(patch, 3)
     order, judged = (patch * 3 + channel) * k + shot, judged_signals(inputs, ssf)  # of the rows of `misfit`
-    return np.asarray(covariance_at_answer(judged, signals_at_answer(judged))[np.ix_(order, order)])
+    return np.asarray(errors_at_answer(judged, signals_at_answer(judged)).covariance[np.ix_(order, order)])
 
 
 def _level(inputs: VerdictInputs) -> Floats:

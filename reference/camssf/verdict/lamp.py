@@ -91,7 +91,7 @@ def white_balance_mismatch(
     limit: float,
 ) -> list[Reason]:
     """Rule 5: compare the raw white of shot j with the file's colour matrix; `answer` is that to shot j alone."""
-    raw = (signals.white[j] - signals.dark[j])[signals.used[j]].mean(axis=0)
+    raw = signals.raw_white(j)
     offs = []
     for neutral in neutrals:
         expected = neutral.white * (answer.lamp[0] @ answer.values) / (neutral.light @ answer.values)

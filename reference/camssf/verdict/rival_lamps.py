@@ -16,7 +16,7 @@ from camssf.recovery.observation import Observation
 from camssf.recovery.sensitivity import Ssf
 from camssf.rules import rules
 from camssf.spectra import Called, Lamp, read_lamp
-from camssf.spectra.lamps import plain_kind
+from camssf.spectra.lamps import kind_of, plain_kind
 from camssf.verdict.goodness_of_fit import VerdictInputs
 from camssf.verdict.judge import judge
 from camssf.verdict.lamp import MOST_SHOTS_COMPARED, RIVALS, Neutral, Rival
@@ -41,7 +41,10 @@ def weigh(fit: CaptureFit, ssf: Ssf, alone: Sequence[Ssf], new: int | None = Non
         fit.capture.chart,
         [shot.means for shot in shots],
         [shot.pose for shot in shots],
-        [replace(lamp, name=shot.lamp.name) for lamp, shot in zip(answered.lamps, shots, strict=True)],
+        [
+            replace(lamp, name=shot.lamp.name if isinstance(shot.lamp, Called) else kind_of(lamp.name) or lamp.name)
+            for lamp, shot in zip(answered.lamps, shots, strict=True)
+        ],
         rho,
         tolerance,
         fit.gains,

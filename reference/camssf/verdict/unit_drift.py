@@ -27,7 +27,9 @@ def drift_probability(inputs: VerdictInputs, ssf: Ssf, basis: Basis, new: int) -
         new: number of new shots.
     """
     nodes = basis.mean[:, ::10], basis.dictionary[:, ::10]
-    shots = UnitShots((np.arange(len(inputs.lamps)) < new).astype(float), inputs.lamps[0].values, *nodes)
+    k = len(inputs.lamps)
+    whites = np.stack([inputs.signals.raw_white(j) for j in range(k)])
+    shots = UnitShots((np.arange(k) < new).astype(float), inputs.lamps[0].values, whites, *nodes)
     nats = drift_evidences(judged_signals(inputs, ssf), shots)
     return float(np.exp(-np.logaddexp(0.0, np.log(len(nats)) - np.logaddexp.reduce(nats))))
 

@@ -74,7 +74,7 @@ public class CalibrationOptions private constructor(private val values: Options)
         /** Relative difference of the light from patch to patch. */
         public fun lightPerPatch(difference: Double?): Builder = with(values.copy(lightPerPatch = difference))
 
-        /** A result of the same unit under a named lamp. */
+        /** A result of the same unit under a named lamp; its answer stays unless the common one is accepted. */
         public fun previous(result: CalibrationResult?): Builder = with(values.copy(previous = result))
 
         /** Hears of each step. */

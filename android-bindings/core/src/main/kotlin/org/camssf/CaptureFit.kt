@@ -126,14 +126,8 @@ internal class CaptureFit(
         if (lamps.none { it.uncertain }) return this
         if (paper) return asSaid()
         val shots = capture.shots.mapIndexed { j, shot ->
-            val own = (0 until n).filter { signals.sharedUsed[j * n + it] }
-            if (!shot.lamp.uncertain || own.isEmpty()) return@mapIndexed shot
-            val raw = DoubleArray(3) { c ->
-                own.sumOf { i ->
-                    val at = 3 * (j * n + i) + c
-                    signals.sharedWhite[at] - signals.sharedDark[at]
-                } / own.size
-            }
+            val raw = signals.rawWhite(j)
+            if (!shot.lamp.uncertain || raw.any { it.isNaN() }) return@mapIndexed shot
             val matrices = shot.photo.colourMatrices.map { it.kelvin to it.sharedValues }
             shot.under(RawWhite.given(shot.lamp, raw, matrices, white))
         }

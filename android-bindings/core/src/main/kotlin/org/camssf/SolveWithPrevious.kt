@@ -1,6 +1,7 @@
 package org.camssf
 
 import org.camssf.documents.PreviousShots
+import org.camssf.documents.Provenance
 import org.camssf.documents.Solution
 import org.camssf.photo.Assumption
 import org.camssf.photo.MeasuredCapture
@@ -13,8 +14,11 @@ import org.camssf.verdict.UnitDrift
 import org.camssf.verdict.Verdict
 
 /**
- * Solves a capture together with the shots of a previous result; if they contradict the new ones, the new ones alone.
- * Python's `camssf.calibration._solve_with`.
+ * Solves a capture together with the shots of a previous result, whose own answer stays unless the common one is
+ * accepted: Python's `camssf.calibration._solve_with`.
+ *
+ * @param previous an accepted result; checked by [run].
+ * @param completed the result of a solution.
  */
 internal class SolveWithPrevious(
     private val engines: List<Engine>,
@@ -22,45 +26,67 @@ internal class SolveWithPrevious(
     private val settings: CalibrationOptions,
     private val reporter: ProgressReporter,
     private val previous: CalibrationResult,
+    private val completed: (Solution) -> CalibrationResult,
 ) {
-    private val name = previous.source.name
+    private val source = previous.source
+    private val ownHash = mapOf("previous result: ${source.name}" to source.sha256)
 
-    fun run(): Solution {
+    fun run(): CalibrationResult {
         if (settings.lightPerPatch != null || engines[0].basis == OnnxEngine.PAPER) {
             throw InvalidArgument(
                 "A previous result cannot be used on a basis without a prior, or with lightPerPatch.",
                 "Leave one of the two out.",
             )
         }
-        val files = capture.files + ("previous result: $name" to previous.source.sha256)
-        val own = MeasuredCapture(capture.shots, capture.chart, capture.whiteReflectance, files)
+        val own = MeasuredCapture(capture.shots, capture.chart, capture.whiteReflectance, capture.files + ownHash)
         val new = own.shots.size
-        val joint = PreviousShots(name, previous.verdict, previous.measured).joined(own)
-        val (checks, refused) = try {
-            val found = Solve(engines, joint, settings, reporter, new).run()
-            val verdict = found.verdict
-            if (verdict.outcome != Status.REFUSED && UnitDrift.contradiction(verdict.checks, emptyList()) == null) {
-                return found.with(found.verdict, found.assumptions + entered(new))
-            }
-            verdict.checks to if (verdict.outcome == Status.REFUSED) Reasons.refusal(verdict) else null
+        val joint = PreviousShots(source.name, previous.verdict, previous.measured).joined(own)
+        var checks = emptyList<Check>()
+        var refused: Reason? = null
+        val leftOut = try {
+            val together = Solve(engines, joint, settings, reporter, new).run()
+            val verdict = together.verdict
+            if (verdict.outcome == Status.ACCEPTED) return completed(together.with(entered(new)))
+            checks = verdict.checks
+            if (verdict.outcome == Status.REFUSED) refused = Reasons.refusal(verdict).reason
+            refused ?: verdict.reasons[0]
         } catch (error: Refusal) {
-            emptyList<Check>() to error
+            error.reason.also { refused = it }
         }
         val alone = Solve(engines, own, settings, reporter).run()
-        if (alone.verdict.outcome == Status.REFUSED) return alone
-        val why = UnitDrift.contradiction(checks, alone.verdict.checks)
-            ?: refused?.reason
-            ?: return alone // the new photos alone do not fit either, and their verdict says so
-        val drift = checks.filter { it.name == UnitDrift.DRIFT }
-        val verdict = Verdict(Status.DOUBTFUL, listOf(why) + alone.verdict.reasons, alone.verdict.checks + drift)
-        return alone.with(verdict, alone.assumptions)
+        if (alone.verdict.outcome == Status.REFUSED) return completed(alone)
+        val contradiction = UnitDrift.contradiction(checks, alone.verdict.checks) ?: refused
+        val reasons = contradiction?.let { listOf(it) + alone.verdict.reasons }.orEmpty()
+        return kept(previous as Recovered, reasons, leftOut, checks.filter { it.name == UnitDrift.DRIFT })
     }
 
-    private fun entered(new: Int) = Assumption(
-        "previous_result",
-        "the shots after number $new are those of $name: same unit, same chart.",
-    )
+    /**
+     * The previous result, with what was found about the new photos, which did not enter.
+     *
+     * @param reasons for which it is doubtful; empty if there is none.
+     * @param leftOut the first reason for which the new photos did not enter.
+     */
+    private fun kept(stored: Recovered, reasons: List<Reason>, leftOut: Reason, drift: List<Check>): Recovered {
+        val photos = capture.shots.map { it.photo }
+        val files = stored.provenance.files + ownHash + photos.associate { "not used: ${it.name}" to it.sha256 }
+        val status = if (reasons.isEmpty()) Status.ACCEPTED else Status.DOUBTFUL
+        val others = stored.verdict.checks.filter { it.name != UnitDrift.DRIFT }
+        val names = photos.joinToString(" and ") { it.name }
+        val stays = previousResult("the answer is that of ${source.name}; $names did not enter: ${leftOut.message}")
+        val whole = stored.capture
+        val made = stored.provenance
+        return Recovered(
+            MeasuredCapture(whole.shots, whole.chart, whole.whiteReflectance, files), stored.answer,
+            Verdict(status, reasons, others + drift), stored.assumptions + stays,
+            Provenance(made.version, made.engine, made.model, made.basis, files),
+        )
+    }
 
-    private fun Solution.with(verdict: Verdict, assumptions: List<Assumption>) =
-        Solution(capture, signals, ssf, predictions, scores, verdict, assumptions, uncertainty)
+    private fun entered(new: Int) =
+        previousResult("the shots after number $new are those of ${source.name}: same unit, same chart.")
+
+    private fun previousResult(message: String) = Assumption("previous_result", message)
+
+    private fun Solution.with(assumption: Assumption) =
+        Solution(capture, signals, ssf, predictions, scores, verdict, assumptions + assumption, uncertainty)
 }

@@ -219,29 +219,32 @@ public class SsfCalibrator private constructor(
         return refusing(measuring::partial) { finish(measuring.run(), options, reporter) }
     }
 
-    private fun finish(capture: MeasuredCapture, options: CalibrationOptions, reporter: ProgressReporter): Solution {
+    private fun finish(capture: MeasuredCapture, options: CalibrationOptions, reporter: ProgressReporter): CalibrationResult {
         val previous = options.previous
-        val solution = if (previous == null) {
-            Solve(engines, capture, options, reporter).run()
+        val result = if (previous == null) {
+            completed(Solve(engines, capture, options, reporter).run())
         } else {
-            SolveWithPrevious(engines, capture, options, reporter, previous).run()
+            SolveWithPrevious(engines, capture, options, reporter, previous, ::completed).run()
         }
         reporter.begin(Stage.DONE)
-        return solution
+        return result
     }
 
-    private fun refusing(partial: () -> PartialCapture, work: () -> Solution): CalibrationResult =
+    private fun completed(solution: Solution): CalibrationResult {
+        if (solution.verdict.outcome == Status.REFUSED) {
+            return refused(Reasons.refusal(solution.verdict), solution.verdict, PartialCapture(solution.capture))
+        }
+        return recovered(solution, modelHashes.getValue(solution.ssf.basis), basisHashes[solution.ssf.basis])
+    }
+
+    private fun refusing(partial: () -> PartialCapture, work: () -> CalibrationResult): CalibrationResult =
         outcome(partial, work).also { result ->
             logger?.log("${result.verdict.outcome.word}${result.verdict.reasons.joinToString("") { ", ${it.code}" }}")
         }
 
-    private fun outcome(partial: () -> PartialCapture, work: () -> Solution): CalibrationResult {
+    private fun outcome(partial: () -> PartialCapture, work: () -> CalibrationResult): CalibrationResult {
         try {
-            val solution = interruptible(work)
-            if (solution.verdict.outcome == Status.REFUSED) {
-                return refused(Reasons.refusal(solution.verdict), solution.verdict, PartialCapture(solution.capture))
-            }
-            return recovered(solution, modelHashes.getValue(solution.ssf.basis), basisHashes[solution.ssf.basis])
+            return interruptible(work)
         } catch (error: Refusal) {
             return refused(error, Verdict(Status.REFUSED, listOf(error.reason)), partial())
         }

@@ -77,6 +77,12 @@ public class Signals internal constructor(
         )
     }
 
+    /** Raw white (3) of shot j above dark, the mean over its used patches; NaN if it has none. */
+    internal fun rawWhite(j: Int): DoubleArray {
+        val own = (0 until patches).map { j * patches + it }.filter { sharedUsed[it] }
+        return DoubleArray(3) { c -> own.sumOf { sharedWhite[3 * it + c] - sharedDark[3 * it + c] } / own.size }
+    }
+
     /** The same signals; only the selected patches (n) enter the fit. */
     internal fun restrictedTo(allowed: BooleanArray): Signals =
         using(BooleanArray(sharedUsed.size) { sharedUsed[it] && allowed[it % patches] })

@@ -9,6 +9,7 @@ import org.camssf.recovery.Choice
 import org.camssf.recovery.Ssf
 import org.camssf.recovery.UnfamiliarCamera
 import org.camssf.spectra.ChartTable
+import org.camssf.spectra.Lamp
 import kotlin.math.abs
 import kotlin.math.max
 import kotlin.math.sqrt
@@ -79,7 +80,9 @@ internal object Judge {
         }
         val whites = case.shots.indices.map { j ->
             val unnamed = case.unnamed.getOrElse(j) { false }
-            Light.whiteBalanceMismatch(j, unnamed, case.neutrals[j], case.single[j], checks)
+            val estimated = case.single[j].lamps[0].name
+            val lamp = if (unnamed) Lamp.kindOf(estimated) ?: estimated else case.shots[j].lamp.name
+            Light.whiteBalanceMismatch(j, lamp, unnamed, case.neutrals[j], case.single[j], checks)
         }
         whites.forEach { reasons += it }
         reasons += faded(inputs.ssf, checks)

@@ -104,23 +104,20 @@ internal object Light {
      * Rule 5: compares the raw white of shot j, 0-based, with the file's colour matrix, by the answer to that shot
      * alone.
      *
+     * @param lamp its name as given, or the kind of the light that was estimated.
      * @param unnamed whether its light is unnamed; then the limit is that for an estimated light.
      */
     fun whiteBalanceMismatch(
         j: Int,
+        lamp: String,
         unnamed: Boolean,
         neutrals: List<CameraWhite>,
         inputs: VerdictInputs,
         checks: Checks,
     ): List<Reason> {
         val limit = if (unnamed) WHITE_BALANCE_MISMATCH_UNNAMED else WHITE_BALANCE_MISMATCH
-        val signals = inputs.signals
-        val patches = used(signals, 0)
         val curves = inputs.ssf
-        val raw = DoubleArray(3) { channel ->
-            patches.sumOf { signals.sharedWhite[3 * it + channel] - signals.sharedDark[3 * it + channel] } /
-                patches.size
-        }
+        val raw = inputs.signals.rawWhite(0)
         fun seen(light: DoubleArray, channel: Int) =
             (0 until Grid.SIZE).sumOf { light[it] * curves.sharedValues[3 * it + channel] }
         val off = neutrals.mapNotNull { neutral ->
@@ -134,7 +131,7 @@ internal object Light {
         }.minOrNull()
         if (off != null) checks.note("white_balance_mismatch", off, j, limit)
         if (off == null || off <= limit) return emptyList()
-        val words = mapOf("shot" to j + 1, "share" to expm1(off), "lamp" to inputs.lamps[0].name)
+        val words = mapOf("shot" to j + 1, "share" to expm1(off), "lamp" to lamp)
         return listOf(Reasons.because("tint", off, words, threshold = limit))
     }
 }

@@ -93,6 +93,7 @@ internal class VerdictInputs(
             "gain_own" to Tensor.scalar(gains?.own ?: 0.0),
             "explain" to Tensor.scalar(0.0),
             "first_lamp" to Tensor(lamps[0].sharedValues, Grid.SIZE),
+            "raw_white" to Tensor(DoubleArray(3 * k) { signals.rawWhite(it / 3)[it % 3] }, k, 3),
         ) + shots(BasisConstants.of(BasisConstants.NAMES[0])!!, 0) // of no effect without new shots
     }
 
