@@ -17,12 +17,14 @@ from camssf.photo.find.pose import Pose
 from camssf.photo.patches import FrameMeans, PatchMeans
 from camssf.photo.read.colour_matrix import ColourMatrix
 from camssf.photo.read.dng import Mosaic, read_dng
+from camssf.photo.shot import Shot
 from camssf.recovery.basis import Basis, gaussian_basis, read_basis, widened
 from camssf.recovery.observation import Observation
 from camssf.recovery.onnx_model import Model
-from camssf.spectra import ChartTable, Lamp, read_chart
-from camssf.spectra.lamps import AUTO, TORCH, read_light, unnamed_light
+from camssf.spectra import ChartTable, Lamp, Light, read_chart
+from camssf.spectra.lamps import AUTO, TORCH
 from camssf.spectra.layouts import LAYOUTS
+from camssf.spectra.lights import unnamed_light
 from golden.compare import optimality
 from golden.contract import words
 from golden.forms import Json, dng, resolve
@@ -119,7 +121,7 @@ def build_capture(given: dict[str, Any], engine: str) -> tuple[Capture, Options]
         MeasuredShot(
             lamp=unnamed_light(unnamed[j])
             if j in unnamed
-            else read_light(names[j - 1])
+            else _told(names[j - 1])
             if names[j - 1]
             else build_lamp(values, tolerance, modes),
             photo=replace(
@@ -216,3 +218,9 @@ def read_card(card: Json) -> ChartTable:
         layout.write_text(json.dumps(card["layout"]))
         table.write_text(card["csv"])
         return read_chart(f"{layout}:{table}")
+
+
+def _told(text: str) -> Light:
+    """The light that a name stands for, or a name and its tolerance, `D55,2%`."""
+    name, _, tolerance = text.partition(",")
+    return Shot("golden.dng", name, lamp_tolerance=tolerance or None).light()

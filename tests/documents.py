@@ -27,7 +27,7 @@ from camssf.result import Result
 from camssf.rules import rules
 from camssf.spectra import read_camera, read_chart, read_lamp
 from camssf.spectra.bundled import observer
-from camssf.spectra.lamps import unnamed_light
+from camssf.spectra.lights import unnamed_light
 from camssf.verdict.reasons import Check, Reason, Verdict
 from camssf_fleet.passport.document import Passport
 from camssf_fleet.passport.excerpt import excerpt_of

@@ -12,7 +12,8 @@ from benchmarks.claims.accuracy import (
     Setting,
 )
 from benchmarks.shared import CURVES, chart, lamp
-from camssf.grid import STEP
+from camssf.grid import STEP, WAVELENGTHS, Floats
+from camssf.recovery import whitening
 from camssf.recovery.basis import interpolate
 from camssf.recovery.covariance import (
     ABSOLUTE,
@@ -20,6 +21,7 @@ from camssf.recovery.covariance import (
     EDGE,
     RELATIVE,
     TABLE_CORRELATION,
+    red_end,
     smooth_errors,
 )
 from camssf_lab.learning.basis import learn
@@ -62,9 +64,24 @@ def test_a_left_out_maker_is_not_in_its_basis() -> None:
 
 
 @pytest.mark.full
-def test_predicted_colours_lie_within_their_bands() -> None:
-    """Cameras left out, half of a chart fitted whose table, white and lamps are off as declared: true signals of both
-    halves, without noise, against their 95 % bands."""
+def test_predicted_colours_lie_within_their_bands(monkeypatch: pytest.MonkeyPatch) -> None:
+    """26 cameras a draw: the bar's 93 to 97 %, and half a per cent for chance.
+
+    A fitted patch's scale grows with its own residual and never falls below one, so its band holds more.
+    """
+    fitted, unseen = predicted_colours_held()
+    assert 0.975 <= fitted <= 0.995
+    assert 0.925 <= unseen <= 0.975
+    monkeypatch.setattr(whitening, "MOST", 1.0)
+    for held in predicted_colours_held():
+        assert 0.925 <= held <= 0.975
+
+
+def predicted_colours_held() -> Floats:
+    """(2,) of fitted and unseen patches: share of the true signals within their 95 % bands.
+
+    Cameras left out, half of a chart fitted whose table, white and lamps are off as declared, without noise.
+    """
     cameras, bases = accuracy.left_out()
     setting = Setting("bands", ("D55", "A"), ohta=True, off=True)
     arguments, light = setting.tolerances(), np.stack([lamp(name) for name in setting.lamps])
@@ -75,7 +92,8 @@ def test_predicted_colours_lie_within_their_bands() -> None:
     held = []
     for name, camera in list(cameras.items())[::2]:
         u = [rng.normal(size=(24, curves.shape[1])) @ curves.T for curves in (long, short, short)]
-        seen = table + accuracy.CHART * (RELATIVE * table * u[0] + ABSOLUTE * u[1] + slope * u[2])
+        off = red_end(WAVELENGTHS) * (RELATIVE * table * u[0] + ABSOLUTE * u[1] + slope * u[2])
+        seen = table + accuracy.CHART * off
         white = 1.0 + accuracy.WHITE * (long @ rng.normal(size=long.shape[1]))
         true = np.stack([accuracy.true_lamp(each, True, rng) for each in setting.lamps])
         signals = ((true[:, None] * seen) @ camera) / ((true * white) @ camera)[:, None]
@@ -91,6 +109,4 @@ def test_predicted_colours_lie_within_their_bands() -> None:
         found = predicted(recovered(**given), **given, of=table[rest], of_tolerance=accuracy.CHART)
         off_by = np.abs(found.values - signals[:, [*fit, *rest]])
         held.append((off_by <= 1.96 * found.std).reshape(2, 2, 12, 3).mean(axis=(0, 2, 3)))
-    fitted, unseen = np.mean(held, axis=0)
-    assert 0.925 <= fitted <= 0.975  # 26 cameras a draw: the bar's 93 to 97 %, and half a per cent for chance
-    assert 0.925 <= unseen <= 0.975
+    return np.asarray(np.mean(held, axis=0))

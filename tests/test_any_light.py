@@ -23,6 +23,7 @@ from camssf.documents.document import document_bytes
 from camssf.documents.unnamed_light import cost_of, kinds_in_words, light_in_words, lights_of
 from camssf.errors import InvalidArgument, LampUnfit
 from camssf.fit.capture_fit import prepare_fit
+from camssf.fit.solutions import COMBINED, combined
 from camssf.grid import WAVELENGTHS
 from camssf.options import Options
 from camssf.photo.capture import Capture
@@ -45,7 +46,7 @@ from camssf.result import Result
 from camssf.spectra import Lamp, Unnamed, colour_science, read_lamp, read_light
 from camssf.spectra.bundled import observer, surfaces
 from camssf.spectra.families import FAMILIES as LAMP_KINDS
-from camssf.spectra.lamps import kind_of, unnamed_light
+from camssf.spectra.lights import Called, kind_of, unnamed_light
 from camssf.verdict.judge import _unnamed
 from camssf.verdict.lamp import RIVALS
 from camssf.verdict.reasons import Checks
@@ -439,7 +440,9 @@ def test_the_document_has_the_light() -> None:
     assert forms.to_plain(light) == document["answer"]["lights"][0]
     assert sum(light.kinds.values()) == pytest.approx(1.0)
     assert kinds_in_words(light.kinds).startswith("daylight 89 %")
-    assert light_in_words(light).endswith(f"{light.kelvin:,.0f} ± {light.kelvin_std:,.0f} K")
+    assert light_in_words(result.capture.shots[0].lamp, light).endswith(
+        f"{light.kelvin:,.0f} ± {light.kelvin_std:,.0f} K"
+    )
     assert all(kind_of(lamp) for one in document["answer"]["choice"] for lamp in one["kinds"])
     cost = cost_of(result.answer)
     assert cost is not None
@@ -469,11 +472,32 @@ def test_the_report_draws_the_light() -> None:
     assert "The estimated light" not in named
 
 
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("D:12000", r"called D:12000; by the signals another daylight of [\d,]+ ± \d+ K \(\d+%\)"),
+        ("D55", r"called D55; by the signals D55 itself \(\d\d%\) or another daylight"),
+        ("daylight", r"called daylight; by the signals of 5,\d\d\d ± \d+ K"),
+    ],
+)
+def test_a_light_that_was_called_by_a_name_is_said_so_in_result_terminal_and_report(
+    name: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The true light is D55."""
+    given = capture(resolve(PHONE), ["D55"], make="Apple")
+    result = solve(replace(given, shots=(replace(given.shots[0], lamp=read_light(name)),)))
+    (said,) = [assumption.message for assumption in result.assumptions if assumption.code == "lamp"]
+    assert re.fullmatch(f"the light was {words}.", said)
+    summarise(result, None)
+    assert re.search(f"^light: {words}$", " ".join(capsys.readouterr().err.split(" ")), re.M)
+    assert re.search(f">The light by the signals.*C{words[1:]}", page_of(result))
+
+
 def test_the_terminal_tells_the_light_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     result = found(("D55",))
     summarise(result, None)
     (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("light: ")]
-    assert line == "light: " + light_in_words(result.answer.lights[0])
+    assert line == "light: " + light_in_words(result.capture.shots[0].lamp, result.answer.lights[0])
     summarise(found(("D:6500", "2700K")), None)
     (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("light: ")]
     assert re.fullmatch(r"light: shot 1: daylight 92 %; [\d,]+ ± \d+ K; shot 2: bulb 92 %; [\d,]+ ± \d+ K", line)
@@ -507,6 +531,14 @@ def test_a_refusal_in_unnamed_light_is_a_document_too(tmp_path: Path) -> None:
     assert document_bytes(forms.read(data, Result, "test", "")) == data
     with pytest.raises(InvalidArgument, match="has no tolerance"):
         attempt(Shot(tmp_path / "none.dng", lamp_tolerance="2%"))
+
+
+def test_a_name_with_a_stated_tolerance_is_taken_as_said() -> None:
+    assert isinstance(Shot("a.dng", "D55").light(), Called)
+    told, exact = Shot("a.dng", "D55", lamp_tolerance="2%").light(), read_lamp("D55")
+    assert isinstance(told, Lamp)
+    assert (told.values == exact.values).all()
+    assert (told.tolerance, len(told.modes)) == (exact.tolerance, 0)
 
 
 # -- colour with a result in unnamed light -------------------------------------------------------------------------
@@ -591,3 +623,32 @@ def test_a_light_that_nothing_tells_is_refused_unless_it_has_one_kind(name: str)
         return
     with pytest.raises(InvalidArgument, match="lamp is unknown, and nothing in the photo tells it"):
         standard_colour(camera, name, np.full(3, 0.5))
+
+
+# -- combinations of lamps ----------------------------------------------------------------------------------------
+
+
+def test_the_combinations_of_several_lamps_are_the_most_probable_ones() -> None:
+    few = [[("a", 0.5), ("b", 0.5)], [("c", 0.9), ("d", 0.1)]]
+    assert combined(few) == [("a", "c"), ("a", "d"), ("b", "c"), ("b", "d")]
+    many = combined([[(str(i), 0.5 / (i + 1)) for i in range(7)]] * 20)
+    assert len(many) == COMBINED
+    assert many[0] == ("0",) * 20
+    assert all(sum(kind != "0" for kind in one) <= 4 for one in many)
+
+
+@pytest.mark.parametrize("name", ["D55", "daylight", "white-led"])
+def test_a_lamp_that_was_called_is_reported_on_the_papers_basis_too(name: str) -> None:
+    given = capture(resolve(PHONE), ["D55"])
+    result = solve(
+        replace(given, shots=(replace(given.shots[0], lamp=read_light(name)),)), options=Options(basis="gaussian")
+    )
+    assert "The estimated light" not in page_of(result)
+
+
+@pytest.mark.parametrize("name", ["/etc/hostname", "lamp.csv", "./D55", "HP1", "", "auto"])
+def test_a_stored_name_reads_no_file(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "lamp.csv").write_text("400,1\n700,1\n")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InvalidArgument, match="is no light by the name"):
+        Called.from_plain({"name": name}, "capture.shots[0].lamp")

@@ -159,7 +159,7 @@ def test_simulated_captures_are_solved_and_not_refused_as_files(row: str) -> Non
     device = Device(name, measured_cameras()[name], {CAMERAS: read_basis("cameras")})
     light = read_lamp("D55")
     if row == "any light":
-        simulated = any_light.capture(device, ("D55",), [light], "nikon", 3)
+        simulated = any_light.capture(device, {"D55": light.values}, [light], "nikon", 3)
     elif row.startswith("a fault"):
         staged = faults.stage(3, name, device.curves, "D55")
         simulated = Capture((faults.shoot(staged, staged.setup, search=False),), read_chart("classic24"), None)
@@ -175,7 +175,7 @@ def test_what_an_unnamed_light_costs(results: Path, capsys: pytest.CaptureFixtur
 
     status = any_light_cost.main(["--rounds", "1"])
     kept = json.loads((results / "any_light_cost.json").read_text())
-    assert len(kept["rows"]) == 14
+    assert len(kept["rows"]) == 24  # one lamp, all, two a lamp that is possible of a kind
     assert kept["kinds"] > 1.0
     assert status == ("MISSED" in capsys.readouterr().out)
 

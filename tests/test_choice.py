@@ -46,7 +46,7 @@ from camssf.recovery.sensitivity import (
 from camssf.recovery.unfamiliar_camera import code_length, family_test, stranger_probability
 from camssf.rules import rules
 from camssf.spectra import read_chart, read_lamp
-from camssf.spectra.lamps import unnamed_light
+from camssf.spectra.lights import unnamed_light
 from camssf.verdict.judge import judge
 from camssf.verdict.lamp import RIVALS, Rival
 from camssf.verdict.rival_lamps import weigh_rivals

@@ -258,10 +258,11 @@ def test_one_shot_is_equal_to_the_last_bit(
 ) -> None:
     """A tabulated lamp: no logarithm or power whose last bit the two languages' libraries round differently.
 
-    And a basis that is told: what is chosen is mixed outside the model, by sums that each language takes its own way.
+    And a basis and a lamp's tolerance that are told: what is chosen is mixed outside the model, by sums that each
+    language takes its own way.
     """
     shots, corners = photos
-    case = Case(shots[:1], [corners], ["D55"], options={"basis": "cameras"})
+    case = Case(shots[:1], [corners], ["D55"], options={"basis": "cameras", "lamp_tolerance": "2%"})
     ours, theirs = python(case), kotlin(case, tmp_path / "result.json")
     assert theirs["verdict"]["status"] == "accepted" or theirs["verdict"]["reasons"]
     check(ours, theirs, bits=True)
@@ -274,7 +275,10 @@ def test_two_shots_of_which_one_is_a_formula(
     shots, corners = photos
     case = Case(shots, [corners, np.roll(corners, 2, axis=0)], ["D55", "2856K"])
     ours, theirs = python(case), kotlin(case, tmp_path / "result.json")
-    assert [len(each["answer"]["choice"]) for each in (ours, theirs)] == [3, 3]
+    assert [len(each["answer"]["choice"]) for each in (ours, theirs)] == [
+        12,
+        12,
+    ]  # two lamps of each shot, three bases
     check(ours, theirs)
     chart, white, dark = ([getattr(shot, role) for shot in shots] for role in ("chart", "white", "dark"))
     findings = parity(Result.load(tmp_path / "result.json"), chart, white=white, dark=dark)
@@ -352,15 +356,12 @@ def phone(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[SimulatedShot]
 def test_a_light_that_nobody_named(
     phone: tuple[list[SimulatedShot], Floats], tmp_path: Path, lamps: list[str], kotlin: Kotlin
 ) -> None:
-    """Every field of the document, the light's too.
-
-    The phone is accepted, but for one named and one unnamed light: its probability of 0.767 is just below the limit.
-    """
+    """Every field of the document, the light's too."""
     shots, corners = phone
     case = Case(shots[: len(lamps)], [corners] * len(lamps), lamps)
     ours, theirs = python(case), kotlin(case, tmp_path / "result.json")
-    assert theirs["verdict"]["status"] == ("doubtful" if lamps == ["D55", "auto"] else "accepted")
-    assert [light is not None for light in theirs["answer"]["lights"]] == [lamp == "auto" for lamp in lamps]
+    assert theirs["verdict"]["status"] == "accepted"
+    assert all(light is not None for light in theirs["answer"]["lights"])  # one that was called by a name, too
     check(ours, theirs)
 
 
@@ -423,9 +424,8 @@ def test_the_torch_s_light_from_two_photos(
     ours, theirs = python(case), kotlin(case, tmp_path / "result.json")
     assert theirs["verdict"]["status"] == "accepted"
     check(ours, theirs, std=1e-11)  # of a mixture whose probabilities differ as much, after a previous result
-    light = {name: np.array(ours["answer"]["lights"][0][name]) for name in ("power", "std")}
-    off_by = np.abs(light["power"] - torch / torch.mean())
-    assert (off_by <= 1.96 * light["std"])[40:641].mean() >= 0.9  # 400 to 700 nm
+    off_by = np.array(ours["answer"]["lights"][0]["power"]) - torch / torch.mean()
+    assert np.sqrt(np.mean(off_by[40:641] ** 2)) < 0.16  # 400 to 700 nm; the mean of docs/previous.md
 
 
 @pytest.mark.parametrize("fault", ["motion", "defocus", "faded"])

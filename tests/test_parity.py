@@ -21,7 +21,7 @@ from camssf.errors import InvalidArgument
 from camssf.photo.read.dng import read_dng
 from camssf.result import Result
 from camssf.spectra import read_camera
-from camssf.spectra.lamps import kind_of
+from camssf.spectra.lights import kind_of
 
 Json = dict[str, Any]
 

@@ -30,7 +30,8 @@ from camssf.report.build import report
 from camssf.result import Result
 from camssf.rules import rules
 from camssf.spectra import read_chart, read_lamp
-from camssf.spectra.lamps import read_light, unnamed_light, with_tolerance
+from camssf.spectra.lamps import with_tolerance
+from camssf.spectra.lights import read_light, unnamed_light
 from golden.forms import resolve
 from golden.scenes import PHONE
 from tests import captures
@@ -212,7 +213,7 @@ def test_a_drift_is_noticed_and_the_previous_answer_stays(named: bool, steps: in
     assert found.verdict.reasons[0].value == check(found)
     assert (found.curves == first.curves).all()
     assert [shot.photo for shot in found.capture.shots] == [shot.photo for shot in first.capture.shots]
-    assert found.capture.hashes["not used: later.dng"] == NEW
+    assert found.capture.hashes[f"not used: later.dng, {NEW[:8]}"] == NEW
     assert "previous result: (given)" in found.capture.hashes
     with pytest.raises(InvalidArgument, match="was doubtful"):
         solve(later("A"), previous=found)
@@ -226,6 +227,16 @@ def test_another_camera_contradicts_and_does_no_harm() -> None:
     assert (found.curves == first.curves).all()
 
 
+@pytest.mark.parametrize(("lamp", "name"), [("LED-B3", "fluorescent"), ("LED-B3", "daylight"), ("A", "white-led")])
+def test_a_wrong_name_of_the_new_lamp_does_not_touch_the_previous_answer(lamp: str, name: str) -> None:
+    """The blue curve seems to have moved, but another lamp explains more."""
+    first, new = previous(), later(lamp)
+    found = solve(replace(new, shots=(replace(new.shots[0], lamp=read_light(name)),)), previous=first)
+    assert (found.verdict.status, found.verdict.reasons) == ("accepted", ())
+    assert (found.curves == first.curves).all()
+    assert "(shot 1: later.dng) did not enter: " in found.assumptions[-1].message
+
+
 @pytest.mark.requirement("R-PREVIOUS")
 def test_a_photo_that_adds_nothing_leaves_the_previous_result_as_it_is(tmp_path: Path) -> None:
     """In this light no kind explains the signals well, which says nothing of the unit."""
@@ -234,7 +245,7 @@ def test_a_photo_that_adds_nothing_leaves_the_previous_result_as_it_is(tmp_path:
     assert found.verdict.status == "accepted"
     assert (found.curves == first.curves).all()
     assert check(found) < rules().number("verdict.unit_drift_unnamed")
-    assert "later.dng did not enter: " in found.assumptions[-1].message
+    assert "the new photos (shot 1: later.dng) did not enter: " in found.assumptions[-1].message
     again = Result.load(found.save(tmp_path / "again.json"))
     assert solve(later("A"), previous=again).verdict.status == "accepted"
 

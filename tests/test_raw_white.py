@@ -17,7 +17,7 @@ from camssf.recovery.raw_white import given_raw_white, narrow
 from camssf.rules import rules
 from camssf.spectra import colour_science, read_lamp
 from camssf.spectra.bundled import observer
-from camssf.spectra.lamps import unnamed_light
+from camssf.spectra.lights import unnamed_light
 from golden.forms import resolve
 from golden.scenes import PHONE
 from tests.test_any_light import unnamed

@@ -60,8 +60,8 @@ from camssf.report.shots import ShownPatches, ShownShot, shots_of
 from camssf.result import Result
 from camssf.rules import rules
 from camssf.spectra import Lamp, read_chart, read_lamp
-from camssf.spectra.lamps import unnamed_light
 from camssf.spectra.layouts import LAYOUTS
+from camssf.spectra.lights import unnamed_light
 from camssf.verdict.reasons import Reason, Verdict
 from camssf_colour.colour_error import expected_error, true_error
 from camssf_fleet.drift import LastChange

@@ -18,7 +18,7 @@ from camssf.photo.find.search import agreement, plain_signals
 from camssf.photo.patches import FrameMeans, PatchMeans
 from camssf.photo.signals import Signals, normalise
 from camssf.recovery.basis import Basis, interpolate, read_basis
-from camssf.recovery.covariance import CHANNEL_SHARE, smooth_errors
+from camssf.recovery.covariance import CHANNEL_SHARE, red_end, smooth_errors
 from camssf.recovery.hypotheses import recover
 from camssf.recovery.observation import Observation
 from camssf.recovery.rows import anchor
@@ -346,7 +346,7 @@ def drawn(rng: np.random.Generator) -> Scene:
 
     def chart() -> Floats:
         u, v, w = (rng.normal(size=(24, c.shape[1])) @ c.T for c in (long, short, short))
-        return np.asarray(0.03 * (0.6 * TABLE.values * u + v / 3 + edge * w))
+        return np.asarray(0.03 * red_end(WAVELENGTHS) * (0.6 * TABLE.values * u + v / 3 + edge * w))
 
     curves = basis.mean + np.einsum("cmr,cr->cm", basis.dictionary, rng.normal(size=basis.dictionary.shape[::2]))
     shared, light = chart(), lamp.values * (1 + lamp.tolerance * bent @ rng.normal(size=bent.shape[1]))

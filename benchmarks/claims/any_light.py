@@ -22,7 +22,7 @@ of the 95 % bands, 400 to 700 nm, of all captures, refused ones too. Exit status
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -61,8 +61,8 @@ from camssf.recovery.unnamed_light import temperature
 from camssf.spectra import Lamp, Light, Unnamed, read_chart, read_lamp
 from camssf.spectra.bundled import observer
 from camssf.spectra.families import FAMILIES, LampKind, principal_modes
-from camssf.spectra.lamps import kind_of, unnamed_light
 from camssf.spectra.layouts import LAYOUTS
+from camssf.spectra.lights import kind_of, unnamed_light
 from camssf.spectra.sampled import colour_science
 from camssf_lab.learning.training import maker_of
 
@@ -111,7 +111,7 @@ class Taken:
     Attributes:
         device, lamps: whose, and the true lights.
         status: of the verdict. codes: of its reasons.
-        rmse, covered: of the curves.
+        rmse, covered: of the curves. blue: covered, of the blue curve alone.
         no_photo: RMSE of the mean phone of the basis, without any photo.
         phone: probability of the basis phones.
         length, lamp_residual: of its `family_test`; None if the lamp was not named.
@@ -126,6 +126,7 @@ class Taken:
     codes: tuple[str, ...]
     rmse: float
     covered: float
+    blue: float
     no_photo: float
     phone: float
     length: float
@@ -185,7 +186,7 @@ def pose() -> Pose:
 
 def capture(
     device: Device,
-    lamps: Sequence[str],
+    lamps: Mapping[str, Floats],
     given: Sequence[Light],
     maker: str,
     seed: int,
@@ -193,11 +194,10 @@ def capture(
     table: str = TABLE,
     matrices: tuple[ColourMatrix, ...] = (),
 ) -> Capture:
-    """A chart under these lamps, by default of Ohta's reflectances (24, 681), with the named table."""
+    """A chart under lamps, power (681,) by name, with the named table; by default Ohta's reflectances (24, 681)."""
     chart, shots = read_chart("classic24:ohta").values if chart is None else chart, []
     model = device.name[len(maker) :].strip() if maker else ""
-    for number, (name, light) in enumerate(zip(lamps, given, strict=True)):
-        lit = power(name)
+    for number, (lit, light) in enumerate(zip(lamps.values(), given, strict=True)):
         level = lit @ device.curves
         y = ((lit * chart) @ device.curves) / level
         level = level / level.max()
@@ -211,8 +211,8 @@ def capture(
     return Capture(tuple(shots), read_chart(table), None)
 
 
-def judged(given: Capture, device: Device, lamps: tuple[str, ...]) -> Taken:
-    """The product's verdict; the curves of a refused one are judged all the same."""
+def judged(given: Capture, device: Device, lamps: Mapping[str, Floats]) -> Taken:
+    """The product's verdict under lamps, power (681,) by name; curves of a refused one are judged all the same."""
     options = Options(engine="reference")
     try:
         done = solve(given, options=options)
@@ -226,10 +226,11 @@ def judged(given: Capture, device: Device, lamps: tuple[str, ...]) -> Taken:
     assert ssf.family_test is not None
     off = (curves - device.curves / device.curves.max(axis=0))[SEEN]
     return Taken(
-        device.name, lamps, status, codes, float(np.sqrt(np.mean(off**2, axis=0)).mean()),
-        float((np.abs(off) <= 1.96 * std[SEEN]).mean()), no_photo(device),
+        device.name, tuple(lamps), status, codes, float(np.sqrt(np.mean(off**2, axis=0)).mean()),
+        float((np.abs(off) <= 1.96 * std[SEEN]).mean()), float((np.abs(off) <= 1.96 * std[SEEN])[:, 2].mean()),
+        no_photo(device),
         sum(weight.probability for weight in ssf.choice if weight.basis == "phones"),
-        ssf.family_test.length, ssf.family_test.lamp_residual, *light(ssf, lamps[0]),
+        ssf.family_test.length, ssf.family_test.lamp_residual, *light(ssf, next(iter(lamps.values()))),
         ssf.band_ratio,
     )  # fmt: skip
 
@@ -241,12 +242,11 @@ def no_photo(device: Device) -> float:
     return float(np.sqrt(np.mean(off**2, axis=0)).mean())
 
 
-def light(ssf: Ssf, lamp: str) -> tuple[dict[str, float], float | None, tuple[float, float, float] | None]:
+def light(ssf: Ssf, true: Floats) -> tuple[dict[str, float], float | None, tuple[float, float, float] | None]:
     """The first shot's light beside the true one."""
     found = ssf.lights[0] if ssf.lights else None
     if found is None:
         return {}, None, None
-    true = power(lamp)
     held = np.abs(found.power - true)[SEEN] <= 1.96 * found.std[SEEN]
     return found.kinds, float(held.mean()), (float(temperature(true)), found.kelvin, found.kelvin_std)
 
@@ -264,7 +264,8 @@ def of_population(
             matrices = makers_matrices(device.curves, number, off)
             for lamps in every:
                 maker, seed = maker_of(device.name), 100 * number + len(lamps)
-                known: list[Lamp] = [replace(read_lamp("E"), name=lamp, values=power(lamp)) for lamp in lamps]
+                powers = {lamp: power(lamp) for lamp in lamps}
+                known: list[Lamp] = [replace(read_lamp("E"), name=lamp, values=lit) for lamp, lit in powers.items()]
                 nobody = [unnamed(lamp) for lamp in lamps]
                 ways = {NAMED: (known, maker, ()), AUTO: (nobody, maker, ()), MATRICES: (nobody, maker, matrices)}
                 if not pairs:
@@ -272,8 +273,8 @@ def of_population(
                 for word, (lights, who, stated) in ways.items():
                     title = word + {1: "", 2: ", two", 3: ", three"}[len(lamps)]
                     title += ", mixtures" if lamps[0] in MIXTURES else ", displays" if lamps[0] in DISPLAYS else ""
-                    given = capture(device, lamps, lights, who, seed, matrices=stated)
-                    rows.setdefault(title, []).append(judged(given, device, lamps))
+                    given = capture(device, powers, lights, who, seed, matrices=stated)
+                    rows.setdefault(title, []).append(judged(given, device, powers))
                 tell()
     return rows
 

@@ -43,7 +43,6 @@ from unittest.mock import patch
 import numpy as np
 
 from benchmarks.claims.lamps import draw as draw_kind
-from benchmarks.claims.lamps import tolerance as tolerance_of_kind
 from benchmarks.claims.oracle import CURVE_BAR, oracle
 from benchmarks.problems import (
     Long,
@@ -97,15 +96,16 @@ class Lights:
 
 
 def lights_of(names: Sequence[str], smooth: float, rng: np.random.Generator) -> Lights:
-    """Of a kind a real lamp is drawn; one by name is told as it is, `smooth` its tolerance."""
+    """Of a kind a real lamp is drawn, and told as one of its shapes; one by name is told as it is, to `smooth`."""
     stated, true, modes, tolerance = [], [], [], []
     for name in names:
         if name in FAMILIES:
-            power, (mean, ripple), directions = draw_kind(name, rng)
-            stated.append(mean)
-            true.append(power * ripple)
-            modes.append(directions)
-            tolerance.append(tolerance_of_kind(name, "kind"))
+            power, light = draw_kind(name, rng)
+            told = light.lamps[int(rng.integers(len(light.lamps)))]
+            stated.append(told.values)
+            true.append(power)
+            modes.append(told.modes)
+            tolerance.append(told.tolerance)
         else:
             stated.append(lamp(name))
             true.append(lamp(name))

@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.claims.accuracy import SEEN
-from benchmarks.claims.any_light import capture, unnamed
+from benchmarks.claims.any_light import capture, power, unnamed
 from benchmarks.claims.faults import real_chart
 from benchmarks.claims.phones import CAMERAS, OTHERS, Device, measured_cameras, phones_left_out
 from benchmarks.claims.strangers import LAMPS, ryyb
@@ -97,7 +97,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                         *(((unnamed(lamp), "not named"),) if phone else ()),
                     ):
                         for name, (chart, ohta) in charts(seed).items():
-                            given = device, (lamp,), [light], maker_of(device.name), seed, chart
+                            given = device, {lamp: power(lamp)}, [light], maker_of(device.name), seed, chart
                             plain, chosen = solved(capture(*given, "classic24"))
                             right = (chosen.chart.table == OHTA.table) == ohta
                             best = plain if chosen.chart.table != OHTA.table else solved(chosen)[0]

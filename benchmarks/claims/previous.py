@@ -146,7 +146,7 @@ def score(found: Result, curves: Floats) -> tuple[float, float]:
 
 def photo(device: Device, lamp: str, light: Light, seed: int, number: int) -> Capture:
     """One photo, as file number `number`."""
-    found = capture(device, [lamp], [light], maker_of(device.name), seed)
+    found = capture(device, {lamp: power(lamp)}, [light], maker_of(device.name), seed)
     (shot,) = found.shots
     gain = np.exp(WHITE * np.random.default_rng([seed, number]).normal(size=3))
     means = shot.means

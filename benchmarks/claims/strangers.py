@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.claims.any_light import HARM, Taken, capture, judged, unnamed
+from benchmarks.claims.any_light import HARM, Taken, capture, judged, power, unnamed
 from benchmarks.claims.phones import (
     CAMERAS,
     OTHER_MAKER,
@@ -139,8 +139,8 @@ def taken(
         for at, lamp in enumerate(LAMPS):
             for word, light in (("named", read_lamp(lamp)), ("not named", unnamed(lamp))):
                 seed = 100 * number + at
-                photo = capture(device, (lamp,), [light], maker, seed, faded_chart(fading, seed))
-                yield word, judged(photo, device, (lamp,))
+                photo = capture(device, {lamp: power(lamp)}, [light], maker, seed, faded_chart(fading, seed))
+                yield word, judged(photo, device, {lamp: power(lamp)})
 
 
 def row(found: Sequence[Taken]) -> dict[str, Any]:

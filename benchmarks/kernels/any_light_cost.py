@@ -26,7 +26,7 @@ from camssf.recovery.onnx_model import load_model
 from camssf.recovery.sensitivity import solve_on_basis
 from camssf.recovery.unnamed_light import by_modes
 from camssf.spectra import read_chart, read_lamp
-from camssf.spectra.lamps import unnamed_light
+from camssf.spectra.lights import unnamed_light
 
 BAR = 3.0
 """Calls with four kinds, in calls with one lamp."""

@@ -78,7 +78,7 @@ def cases() -> Iterator[Json]:
         signals=[[0.9, 0.05, 0.02], [1.4, 1.4, 1.4], [0.3, 0.3, 0.3], [0.02, 0.6, 0.7]],
     )  # fmt: skip
     wide = result("cameras", 2.0)
-    wide = {name: wide[name] for name in ("basis", "prior_scale", "ssf_std")}
+    wide = {name: wide[name] for name in ("basis", "basis_sha256", "prior_scale", "ssf_std")}
     yield case(
         "wide", "The basis cameras, with a prior twice as wide.", base | {"but": wide}, "D65", true="D65", asked=True
     )
@@ -87,8 +87,8 @@ def cases() -> Iterator[Json]:
         base | {"but": {"code_covariance": None}}, "D65", true="D65", asked=True,
     )  # fmt: skip
     yield case(
-        "other-covariance", "A covariance that does not give the bands is not believed.",
-        base | {"but": {"prior_scale": 2.0}}, "D65",
+        "other-basis", "The covariance belongs to another basis of this name, so the errors are those of the bands.",
+        base | {"but": {"basis_sha256": "0" * 64}}, "D65",
     )  # fmt: skip
     yield case(
         "exact", "Curves without a band are taken to be exact.",
@@ -160,6 +160,7 @@ def result(basis: str = "phones", scale: float = 1.0) -> Json:
         "camera": {"make": "golden", "model": "phone"},
         "shots": [{"lamp": {"name": FIRST}}],
         "basis": basis,
+        "basis_sha256": read_basis(basis).sha256(),
         "prior_scale": scale,
         "ssf": channels(values),
         "ssf_std": channels(np.round(np.sqrt(np.sum(modes**2, axis=0)), 4)),
@@ -228,6 +229,7 @@ def camera_in(given: Json) -> Camera:
     none = np.zeros((1, 0, 3))
     answer = Answer(
         basis=fields["basis"],
+        basis_sha256=fields["basis_sha256"],
         engine="onnx",
         curves=Curves.of(columns(ssf)),
         std=None if std is None else Curves.of(columns(std)),
@@ -261,7 +263,7 @@ LIMITS = (
     *each("norm", 1e-14, "white"),
     *each("exact", 0.0, "lamps"),
     *each("norm", 1e-12, "weights"),
-    *each("relative", 1e-12, "chi_squared"),
+    *each("relative", 1e-11, "chi_squared"),  # of the small difference of two raw whites
     *each("exact", 0.0, "far"),
     *each("norm", 1e-9, "reach"),
 )

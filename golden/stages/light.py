@@ -57,6 +57,8 @@ def cases() -> Iterator[Json]:
         ("called-two", "Daylight and a LED by their names, the LED's wrong.", ["D55", "LED-B3"], ["D55", "LED-B1"]),
     ):
         yield light(name, comment, PHONE, lamps, [], called=names)
+    yield light("told-of-two", "The numbers of one-of-two: a lamp named with its tolerance is taken as said.",
+                PHONE, ["D55", "A"], [2], called=["D55,2%", ""])  # fmt: skip
     yield light("told-basis", "The basis told, a fluorescent lamp not: a phone by word.", PHONE, ["FL2"], [1],
                 basis="phones")  # fmt: skip
     yield light("camera", "A camera must name its lamp: refused, and what it might have been.", NIKON, ["D55"], [1],

@@ -261,14 +261,12 @@ def _solve_with(previous: PreviousResult, capture: Capture, options: Options, te
         )
     capture = replace(capture, files=capture.files | {f"previous result: {previous.name}": previous.sha256})
     new, joint = len(capture.shots), previous.joined(capture)
-    refused: Reason | None = None
     try:
         together = _solve(joint, options, part_of(tell, 0.0, 0.5), new)
     except InvalidArgument:
         raise
     except CalibrationError as error:
-        checks, refused = error.checks, reason_of(error)
-        left_out = refused
+        checks, left_out = error.checks, reason_of(error)
     else:
         checks = together.verdict.checks
         if together.verdict.status == "accepted":
@@ -279,20 +277,19 @@ def _solve_with(previous: PreviousResult, capture: Capture, options: Options, te
             return replace(together, assumptions=(*together.assumptions, used))
         left_out = together.verdict.reasons[0]
     alone = _solve(capture, options, part_of(tell, 0.5, 1.0))
-    why = contradiction(checks, alone.verdict.checks) or refused
-    reasons = () if why is None else (why, *alone.verdict.reasons)
-    return _kept(previous, capture, reasons, left_out, tuple(check for check in checks if check.name == DRIFT))
+    why = contradiction(checks, alone.verdict.checks)
+    return _kept(previous, capture, why, left_out, tuple(check for check in checks if check.name == DRIFT))
 
 
 def _kept(
-    previous: PreviousResult, new: Capture, reasons: tuple[Reason, ...], left_out: Reason, drift: tuple[Check, ...]
+    previous: PreviousResult, new: Capture, why: Reason | None, left_out: Reason, drift: tuple[Check, ...]
 ) -> Result:
     """The previous result, with what was found about the new photos, which did not enter.
 
     Args:
         previous: the stored result.
         new: the new photos.
-        reasons: for which it is doubtful; empty if there is none.
+        why: the reason for which it is doubtful, if there is one.
         left_out: the first reason for which the new photos did not enter.
         drift: the checks of a drift.
     """
@@ -305,14 +302,15 @@ def _kept(
     assert isinstance(stored, Result)
     assert stored.verdict is not None
     assert stored.capture is not None
-    photos = {f"not used: {shot.photo.name}": shot.photo.sha256 for shot in new.shots}
-    names = " and ".join(shot.photo.name for shot in new.shots)
+    photos = {f"not used: {shot.photo.name}, {shot.photo.sha256[:8]}": shot.photo.sha256 for shot in new.shots}
+    names = ", ".join(f"shot {j}: {shot.photo.name}" for j, shot in enumerate(new.shots, 1))
     stays = Assumption(
-        "previous_result", f"the answer is that of {previous.name}; {names} did not enter: {left_out.message}"
+        "previous_result",
+        f"the answer is that of {previous.name}; the new photos ({names}) did not enter: {left_out.message}",
     )
     found = Verdict(
-        "doubtful" if reasons else "accepted",
-        reasons,
+        "accepted" if why is None else "doubtful",
+        () if why is None else (why,),
         (*(check for check in stored.verdict.checks if check.name != DRIFT), *drift),
     )
     source = {f"previous result: {previous.name}": previous.sha256}

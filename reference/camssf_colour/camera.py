@@ -21,9 +21,6 @@ from camssf.spectra import Lamp
 BAND_CORRELATION = 10.0
 """Correlation length of a curve's errors if only its band is known, nm. Photos determine integrals of the curves, so
 true errors change sign; a longer length would overestimate the uncertainty of colours even more."""
-SAME_BAND = 0.5
-"""How far the bands that an answer's covariance gives may be beyond its own, relative to the largest band: the
-covariance is that of the likelier width of the prior, which is up to half as wide again as the mixture of both."""
 LEAST = 1e-6
 """Modes with less than this share of the largest mode's variance are left out."""
 
@@ -147,18 +144,16 @@ def make_and_model(document: Document | Excerpt) -> tuple[str, str]:
 
 def _modes_of_answer(answer: Answer, band: Floats, white: Floats) -> Floats | None:
     """Modes from the answer's covariance; None if it has none, or if its basis differs from the installed one."""
-    covariance, values = answer.covariance, answer.curves.values
+    covariance = answer.covariance
+    if covariance is None:
+        return None
     try:
-        basis = widened(read_basis(answer.basis), answer.prior_scale)
+        basis = read_basis(answer.basis)
     except InvalidArgument:
         return None
-    if covariance is None or not basis.prior or len(covariance) != 3 * basis.dictionary.shape[2]:
+    if answer.basis_sha256 != basis.sha256() or len(covariance) != 3 * basis.dictionary.shape[2]:
         return None
-    with np.errstate(all="ignore"):  # the covariance may belong to another basis; this is checked below
-        modes = modes_of_code(values, covariance, basis, white)
-        # The answer's own bands show whether basis and covariance belong together: they are at least as wide.
-        std = np.sqrt(np.sum(modes**2, axis=0))
-    return with_rest(modes, band) if (std - band).max() < SAME_BAND * band.max() else None
+    return with_rest(modes_of_code(answer.curves.values, covariance, widened(basis, answer.prior_scale), white), band)
 
 
 def with_rest(modes: Floats, band: Floats) -> Floats:

@@ -15,8 +15,7 @@ from camssf.grid import Floats
 from camssf.messages import fail
 from camssf.spectra import Lamp, LampLike, Unnamed, read_lamp, read_light
 from camssf.spectra.bundled import observer
-from camssf.spectra.families import FAMILIES
-from camssf.spectra.lamps import TORCH
+from camssf.spectra.lights import kind_of
 from camssf_colour.camera import Camera, ColourCamera, as_camera
 from camssf_colour.light import Light, see
 from camssf_colour.posterior import surface_posterior
@@ -151,7 +150,7 @@ def lamps_of(lamp: LampLike, ratios: Floats | None) -> list[Lamp]:
     light = read_light(lamp)
     if not isinstance(light, Unnamed):
         return [light if isinstance(light, Lamp) else read_lamp(light.name)]
-    kinds = list(FAMILIES) if light.name != TORCH else ["white-led"]
+    kinds = list(dict.fromkeys(filter(None, (kind_of(possible.name) for possible in light.lamps))))
     if len(kinds) > 1 and ratios is None:
         raise InvalidArgument(
             "The lamp is unknown, and nothing in the photo tells it.",

@@ -73,7 +73,7 @@ def make_manifest(folder: Path | str) -> int:
         more = f"; and {len(faults) - MOST_FAULTS} more" if len(faults) > MOST_FAULTS else ""
         raise InvalidArgument(
             f"{'; '.join(faults[:MOST_FAULTS])}{more}. Nothing was written.",
-            "Name each photo UNIT_LAMP, as S1_D55.dng; `camssf lamps` lists the names of lamps.",
+            "Name each photo UNIT_LAMP, as S1_daylight.dng; `camssf lamps` lists the names of lamps.",
         )
     rows = csv.writer(text := io.StringIO(), lineterminator="\n")
     rows.writerow((*COLUMNS, "serial"))

@@ -71,7 +71,7 @@ class Row:
         red, green, blue, red_std, green_std, blue_std: curves and bands, peak = 1; empty if there are none.
         extra: further columns of the manifest, as JSON.
         l2, gamma: penalties of the fit; gamma the largest of the three channels.
-        prior_scale: width of the prior; None unless one basis was used alone, under named lights.
+        prior_scale: width of the prior; None unless one basis and one lamp of each shot were used alone.
         odds: of the basis against the others; infinite if their probability is 0, None if the basis was given.
         code_covariance: posterior covariance of the code, as in the result.
         note: of the operator.
@@ -319,9 +319,8 @@ def prior_scale_of(answer: Answer) -> float | None:
     """Width of a result's prior; None if bases or kinds of light were mixed: it does not belong to one basis."""
     from camssf.recovery.hypotheses import CLEAR
 
-    own = sum(hypothesis.probability for hypothesis in answer.choice if hypothesis.basis == answer.basis)
-    rest = sum(hypothesis.probability for hypothesis in answer.choice) - own
-    mixed = any(hypothesis.kinds for hypothesis in answer.choice) or own < CLEAR * rest
+    shares = [hypothesis.probability for hypothesis in answer.choice] or [1.0]
+    mixed = max(shares) < CLEAR * (sum(shares) - max(shares))
     return None if mixed else answer.prior_scale
 
 

@@ -23,9 +23,9 @@ from camssf.version import __version__
 Command: TypeAlias = Callable[..., Any] | Group
 
 COMMANDS: tuple[tuple[Command, str], ...] = (
-    (calibrate, "camssf calibrate photo.dng --lamp D55 --white white.dng --dark dark.dng -o out/"),
-    (patches, "camssf patches photo.dng --lamp D55 > patches.json"),
-    (solve, "camssf patches photo.dng --lamp D55 | camssf solve - > result.json"),
+    (calibrate, "camssf calibrate photo.dng --lamp daylight --white white.dng --dark dark.dng -o out/"),
+    (patches, "camssf patches photo.dng --lamp daylight > patches.json"),
+    (solve, "camssf patches photo.dng --lamp daylight | camssf solve - > result.json"),
     (validate, "camssf validate result.json --truth truth.csv > scored.json"),
     (report, "camssf report result.json -o out/ --photo photo.dng"),
     (export, "camssf export out/result.json --to rawtoaces -o camera.json"),

@@ -26,8 +26,9 @@ Lamps: TypeAlias = Annotated[
         "--lamp",
         metavar="SPEC",
         show_default=False,
-        help="Light of a photo: a CIE name, 2856K, D:5500, equal-energy or a file (see `camssf lamps`); torch for "
-        "the phone's own; auto if nobody knows, as for all photos where none is given. Repeat it in the order of the "
+        help="Light of a photo: daylight, bulb, white-led, fluorescent; a CIE name, 2856K or D:5500, weighed against "
+        "its kind; equal-energy or a file, taken as it is (see `camssf lamps`); torch for the phone's own; auto if "
+        "nobody knows, as for all photos where none is given. Outdoors: daylight. Repeat it in the order of the "
         "photos, as --white, --dark and --corners.",
     ),
 ]

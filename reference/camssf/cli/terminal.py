@@ -146,6 +146,9 @@ def summarise(result: Result, page: Path | None, *, other: Result | None = None,
     say(f"verdict: [bold {colour}]{verdict.status}[/]", f" ({_title(result)})")
     for reason in verdict.reasons:
         say(f"  [bold]{reason.code}[/]: ", f"{reason.message} {reason.advice}")
+    for assumption in result.assumptions:
+        if assumption.code == "previous_result":
+            say("previous result: ", assumption.message)
     if answer is not None:
         if expected := extension(REPORT, "colour").expected_error(result):
             say("", expected.in_words())
@@ -161,7 +164,10 @@ def summarise(result: Result, page: Path | None, *, other: Result | None = None,
             several = len(shots) > 1
             say(
                 "light: ",
-                "; ".join((f"shot {j}: " if several else "") + light_in_words(light) for j, light in lights),
+                "; ".join(
+                    (f"shot {j}: " if several else "") + light_in_words(shots[j - 1].lamp, light)
+                    for j, light in lights
+                ),
             )
     for j, shot in enumerate(shots, 1):
         for note in shot.pose.notes:

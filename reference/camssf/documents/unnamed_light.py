@@ -1,4 +1,4 @@
-"""The unnamed lights of a result, in words."""
+"""The estimated lights of a result, in words."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from camssf.documents.document import Answer
 from camssf.recovery.sensitivity import EstimatedLamp
 from camssf.spectra import Light
+from camssf.spectra.lights import Called
+from camssf.verdict.assumptions import called_in_words
 
 NAMES = {"auto": "light not named", "torch": "the phone's torch"}
 """What an unnamed light is called for a reader."""
@@ -17,7 +19,7 @@ OF_LIGHT = ("lamp", "lamp modes", "which lamp")
 
 
 def lights_of(answer: Answer | None) -> list[tuple[int, EstimatedLamp]]:
-    """Number, from 1, of each shot whose light was not named, and the estimate of its light."""
+    """Number, from 1, of each shot whose light was estimated, and the estimate."""
     return [] if answer is None else [(j, light) for j, light in enumerate(answer.lights, 1) if light is not None]
 
 
@@ -42,8 +44,10 @@ def weighed_kinds_in_words(lamps: Sequence[tuple[str, float]]) -> str:
     )
 
 
-def light_in_words(light: EstimatedLamp) -> str:
-    """One line: kinds, and the correlated colour temperature with one standard deviation."""
+def light_in_words(lamp: Light, light: EstimatedLamp) -> str:
+    """One line: what it was called, the kinds, and the correlated colour temperature with one standard deviation."""
+    if isinstance(lamp, Called):
+        return called_in_words(lamp.name, light)
     return f"{kinds_in_words(light.kinds)}; {light.kelvin:,.0f} ± {light.kelvin_std:,.0f} K"
 
 

@@ -23,8 +23,9 @@ from camssf.recovery.raw_white import given_raw_white
 from camssf.recovery.rows import levels
 from camssf.recovery.sensitivity import Ssf
 from camssf.rules import rules
-from camssf.spectra import Called, ChartTable, Lamp, PossibleLamps, Unnamed, read_lamp
+from camssf.spectra import Called, ChartTable, Lamp, Unnamed, read_lamp
 from camssf.spectra.layouts import ChartLayout
+from camssf.spectra.lights import PossibleLamps
 
 FEWEST_PATCHES = 3
 """Smallest number of patches for a fit."""

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,11 +25,13 @@ from camssf.recovery.prediction import Prediction, predict, predict_together
 from camssf.recovery.sensitivity import Problem, SolverSettings, Ssf, predict_signals, solve_together
 from camssf.rules import rules
 from camssf.shapes import Rgb, Size, Text
-from camssf.spectra import ChartTable, PossibleLamps
-from camssf.spectra.lamps import kind_of
+from camssf.spectra import ChartTable
+from camssf.spectra.lights import PossibleLamps, kind_of
 
 MOST_UNNAMED = rules().whole("lamp.most")
 """Largest number of shots whose light is not named."""
+COMBINED = rules().whole("lamp.combined")
+"""Most combinations of several shots' lamps."""
 
 
 def recover_fit(fit: CaptureFit, used: NDArray[np.bool_], gamma: ArrayLike | None) -> Ssf:
@@ -110,26 +111,43 @@ def prediction_bands(fit: CaptureFit, used: NDArray[np.bool_], ssf: Ssf) -> Floa
 
 
 def _guesses(fit: CaptureFit, used: NDArray[np.bool_]) -> list[LampGuess]:
-    """All combinations of the possible lamps of the shots."""
+    """The combinations of the possible lamps of the shots."""
     if sum(fit.unnamed) > MOST_UNNAMED:
         raise InvalidArgument(
             f"The light of {sum(fit.unnamed)} shots was not named; at most {MOST_UNNAMED} can be estimated at once.",
             "Name the lamp of the others, at least its kind: daylight, bulb, white-led or fluorescent.",
         )
-    kinds = list(product(*(_kinds(fit, used, j) for j in range(len(fit.capture.shots)))))
+    kinds = combined([_kinds(fit, used, j) for j in range(len(fit.capture.shots))])
     return [_guess(fit, used, kind) for kind in kinds]
 
 
-def _kinds(fit: CaptureFit, used: NDArray[np.bool_], j: int) -> list[str]:
-    """The lamps of shot j's light that are combined with those of the other shots; "" if it is certain."""
+def combined(kinds: Sequence[Sequence[tuple[str, float]]]) -> list[tuple[str, ...]]:
+    """The combinations of the shots' kinds, at most COMBINED of them: the most probable by each shot alone.
+
+    They stand in the order of the kinds; of equally probable ones the first stay.
+    """
+    some: list[tuple[tuple[str, ...], float]] = [((), 1.0)]
+    for own in kinds:
+        every = [((*before, kind), p * probability) for before, p in some for kind, probability in own]
+        best = sorted(range(len(every)), key=lambda i: -every[i][1])[:COMBINED]
+        some = [every[i] for i in sorted(best)]
+    return [kind for kind, _ in some]
+
+
+def _kinds(fit: CaptureFit, used: NDArray[np.bool_], j: int) -> list[tuple[str, float]]:
+    """The lamps of shot j's light that are combined with those of the other shots; "" if it is certain.
+
+    Their probabilities are those by the shot alone; equal if there is no other uncertain light.
+    """
     light = fit.capture.shots[j].lamp
     if not isinstance(light, PossibleLamps):
-        return [""]
+        return [("", 1.0)]
     kinds = [lamp.name for lamp in light.lamps]
     if sum(fit.uncertain) == 1:
-        return kinds
+        return [(kind, 1.0) for kind in kinds]
     alone, own = fit.of_shot(j), used[j : j + 1]
-    return likely_kinds([_guess(alone, own, (kind,)) for kind in kinds], fit.basis, fit.prior_odds)
+    likely = likely_kinds([_guess(alone, own, (kind,)) for kind in kinds], fit.basis, fit.prior_odds)
+    return list(likely.items())
 
 
 def _guess(fit: CaptureFit, used: NDArray[np.bool_], kinds: tuple[str, ...]) -> LampGuess:
@@ -277,9 +295,9 @@ def uncertainty_budget(fit: CaptureFit, ssf: Ssf, alone: Sequence[Ssf]) -> Uncer
         "more in the deep red, the same under every lamp",
         "white": f"{white:.1%}, smooth over {CHART_CORRELATION:g} nm",
         "lamp": ", ".join(f"{lamp.tolerance:.1%}" for lamp in lamps) + f", smooth over {LAMP_CORRELATION:g} nm",
-        "lamp modes": ", ".join(f"{lamp.name}: {len(lamp.modes)}" for lamp in lamps),
+        "lamp modes": ", ".join(f"{kind_of(lamp.name) or lamp.name}: {len(lamp.modes)}" for lamp in lamps),
         "uneven light": _evenness(fit),
-        "unseen": "the part of the prior's variance that the signals do not reduce",
+        "unseen": "the part of the prior's variance that the signals do not reduce, and what every basis misses",
     }
     between = ssf.between
     if between is not None:  # `shares` are those of the most probable hypothesis only

@@ -39,7 +39,7 @@ from camssf.recovery.unfamiliar_camera import WIDER, family_test, stranger_proba
 from camssf.recovery.unnamed_light import estimated_lamp, lamp_posteriors
 from camssf.rules import rules
 from camssf.spectra.charts import faded
-from camssf.spectra.lamps import kind_of
+from camssf.spectra.lights import kind_of
 
 AUTO = "auto"
 MAKERS_OF = {"phones": "phones", "cameras": "cameras", "ryyb": "phones"}
@@ -277,13 +277,13 @@ def of_two_widths(answer: Ssf, wider: Ssf, share: float, space: Space) -> Ssf:
     return replace(mixed, predicted=predict_signals(mixed.values, chart, likelier.lamp, rho))
 
 
-def likely_kinds(guesses: Sequence[LampGuess], basis: str | Basis, prior: Mapping[str, float]) -> list[str]:
-    """The kinds of one shot's light that are probable enough to be combined with those of other shots."""
+def likely_kinds(guesses: Sequence[LampGuess], basis: str | Basis, prior: Mapping[str, float]) -> dict[str, float]:
+    """The kinds of one shot's light that are combined with those of other shots, with their probabilities."""
     space = Space(tuple(guesses), _bases(guesses, basis, prior))
     share = dict.fromkeys((guess.kinds[0] for guess in guesses), 0.0)
     for hypothesis, probability in zip(space.hypotheses, probabilities(space.log_weights()), strict=True):
         share[hypothesis.guess.kinds[0]] += float(probability)
-    return [kind for kind, probability in share.items() if probability >= SCREENED]
+    return {kind: probability for kind, probability in share.items() if probability >= SCREENED}
 
 
 def _bases(

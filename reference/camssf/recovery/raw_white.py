@@ -18,9 +18,9 @@ from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery.covariance import LAMP_CORRELATION, smooth_errors
 from camssf.recovery.rows import DARKEST
 from camssf.rules import rules
-from camssf.spectra import Lamp, PossibleLamps
+from camssf.spectra import Lamp
 from camssf.spectra.bundled import observer
-from camssf.spectra.lamps import plain_kind
+from camssf.spectra.lights import PossibleLamps, plain_kind
 
 _NUMBER = rules().number
 Light = TypeVar("Light", bound=PossibleLamps)

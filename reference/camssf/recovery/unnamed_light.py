@@ -19,7 +19,7 @@ from camssf.recovery.whitening import whitened_model
 from camssf.rules import rules
 from camssf.spectra.bundled import correlated_temperature, observer
 from camssf.spectra.families import FAMILIES as LAMP_KINDS
-from camssf.spectra.lamps import kind_of
+from camssf.spectra.lights import kind_of
 
 NO_KIND = rules().number("lamp.no_kind")
 """Prior probability of a light that is of no kind; any kind may be taken for it."""
@@ -97,8 +97,9 @@ def estimated_lamp(
     for hypothesis in choice:
         kind = kind_of(hypothesis.kinds[j]) or NAMED
         kinds[kind] = kinds.get(kind, 0.0) + hypothesis.probability
+    other = 0.0 if called else NO_KIND
     return EstimatedLamp(
-        kinds={kind: (1.0 - NO_KIND) * min(sum_, 1.0) + NO_KIND / len(kinds) for kind, sum_ in kinds.items()},
+        kinds={kind: (1.0 - other) * min(sum_, 1.0) + other / len(kinds) for kind, sum_ in kinds.items()},
         power=mean,
         std=np.sqrt(share @ (variance + (power - mean) ** 2)),
         kelvin=middle,

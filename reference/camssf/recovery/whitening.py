@@ -153,7 +153,7 @@ def patch_scales(rows: Rows, modes: ModeRows) -> Array:
     A table may be right for most patches and wrong for one: dirt, a misprint, a pigment of another year. With C_i the
     part of Σ of patch i's chart error, P = Σ + A Aᵀ and e = P⁻¹ b, a step is
 
-        τ_i² ← τ_i² (ν + q_i) / (ν + t_i),   q_i = e_iᵀ C_i e_i,   t_i = tr C_i (P⁻¹)_ii,
+        f_i ← f_i (ν + q_i) / (ν + t_i),   q_i = e_iᵀ C_i e_i,   t_i = tr C_i (P⁻¹)_ii,
 
     between 1 and 16: a few signals cannot show that a patch is better than its table says (Lange, Little and Taylor
     1989, for one scale a patch).

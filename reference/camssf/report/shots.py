@@ -15,7 +15,7 @@ from camssf.photo.capture import Capture, MeasuredShot, Photo
 from camssf.photo.find.pose import Pose
 from camssf.photo.signals import normalise
 from camssf.recovery.sensitivity import EstimatedLamp
-from camssf.spectra import Lamp, Light
+from camssf.spectra import Called, Lamp, Light, read_lamp
 
 
 @dataclass(frozen=True)
@@ -110,8 +110,8 @@ def _colours(capture: Capture, answer: Answer) -> tuple[PatchColours, PatchColou
         light = answer.lights[j] if answer.lights else None
         if light is not None:
             powers.append(light.power)
-        elif isinstance(shot.lamp, Lamp):
-            powers.append(shot.lamp.values)
+        elif isinstance(shot.lamp, Lamp | Called):  # one that was called is its table where no lamps were weighed
+            powers.append(read_lamp(shot.lamp.name).values if isinstance(shot.lamp, Called) else shot.lamp.values)
     return patch_colours(
         answer.level[:, :, None] * signals.values,
         np.where(seen, answer.unseen, answer.predicted),

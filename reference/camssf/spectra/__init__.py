@@ -9,19 +9,8 @@ from camssf.spectra.cameras import (
     shipped_cameras,
 )
 from camssf.spectra.charts import ChartLike, ChartTable, chart_names, read_chart
-from camssf.spectra.lamps import (
-    Called,
-    Lamp,
-    LampLike,
-    Light,
-    LightLike,
-    PossibleLamps,
-    Unnamed,
-    lamp_names,
-    read_lamp,
-    read_light,
-    with_tolerance,
-)
+from camssf.spectra.lamps import Lamp, LampLike, lamp_names, read_lamp, with_tolerance
+from camssf.spectra.lights import Called, Light, LightLike, Unnamed, read_light
 from camssf.spectra.sampled import colour_science
 
 __all__ = [
@@ -35,7 +24,6 @@ __all__ = [
     "Light",
     "LightLike",
     "MeasuredCurves",
-    "PossibleLamps",
     "Unnamed",
     "camera_names",
     "chart_names",

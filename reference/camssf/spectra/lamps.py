@@ -15,14 +15,13 @@ from functools import cache, lru_cache
 from importlib.resources import files
 from os import PathLike
 from pathlib import Path
-from typing import Any, ClassVar, TypeAlias, cast
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 
 from camssf.errors import InvalidArgument
 from camssf.grid import STEP, WAVELENGTHS, Floats, frozen
 from camssf.messages import fail
-from camssf.rules import rules
 from camssf.shapes import Modes, Power, Size, Text
 from camssf.spectra.bundled import bundled, daylight, illuminant, linear, planck
 from camssf.spectra.families import FAMILIES, DrawnKind, Temperature, principal_modes, temperature_mode
@@ -110,178 +109,9 @@ UNNAMED = (AUTO, TORCH)
 """Names of unnamed lights; their shots alone identify no curves."""
 
 
-@dataclass(frozen=True)
-class PossibleLamps:
-    """A light that may be one of several lamps: it has no spectrum of its own.
-
-    Attributes:
-        name: as given.
-        lamps: the possible lamps. One of a kind has the kind's name, or that of one of its shapes, "white-led/1".
-        log_prior: ln of the prior probability of each.
-        source: description for the report.
-    """
-
-    name: str
-    lamps: tuple[Lamp, ...] = field(repr=False)
-    log_prior: tuple[float, ...] = field(repr=False)
-    source: str
-
-    @property
-    def table(self) -> Lamp | None:
-        """The lamp that the name is a table or formula of; None if only kinds are possible."""
-        first = self.lamps[0]
-        return None if kind_of(first.name) else first
-
-
-@dataclass(frozen=True)
-class Called(PossibleLamps):
-    """A light that was called by a lamp's name, or by a kind of lamps.
-
-    A lamp's name is one hypothesis beside its kind: lamps sold under one name differ, and people name them wrongly.
-    """
-
-    KIND: ClassVar[str] = "called"
-    PLAIN: ClassVar[dict[str, Any]] = {
-        "description": "A light by the name of a lamp or of a kind of lamps.",
-        "type": "object",
-        "additionalProperties": False,
-        "required": ["kind", "name"],
-        "properties": {
-            "kind": {"const": KIND},
-            "name": {"type": "string", "description": "As it was given: D55, bulb, LED-B3."},
-        },
-    }
-
-    def to_plain(self) -> dict[str, str]:
-        """The light in a document: its name alone, because its lamps are the reader's."""
-        return {"name": self.name}
-
-    @staticmethod
-    def from_plain(value: dict[str, Any], place: str) -> Called:
-        """The light of a document.
-
-        Raises:
-            InvalidArgument: another form, or a name of no kind.
-        """
-        light = called(value["name"]) if value.keys() == {"name"} and isinstance(value["name"], str) else None
-        if light is None:
-            raise InvalidArgument(f"{place} is no light by the name of a lamp or of a kind.", "Write its name: D55.")
-        return light
-
-
-@dataclass(frozen=True)
-class Unnamed(PossibleLamps):
-    """An unnamed light: "auto", or "torch"."""
-
-    KIND: ClassVar[str] = "unnamed"
-    PLAIN: ClassVar[dict[str, Any]] = {
-        "description": "A light that nobody named.",
-        "type": "object",
-        "additionalProperties": False,
-        "required": ["kind", "name"],
-        "properties": {
-            "kind": {"const": KIND},
-            "name": {"enum": list(UNNAMED), "description": "`torch` is the phone's own light."},
-        },
-    }
-
-    def to_plain(self) -> dict[str, str]:
-        """The light in a document: its name alone, because its kinds are the reader's."""
-        return {"name": self.name}
-
-    @staticmethod
-    def from_plain(value: dict[str, Any], place: str) -> Unnamed:
-        """The light of a document.
-
-        Raises:
-            InvalidArgument: another form.
-        """
-        if value.keys() != {"name"} or value["name"] not in UNNAMED:
-            raise InvalidArgument(
-                f"{place} is an unnamed light, which has only a name: {' or '.join(UNNAMED)}", "Give one of them."
-            )
-        return unnamed_light(value["name"])
-
-
-def unnamed_light(name: str = AUTO) -> Unnamed:
-    """The unnamed light "auto", or "torch", whose only kind is the white LED."""
-    if name == TORCH:
-        return Unnamed(TORCH, *_of_kind("white-led"), "the phone's torch, a white LED, as the signals say")
-    of_kinds = [(*_of_kind(kind), math.log(rules().number(f"lamp.{kind}"))) for kind in FAMILIES]
-    lamps = tuple(lamp for own, _, _ in of_kinds for lamp in own)
-    log_prior = tuple(prior + share for _, shares, prior in of_kinds for share in shares)
-    return Unnamed(AUTO, lamps, log_prior, "not named: daylight, bulb, white LED or fluorescent, as the signals say")
-
-
-def called(name: str) -> Called | None:
-    """The light of a lamp's or a kind's name; None if the lamp is of no kind, or if it is no name.
-
-    Raises:
-        InvalidArgument: as `read_lamp`.
-    """
-    lamp = read_lamp(name)
-    kind = plain_kind(lamp.name)
-    if kind is None:
-        return None
-    lamps, shares = _of_kind(kind)
-    if lamp.name == kind:
-        return Called(kind, lamps, shares, lamp.source)
-    p = rules().number("lamp.named")
-    log_prior = (math.log(p), *(math.log(1.0 - p) + share for share in shares))
-    return Called(lamp.name, (lamp, *lamps), log_prior, f"{lamp.source}, or another {kind}")
-
-
-@lru_cache(maxsize=8)
-def _of_kind(kind: str) -> tuple[tuple[Lamp, ...], tuple[float, ...]]:
-    """The lamps that a kind may be, and ln of their shares: one, or several shapes."""
-    shapes = bundled()["families"][kind].get("shapes")
-    if shapes is None:
-        return (_family(kind),), (0.0,)
-    whole = bundled()["families"][kind]
-    lamps = tuple(
-        _drawn(f"{kind}/{i}", whole | shape, f"white LEDs of shape {i}") for i, shape in enumerate(shapes, 1)
-    )
-    return lamps, tuple(math.log(shape["share"]) for shape in shapes)
-
-
-def kind_of(name: str) -> str | None:
-    """The kind of a lamp that is known by its kind alone, or by a shape of its kind; None for another lamp."""
-    kind = name.partition("/")[0]
-    return kind if kind in FAMILIES else None
-
-
-_KINDS = (
-    ("daylight", re.compile(r"d\d\d|b|c|id50|id65|d:.*")),
-    ("bulb", re.compile(r"a")),
-    ("white-led", re.compile(r"led-(b\d|bh1|v1|v2)")),
-    ("fluorescent", re.compile(r"fl.*")),
-)
-"""Names of tables and formulas by their kind."""
-HOTTEST_BULB = 3500.0
-"""Temperature above which `<T>K` is no bulb, K."""
-
-
-def plain_kind(name: str) -> str | None:
-    """The kind of the lamp that a name means: of a kind itself, or of a table or formula; None if it is of none."""
-    kind = kind_of({plain(family): family for family in FAMILIES}.get(plain(name), name))
-    if kind is not None:
-        return kind
-    key = name.strip().casefold()
-    if match := _BULB.fullmatch(key):
-        return "bulb" if float(match[1]) <= HOTTEST_BULB else None
-    if _DAY.fullmatch(key):
-        return "daylight"
-    cie = (_cie_name(name) or "").casefold()
-    return next((kind for kind, names in _KINDS if names.fullmatch(cie)), None)
-
-
-Light: TypeAlias = Lamp | Called | Unnamed
-"""The light of a shot, as given."""
 LampLike: TypeAlias = Name | Lamp | Spectrum | Pair
 """What `read_lamp` accepts: a name, a formula or a file; a Lamp; colour-science's SpectralDistribution or any object
 with `wavelengths` and `values`; or a pair of arrays, wavelengths in nm and power."""
-LightLike: TypeAlias = LampLike | Called | Unnamed
-"""What `read_light` accepts: a LampLike, or a light that was read already."""
 
 
 NAMED_LAMP = 0.02
@@ -295,7 +125,7 @@ MEASURED_LAMP = 0.01
 NOISE_BELOW_ZERO = 0.005
 """Negative power down to this share of the peak is accepted as noise of a dark-corrected spectrometer."""
 
-_BULB, _DAY = re.compile(r"(\d+(?:\.\d+)?) ?k"), re.compile(r"d: ?(\d+(?:\.\d+)?) ?k?")
+BULB_NAME, DAYLIGHT_NAME = re.compile(r"(\d+(?:\.\d+)?) ?k"), re.compile(r"d: ?(\d+(?:\.\d+)?) ?k?")
 """Names of lamps by their temperature."""
 
 _LAMP_MENU = (
@@ -319,7 +149,7 @@ def is_lamp_name(text: str) -> bool:
     key, words = text.strip().casefold(), plain(text)
     common = (plain(name) for alias in lamp_aliases() if alias.lamp for name in alias.names)
     known = {*UNNAMED, "equalenergy", *map(plain, FAMILIES), *common}
-    return words in known or bool(_BULB.fullmatch(key) or _DAY.fullmatch(key) or _cie_name(text))
+    return words in known or bool(BULB_NAME.fullmatch(key) or DAYLIGHT_NAME.fullmatch(key) or cie_name(text))
 
 
 def read_lamp(spec: LampLike) -> Lamp:
@@ -377,11 +207,11 @@ def read_lamp(spec: LampLike) -> Lamp:
         return Lamp(text, frozen(np.ones_like(WAVELENGTHS)), 0.0, modes, "equal energy, by definition")
     if kind := {plain(name): name for name in FAMILIES}.get(plain(text)):
         return _family(kind)
-    if match := _BULB.fullmatch(key):
+    if match := BULB_NAME.fullmatch(key):
         power, source, tolerance = _planck(float(match[1])), f"Planck's law, {match[1]} K", NAMED_LAMP
-    elif match := _DAY.fullmatch(key):
+    elif match := DAYLIGHT_NAME.fullmatch(key):
         power, source, tolerance = _daylight(float(match[1])), f"CIE daylight, {match[1]} K", NAMED_LAMP
-    elif name := _cie_name(text):
+    elif name := cie_name(text):
         power, source, tolerance = illuminant(name), f"CIE illuminant {name} (colour-science)", NAMED_LAMP
     elif looks_like_file(text) and not is_lamp_name(text):
         power, source = _measured_lamp(Path(text))
@@ -399,24 +229,6 @@ def read_lamp(spec: LampLike) -> Lamp:
         near = f"Did you mean D:{daylight[1]}00? " if daylight else nearest(text, names)
         raise InvalidArgument(f"No lamp is called {text!r}.", near + _LAMP_MENU)
     return Lamp(text, frozen(power / power.mean()), tolerance, modes, source)
-
-
-def read_light(spec: LightLike) -> Light:
-    """Read the light of a photo: `auto` and `torch` are unnamed; a lamp's name is one hypothesis beside its kind.
-
-    Files, objects, lamps and names of no kind are taken as said, by `read_lamp`.
-
-    Raises:
-        InvalidArgument, LampUnfit: as `read_lamp`.
-    """
-    if isinstance(spec, Called | Unnamed):
-        return spec
-    if not isinstance(spec, str):
-        return read_lamp(cast(LampLike, spec))
-    text = text_of(spec)
-    if text.casefold() in UNNAMED:
-        return unnamed_light(text.casefold())
-    return read_lamp(spec) if looks_like_file(text) and not is_lamp_name(text) else called(text) or read_lamp(spec)
 
 
 def with_tolerance(lamp: Lamp, text: str) -> Lamp:
@@ -455,11 +267,11 @@ def with_tolerance(lamp: Lamp, text: str) -> Lamp:
 def _temperature(name: str) -> tuple[Callable[[float], Floats], float]:
     """Formula and colour temperature of a lamp; raises if it has none."""
     key = name.casefold().strip()
-    if match := _BULB.fullmatch(key):
+    if match := BULB_NAME.fullmatch(key):
         return _planck, float(match[1])
-    if match := _DAY.fullmatch(key):
+    if match := DAYLIGHT_NAME.fullmatch(key):
         return _daylight, float(match[1])
-    cie = _cie_name(name)
+    cie = cie_name(name)
     if cie in bundled()["kelvin"]:
         return (_planck if cie == "A" else _daylight), bundled()["kelvin"][cie]
     raise InvalidArgument(
@@ -472,7 +284,7 @@ def _family(name: str) -> Lamp:
     family = FAMILIES[name]
     tolerance = NAMED_LAMP
     if isinstance(family, DrawnKind):
-        return _drawn(name, bundled()["families"][name], family.words)
+        return drawn_lamp(name, bundled()["families"][name], family.words)
     if isinstance(family, Temperature):
         power, modes = _planck(family.centre), temperature_mode(_planck, family.centre, family.spread)
         source = f"Planck, {family.centre:g} ± {family.spread:g} K"
@@ -483,7 +295,7 @@ def _family(name: str) -> Lamp:
     return Lamp(name, frozen(power / power.mean()), tolerance, frozen(modes), source)
 
 
-def _drawn(name: str, table: dict[str, Any], words: str) -> Lamp:
+def drawn_lamp(name: str, table: dict[str, Any], words: str) -> Lamp:
     """A kind of drawn lamps, or a shape of one, from its mean and modes at the nodes."""
     power, *rows = (linear(table | {"values": row}) for row in (table["mean"], *table["modes"]))
     modes = np.stack(rows) / np.maximum(power, table["dimmest"] * power.max())
@@ -507,7 +319,8 @@ def _daylight(kelvin: float) -> Floats:
     return daylight(kelvin)
 
 
-def _cie_name(text: str) -> str | None:
+def cie_name(text: str) -> str | None:
+    """The name of the CIE illuminant that a text means, in any spelling; None for another text."""
     key = re.sub(r"^f(?=\d)", "fl", plain(text).removeprefix("cie"))
     return {plain(name): name for name in bundled()["lamps"]}.get(key)
 

@@ -46,7 +46,11 @@ def assume(capture: Capture, ssf: Ssf, level: Floats) -> tuple[Assumption, ...]:
 def _light(lamp: Light, light: EstimatedLamp | None) -> str:
     """Describes a light as it was named, called, or estimated."""
     if light is not None:
-        return _called(lamp.name, light) if isinstance(lamp, Called) else _unnamed(lamp.name, light)
+        return (
+            f"the light was {called_in_words(lamp.name, light)}."
+            if isinstance(lamp, Called)
+            else _unnamed(lamp.name, light)
+        )
     lamp = read_lamp(lamp.name) if isinstance(lamp, Called) else lamp  # on a basis that weighs no lamps
     assert isinstance(lamp, Lamp)
     return (
@@ -72,16 +76,22 @@ def _uneven(where: str, shot: MeasuredShot, ssf: Ssf, level: Floats) -> list[Ass
     ]
 
 
-def _called(name: str, light: EstimatedLamp) -> str:
-    """Describes a light that was called by a name, and what the signals say."""
-    table = light.kinds.get(NAMED, 0.0)
+SINGULAR = {"daylight": "daylight", "bulb": "bulb", "white-led": "white LED", "fluorescent": "fluorescent lamp"}
+"""One lamp of each kind."""
+
+
+def called_in_words(name: str, light: EstimatedLamp) -> str:
+    """What a light was called, and what it is by the signals."""
+    kelvin = f"{light.kelvin:,.0f} ± {light.kelvin_std:,.0f} K"
+    if NAMED not in light.kinds:  # called by its kind: nothing else was possible
+        return f"called {name}; by the signals of {kelvin}"
+    table = light.kinds[NAMED]
     (kind, share), *_ = sorted(
         ((kind, share) for kind, share in light.kinds.items() if kind != NAMED), key=lambda pair: -pair[1]
     )
     if table > share:
-        return f"the light was called {name}; by the signals it is that table ({table:.0%}) or another {kind}."
-    kelvin = f"{light.kelvin:,.0f} ± {light.kelvin_std:,.0f} K"
-    return f"the light was called {name}; by the signals it is {kind} of {kelvin} ({share:.0%})."
+        return f"called {name}; by the signals {name} itself ({table:.0%}) or another {SINGULAR[kind]}"
+    return f"called {name}; by the signals another {SINGULAR[kind]} of {kelvin} ({share:.0%})"
 
 
 def _unnamed(name: str, light: EstimatedLamp) -> str:

@@ -19,6 +19,7 @@ from camssf.recovery.sensitivity import Ssf
 from camssf.recovery.unfamiliar_camera import code_length, longest_code
 from camssf.rules import rules
 from camssf.spectra import ChartTable
+from camssf.spectra.lights import kind_of
 from camssf.verdict.exposure_and_noise import (
     exposure,
     few,
@@ -66,7 +67,6 @@ def judge(
     alone: Sequence[Ssf] = (),
     family: str | None = None,
     unnamed: Sequence[bool] = (),
-    by_kind: Sequence[bool] = (),
     drift: float | None = None,
 ) -> Verdict:
     """Apply all rules to an answer.
@@ -79,7 +79,6 @@ def judge(
         alone: for several shots, the answer to each alone, predictions (k, n, 3); not needed for one.
         family: the basis that the maker's name in the file suggests, if any.
         unnamed: for each shot, whether its light is unnamed; empty if all are named.
-        by_kind: for each shot, whether its light was called by a kind alone; empty if none was.
         drift: `drift_probability` of the new shots against those of a previous result; None if there is none.
     """
     signals, table, lamps = inputs.signals, inputs.table, inputs.lamps
@@ -106,13 +105,13 @@ def judge(
     reasons += _other_makers(ssf, family, checks)
     alone_in_unnamed = any(unnamed) and drift is None  # a previous result says what camera it is
     reasons += _unnamed(ssf, family, checks) if alone_in_unnamed else []
-    reasons += _typical(ssf, checks) if alone_in_unnamed or (drift is None and any(by_kind)) else []
+    reasons += _typical(ssf, checks) if alone_in_unnamed or (drift is None and _of_some_kind(ssf)) else []
     fatal = any(isinstance(reason, Fatal) for reason in reasons)
     if not fatal and (len(lamps) == 1 or not any(best_explanation(one) for one in by_shot)):
         doubted = [j for j, white in enumerate(whites) if white]
         reasons += rival_lamp(rivals() if callable(rivals) else rivals, lamps, doubted, checks)
     reasons += _unusual(ssf, unnamed, checks)
-    reasons += [] if drift is None else _drifted(drift, any(unnamed), checks)
+    reasons += [] if drift is None else _drifted(drift, any(unnamed) or bool(ssf.kinds), checks)
     if any(isinstance(reason, Fatal) for reason in reasons):  # first those that refuse: the error is the first one's
         reasons.sort(key=lambda reason: not isinstance(reason, Fatal))
         return Verdict("refused", tuple(reasons), tuple(checks))
@@ -229,6 +228,11 @@ def _unnamed(ssf: Ssf, family: str | None, checks: Checks) -> list[Reason]:
     return [because("unnamed", phone, {"probability": phone}, fatal=phone < UNNAMEABLE)]
 
 
+def _of_some_kind(ssf: Ssf) -> bool:
+    """Whether a light is likeliest some lamp of a kind: it was not named, or by its kind, or by a wrong name."""
+    return any(kind_of(kind) is not None for kind in ssf.kinds)
+
+
 def _typical(ssf: Ssf, checks: Checks) -> list[Reason]:
     """Check rule 8: whether a photo in unnamed light says more than what is known of any phone without it."""
     ratio = ssf.band_ratio
@@ -242,9 +246,9 @@ def _typical(ssf: Ssf, checks: Checks) -> list[Reason]:
     return [because("typical", ratio, {"ratio": ratio, "limit": BAND_RATIO_TYPICAL})]
 
 
-def _drifted(drift: float, unnamed: bool, checks: Checks) -> list[Reason]:
+def _drifted(drift: float, uncertain: bool, checks: Checks) -> list[Reason]:
     """Check rule 10: whether the unit has changed since its previous result."""
-    limit = UNIT_DRIFT_UNNAMED if unnamed else UNIT_DRIFT
+    limit = UNIT_DRIFT_UNNAMED if uncertain else UNIT_DRIFT
     checks.note("unit_drift", drift, limit=limit)
     return [because("drift", drift, {"probability": drift}, threshold=limit)] if drift > limit else []
 
@@ -257,7 +261,7 @@ def _disagreeing(values: Floats, j: int, table: ChartTable, answer: Ssf, checks:
 
 
 def _band_too_wide(ssf: Ssf, checks: Checks) -> list[Reason]:
-    """Check that the 95 % band is narrow enough to tell cameras apart; an unfamiliar camera's is wide anyway."""
+    """Check that the 95 % band is narrow enough to tell cameras apart; an unfamiliar camera is doubtful anyway."""
     if ssf.std is None or (ssf.family_test is not None and not ssf.family_test.passed):
         return []
     width = ssf.half_width

@@ -16,7 +16,7 @@ from camssf.recovery.observation import Observation
 from camssf.recovery.sensitivity import Ssf
 from camssf.rules import rules
 from camssf.spectra import Called, Lamp, read_lamp
-from camssf.spectra.lamps import kind_of, plain_kind
+from camssf.spectra.lights import kind_of, plain_kind
 from camssf.verdict.goodness_of_fit import VerdictInputs
 from camssf.verdict.judge import judge
 from camssf.verdict.lamp import MOST_SHOTS_COMPARED, RIVALS, Neutral, Rival
@@ -64,7 +64,6 @@ def weigh(fit: CaptureFit, ssf: Ssf, alone: Sequence[Ssf], new: int | None = Non
         alone=alone,
         family=next(iter(fit.prior_odds), None) if fit.basis == AUTO else None,
         unnamed=fit.unnamed,
-        by_kind=[isinstance(shot.lamp, Called) and shot.lamp.table is None for shot in shots],
         drift=drift,
     )
 

@@ -13,11 +13,17 @@ from camssf.documents.document import Answer
 from camssf.documents.unnamed_light import cost_of, kinds_in_words, lamp_name
 from camssf.grid import CHANNELS
 from camssf.recovery.sensitivity import Proof
+from camssf.recovery.unnamed_light import NAMED
 from camssf.report.sections.drawings import light_plot
 from camssf.report.sections.text import brief, number, percent
 from camssf.report.shots import ShownShot
 from camssf.report.svg import Plot
 from camssf.spectra import Lamp
+from camssf.spectra.lights import Called
+from camssf.verdict.assumptions import called_in_words
+
+ESTIMATED = "The light estimated from the signals: the mean over its kinds, and its 95 % band."
+CALLED = "The light by the signals, where the named lamp and others of its kind are possible, and its 95 % band."
 
 
 def proof_of(proof: Proof) -> Markup:
@@ -68,15 +74,16 @@ class LightStory:
 
     Attributes:
         shot: from 1. name: as it was given.
-        named: whether it was given; else it was estimated from the signals.
-        words: its tolerance, or its kind.
-        kinds: name, probability and its text for each kind, the most probable first; empty for a named lamp.
+        estimated: whether it was estimated from the signals; else it was taken as it was given.
+        caption: what its plot shows. words: its tolerance, or its kind.
+        kinds: name, probability and its text for each kind, the most probable first; empty if no kinds were weighed.
         plot: its power with its band; None if it is not known.
     """
 
     shot: int
     name: str
-    named: bool
+    estimated: bool
+    caption: str
     words: str
     kinds: tuple[tuple[str, float, str], ...]
     plot: Plot | None
@@ -90,13 +97,13 @@ class Lights:
     cost: str
 
     @property
-    def named(self) -> bool:
-        """Whether all lights were named."""
-        return all(light.named for light in self.shots)
+    def estimated(self) -> bool:
+        """Whether a light was estimated."""
+        return any(light.estimated for light in self.shots)
 
     @property
     def several(self) -> bool:
-        """Whether a light was estimated as one of several kinds."""
+        """Whether a light was estimated as one of several."""
         return any(len(light.kinds) > 1 for light in self.shots)
 
 
@@ -105,7 +112,7 @@ def lights_of(answer: Answer | None, shots: Sequence[ShownShot]) -> Lights | Non
     lights = tuple(map(_light, shots))
     if not any(light.plot for light in lights):
         return None
-    cost = None if all(light.named for light in lights) else cost_of(answer)
+    cost = cost_of(answer) if any(light.estimated for light in lights) else None
     words = "" if cost is None else ", ".join(f"{c} {100 * v:.0f} %" for c, v in zip(CHANNELS, cost, strict=True))
     return Lights(lights, words)
 
@@ -113,17 +120,21 @@ def lights_of(answer: Answer | None, shots: Sequence[ShownShot]) -> Lights | Non
 def _light(shot: ShownShot) -> LightStory:
     lamp, light, name = shot.lamp, shot.light, f"light-{shot.number}"
     if light is not None:
-        words = (
-            f"{kinds_in_words(light.kinds)}. Correlated colour temperature {light.kelvin:,.0f} ± "
-            f"{light.kelvin_std:,.0f} K (one standard deviation)."
-        )
+        called = isinstance(lamp, Called)
+        words = called_in_words(lamp.name, light) if called else kinds_in_words(light.kinds)
+        words = f"{words[0].upper()}{words[1:]}"
+        if "±" not in words:
+            words += f". Correlated colour temperature {light.kelvin:,.0f} ± {light.kelvin_std:,.0f} K"
+        words += " (one standard deviation)."
         kinds = sorted(light.kinds.items(), key=lambda kind: -kind[1])
-        shares = tuple((kind, share, percent(share)) for kind, share in kinds)
-        return LightStory(
-            shot.number, lamp_name(lamp), False, words, shares, light_plot(light.power, light.std, name)
-        )
+        weighed = not called or NAMED in light.kinds  # of a light called by its kind alone nothing else was possible
+        shares = tuple((kind, share, percent(share)) for kind, share in kinds) if weighed else ()
+        caption = CALLED if called else ESTIMATED
+        plot = light_plot(light.power, light.std, name)
+        return LightStory(shot.number, lamp_name(lamp), True, caption, words, shares, plot)
     if not isinstance(lamp, Lamp):
-        return LightStory(shot.number, lamp.name, True, "", (), None)
+        return LightStory(shot.number, lamp.name, False, "", "", (), None)
     words = f"Taken for right to {brief(100 * lamp.tolerance)} % (one standard deviation)."
     power = lamp.values / lamp.values.mean()
-    return LightStory(shot.number, lamp.name, True, words, (), light_plot(power, power * lamp.tolerance, name))
+    plot = light_plot(power, power * lamp.tolerance, name)
+    return LightStory(shot.number, lamp.name, False, "The named lamp and its 95 % band.", words, (), plot)

@@ -77,14 +77,25 @@ internal object Assumptions {
 
     /** Describes a light that was called by a name, and what the signals say. */
     private fun called(name: String, light: EstimatedLamp): String {
-        val table = light.kinds[EstimatedLamp.NAMED] ?: 0.0
+        val called = "the light was called $name; by the signals"
+        val kelvin = "${grouped(light.kelvin)} ± ${grouped(light.kelvinStd)} K"
+        // Called by its kind: nothing else was possible.
+        val table = light.kinds[EstimatedLamp.NAMED]
+            ?: return "$called of $kelvin."
         val (kind, share) = light.kinds.entries.filter { it.key != EstimatedLamp.NAMED }.maxByOrNull { it.value }!!
         if (table > share) {
-            return "the light was called $name; by the signals it is that table (${percent(table, 0)}) or another $kind."
+            return "$called $name itself (${percent(table, 0)}) or another ${singular(kind)}."
         }
-        val kelvin = "${grouped(light.kelvin)} ± ${grouped(light.kelvinStd)} K"
-        return "the light was called $name; by the signals it is $kind of $kelvin (${percent(share, 0)})."
+        return "$called another ${singular(kind)} of $kelvin (${percent(share, 0)})."
     }
+
+    /** One lamp of a kind. */
+    private fun singular(kind: String): String =
+        when (kind) {
+            "white-led" -> "white LED"
+            "fluorescent" -> "fluorescent lamp"
+            else -> kind
+        }
 
     /** A whole number in groups of three digits: 6,480. */
     private fun grouped(value: Double): String = fixed(value, 0).reversed().chunked(3).joinToString(",").reversed()

@@ -1,6 +1,7 @@
 package org.camssf
 
 import org.camssf.photo.Signals
+import org.camssf.spectra.Lamp
 import kotlin.math.max
 
 /** Says in words how large each error source of the uncertainty budget is. */
@@ -17,9 +18,10 @@ internal object BudgetWords {
                 "more in the deep red, the same under every lamp",
             "white" to "${percent(fit.whiteTolerance, 1)}, smooth over $chart nm",
             "lamp" to fit.lamps.joinToString { percent(it.tolerance, 1) } + ", smooth over $lamps nm",
-            "lamp modes" to fit.lamps.joinToString { "${it.name}: ${it.sharedModes.size}" },
+            "lamp modes" to fit.lamps.joinToString { "${Lamp.kindOf(it.name) ?: it.name}: ${it.sharedModes.size}" },
             "uneven light" to evenness(fit, lightPerPatch),
-            "unseen" to "the part of the prior's variance that the signals do not reduce",
+            "unseen" to "the part of the prior's variance that the signals do not reduce, " +
+                "and what every basis misses",
             "which lamp" to "the difference between the results for each kind of light",
         )
     }

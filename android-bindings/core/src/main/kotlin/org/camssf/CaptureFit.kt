@@ -186,7 +186,7 @@ internal class CaptureFit(
         engines.singleOrNull()?.let { listOf(Choice.Family(it, priorScale, 0.0)) }
             ?: Choice.families(engines, priorOdds)
 
-    /** All combinations of kinds for the unnamed lights. */
+    /** The combinations of the possible lamps of the shots. */
     private fun guesses(used: PatchMask, onRun: () -> Unit): List<LampGuess> {
         val unnamed = lamps.count { it.unnamed }
         if (unnamed > AnyLight.MOST) {
@@ -195,18 +195,18 @@ internal class CaptureFit(
                 "Name the lamp of the others, at least its kind: daylight, bulb, white-led or fluorescent.",
             )
         }
-        val kinds = lamps.indices.fold(listOf(emptyList<String>())) { all, j ->
-            val own = kinds(used, j, lamps.count { it.uncertain }, onRun)
-            all.flatMap { before -> own.map { before + it } }
-        }
-        return guesses(used, kinds)
+        val uncertain = lamps.count { it.uncertain }
+        return guesses(used, AnyLight.combined(lamps.indices.map { kinds(used, it, uncertain, onRun) }))
     }
 
-    /** The lamps of shot j's light that are combined with those of the other shots; "" if it is certain. */
-    private fun kinds(used: PatchMask, j: Int, uncertain: Int, onRun: () -> Unit): List<String> {
-        if (!lamps[j].uncertain) return listOf("")
+    /**
+     * The lamps of shot j's light that are combined with those of the other shots, with their probabilities by the shot
+     * alone; "" if it is certain.
+     */
+    private fun kinds(used: PatchMask, j: Int, uncertain: Int, onRun: () -> Unit): List<Pair<String, Double>> {
+        if (!lamps[j].uncertain) return listOf("" to 1.0)
         val kinds = lamps[j].lamps.map { it.name }
-        if (uncertain == 1) return kinds
+        if (uncertain == 1) return kinds.map { it to 1.0 }
         val alone = only(j)
         val own = PatchMask(1, n) { _, i -> used[j, i] }
         return AnyLight.likelyKinds(alone.families(), alone.guesses(own, kinds.map { listOf(it) }), onRun)

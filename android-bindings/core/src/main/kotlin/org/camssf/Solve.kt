@@ -70,10 +70,9 @@ internal class Solve(
             VerdictInputs(engines[0], signals, fit.table, fit.lamps, ssf, fit.white, fit.whiteTolerance, fit.gains)
         val family = freeFit.priorOdds.keys.firstOrNull().takeIf { engines.size > 1 }
         val unnamed = freeFit.lamps.map { it.unnamed }
-        val byKind = freeFit.lamps.any { it.byKind }
         val drift = new?.let { UnitDrift.probability(inputs, ssf.basis, it) }
         val verdict = Judge.judge(
-            Case(inputs, capture.shots, alone, neutrals(), family, unnamed, byKind, drift) {
+            Case(inputs, capture.shots, alone, neutrals(), family, unnamed, drift) {
                 Rivals.of(freeFit.withChartOf(ssf), ssf, used, new ?: k) { reporter.begin(Stage.JUDGING) }
             },
         )

@@ -42,42 +42,42 @@ internal class SolveWithPrevious(
         val new = own.shots.size
         val joint = PreviousShots(source.name, previous.verdict, previous.measured).joined(own)
         var checks = emptyList<Check>()
-        var refused: Reason? = null
         val leftOut = try {
             val together = Solve(engines, joint, settings, reporter, new).run()
             val verdict = together.verdict
             if (verdict.outcome == Status.ACCEPTED) return completed(together.with(entered(new)))
             checks = verdict.checks
-            if (verdict.outcome == Status.REFUSED) refused = Reasons.refusal(verdict).reason
-            refused ?: verdict.reasons[0]
+            if (verdict.outcome == Status.REFUSED) Reasons.refusal(verdict).reason else verdict.reasons[0]
         } catch (error: Refusal) {
-            error.reason.also { refused = it }
+            error.reason
         }
         val alone = Solve(engines, own, settings, reporter).run()
         if (alone.verdict.outcome == Status.REFUSED) return completed(alone)
-        val contradiction = UnitDrift.contradiction(checks, alone.verdict.checks) ?: refused
-        val reasons = contradiction?.let { listOf(it) + alone.verdict.reasons }.orEmpty()
-        return kept(previous as Recovered, reasons, leftOut, checks.filter { it.name == UnitDrift.DRIFT })
+        val why = UnitDrift.contradiction(checks, alone.verdict.checks)
+        return kept(previous as Recovered, why, leftOut, checks.filter { it.name == UnitDrift.DRIFT })
     }
 
     /**
      * The previous result, with what was found about the new photos, which did not enter.
      *
-     * @param reasons for which it is doubtful; empty if there is none.
+     * @param why the reason for which it is doubtful, if there is one.
      * @param leftOut the first reason for which the new photos did not enter.
      */
-    private fun kept(stored: Recovered, reasons: List<Reason>, leftOut: Reason, drift: List<Check>): Recovered {
+    private fun kept(stored: Recovered, why: Reason?, leftOut: Reason, drift: List<Check>): Recovered {
         val photos = capture.shots.map { it.photo }
-        val files = stored.provenance.files + ownHash + photos.associate { "not used: ${it.name}" to it.sha256 }
-        val status = if (reasons.isEmpty()) Status.ACCEPTED else Status.DOUBTFUL
+        val unused = photos.associate { "not used: ${it.name}, ${it.sha256.take(HASH)}" to it.sha256 }
+        val files = stored.provenance.files + ownHash + unused
+        val status = if (why == null) Status.ACCEPTED else Status.DOUBTFUL
         val others = stored.verdict.checks.filter { it.name != UnitDrift.DRIFT }
-        val names = photos.joinToString(" and ") { it.name }
-        val stays = previousResult("the answer is that of ${source.name}; $names did not enter: ${leftOut.message}")
+        val names = photos.withIndex().joinToString { (j, photo) -> "shot ${j + 1}: ${photo.name}" }
+        val stays = previousResult(
+            "the answer is that of ${source.name}; the new photos ($names) did not enter: ${leftOut.message}",
+        )
         val whole = stored.capture
         val made = stored.provenance
         return Recovered(
             MeasuredCapture(whole.shots, whole.chart, whole.whiteReflectance, files), stored.answer,
-            Verdict(status, reasons, others + drift), stored.assumptions + stays,
+            Verdict(status, listOfNotNull(why), others + drift), stored.assumptions + stays,
             Provenance(made.version, made.engine, made.model, made.basis, files),
         )
     }
@@ -89,4 +89,9 @@ internal class SolveWithPrevious(
 
     private fun Solution.with(assumption: Assumption) =
         Solution(capture, signals, ssf, predictions, scores, verdict, assumptions + assumption, uncertainty)
+
+    private companion object {
+        /** Digits of a photo's hash that tell files of one name apart. */
+        const val HASH = 8
+    }
 }

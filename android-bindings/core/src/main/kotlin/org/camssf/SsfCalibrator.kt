@@ -45,7 +45,7 @@ public fun interface Logger {
  *
  * ```kotlin
  * suspend fun recover(photo: PhotoSource, corners: Corners) = SsfCalibrator.open().use { calibrator ->
- *     val shot = Shot(photo, Lamp.read("D55"), corners)
+ *     val shot = Shot(photo, Lamp.read("daylight"), corners)
  *     when (val result = calibrator.calibrate(Capture(shot, ChartTable.read("classic24")))) {
  *         is Recovered -> println("red at 600 nm: ${result.curve(Channel.RED).at(600.0)}")
  *         is Refused -> println("${result.error.message} ${result.error.advice}")
@@ -219,7 +219,11 @@ public class SsfCalibrator private constructor(
         return refusing(measuring::partial) { finish(measuring.run(), options, reporter) }
     }
 
-    private fun finish(capture: MeasuredCapture, options: CalibrationOptions, reporter: ProgressReporter): CalibrationResult {
+    private fun finish(
+        capture: MeasuredCapture,
+        options: CalibrationOptions,
+        reporter: ProgressReporter,
+    ): CalibrationResult {
         val previous = options.previous
         val result = if (previous == null) {
             completed(Solve(engines, capture, options, reporter).run())

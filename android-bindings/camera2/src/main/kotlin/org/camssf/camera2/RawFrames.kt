@@ -75,7 +75,7 @@ public class OpenRawFrame internal constructor(
  * ```kotlin
  * fun shot(image: Image, camera: CameraCharacteristics, result: TotalCaptureResult, corners: Corners): Shot {
  *     val frame = image.use { RawFrames.read(it, camera, result, "chart", ChartPose.region(corners)) }
- *     return Shot(PhotoSource.of(frame.mosaic), Lamp.read("D55"), corners)
+ *     return Shot(PhotoSource.of(frame.mosaic), Lamp.read("daylight"), corners)
  * }
  * ```
  */

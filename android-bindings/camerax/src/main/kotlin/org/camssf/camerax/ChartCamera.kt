@@ -54,7 +54,7 @@ import kotlin.coroutines.resumeWithException
  * ```kotlin
  * suspend fun photograph(camera: ChartCamera, analysis: ImageAnalysis, capture: ImageCapture, file: File): Shot {
  *     val corners = camera.awaitChart(analysis) { println(it.words) }
- *     return Shot(camera.takeDng(capture, file), Lamp.read("D55"), corners)
+ *     return Shot(camera.takeDng(capture, file), Lamp.read("daylight"), corners)
  * }
  * ```
  *

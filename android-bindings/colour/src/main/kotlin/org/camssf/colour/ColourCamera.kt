@@ -65,7 +65,8 @@ internal class ColourCamera private constructor(
             val curves = result.answer.curves
             val values = curves.values.toTypedArray()
             return of(values, curves.std?.toTypedArray(), curves.channelGain, StoredLamp.of(result), camera) { lamp ->
-                curves.codeCovariance?.let { ofCode(result.basis.name, result.basis.priorScale, it, values, lamp) }
+                val basis = LearnedBasis.of(result.basis.name, result.provenance.basis)
+                ofCode(basis, result.basis.priorScale, curves.codeCovariance, values, lamp)
             }
         }
 
@@ -128,40 +129,26 @@ internal class ColourCamera private constructor(
             if (!std.all { band -> band.all { it >= 0 && it.isFinite() } }) {
                 throw InvalidArgument("A standard deviation is negative or not finite.", DocumentForm.ADVICE)
             }
-            val modes = ownWhite?.let { ofCode(it.lamp) }?.takeIf { isWithin(it, std) }?.let { withRest(it, std) }
+            val modes = ownWhite?.let { ofCode(it.lamp) }?.let { withRest(it, std) }
                 ?: ofBands(std)
             return ColourCamera(values, modes, ownWhite, camera)
         }
 
-        /**
-         * Modes from the covariance of the curves' code, its lower triangle; null if it belongs to no shipped basis.
-         */
+        /** Modes from the covariance of the curves' code on a basis, its lower triangle; null without either. */
         fun ofCode(
-            name: String,
+            basis: LearnedBasis?,
             scale: Double,
-            triangle: DoubleArray,
+            triangle: DoubleArray?,
             values: Three,
             lamp: Lamp,
         ): List<Three>? {
-            val basis = LearnedBasis.of(name) ?: return null
+            if (basis == null || triangle == null) return null
             val size = 3 * basis.atoms
             if (!(scale > 0 && scale.isFinite()) || triangle.size != size * (size + 1) / 2) return null
             val covariance = Array(size) { a ->
                 DoubleArray(size) { b -> max(a, b).let { triangle[it * (it + 1) / 2 + min(a, b)] } }
             }
             return modes(values, covariance, basis, scale, lamp.sharedValues)
-        }
-
-        /** Whether the result's own bands are at least as wide as the modes. */
-        private fun isWithin(modes: List<Three>, std: Three): Boolean {
-            var beyond = Double.NEGATIVE_INFINITY
-            for (c in 0..2) {
-                for (m in 0 until Grid.SIZE) {
-                    val band = sqrt(variance(modes, c, m))
-                    beyond = if (band.isNaN()) Double.NaN else max(beyond, band - std[c][m])
-                }
-            }
-            return beyond < SAME_BAND * std.maxOf { it.max() }
         }
 
         /**
@@ -275,12 +262,6 @@ internal class ColourCamera private constructor(
 
         /** Correlation length of a curve's errors if only its band is known, nm. */
         private const val BAND_CORRELATION = 10.0
-
-        /**
-         * How far the covariance's bands may be beyond those of the document, as a fraction of the largest band: the
-         * covariance is that of the likelier width of the prior, up to half as wide again as the mixture of both.
-         */
-        private const val SAME_BAND = 0.5
 
         /** Modes with less than this fraction of the largest one's variance are left out. */
         private const val LEAST = 1e-6

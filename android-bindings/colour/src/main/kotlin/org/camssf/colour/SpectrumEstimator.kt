@@ -18,7 +18,7 @@ import org.camssf.frozen
  * ```kotlin
  * fun erythema(result: Recovered, photo: Mosaic, whiteArea: Region, cheekArea: Region): Double {
  *     val (white, cheek) = RawRegion.measure(photo, listOf(whiteArea, cheekArea))
- *     val light = PhotoLight(Lamp.read("D55"), Reference(white, reflectance = 0.9))
+ *     val light = PhotoLight(Lamp.read("daylight"), Reference(white, reflectance = 0.9))
  *     val estimator = SpectrumEstimator.of(result, listOf(light), SurfacePrior.read("skin"))
  *     return estimator.spectrumOf(cheek).index(SkinIndex.ERYTHEMA).value
  * }

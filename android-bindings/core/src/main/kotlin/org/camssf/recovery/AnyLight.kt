@@ -141,7 +141,9 @@ internal class AnyLight(
             return Recover.recover(problems, frames, penalties)
         }
         val own = solved(hypotheses) { if (it.guess.tabulated) max(it.family.scale, 1.0) else it.family.scale }
-        val narrow = hypotheses.indices.filter { hypotheses[it].family.scale < 1.0 && !hypotheses[it].guess.tabulated }
+        val narrow = hypotheses.indices.filter {
+            hypotheses[it].family.scale < 1.0 && !hypotheses[it].guess.tabulated
+        }
         if (narrow.isEmpty()) return own
         val wide = narrow.zip(solved(narrow.map { hypotheses[it] }) { 1.0 }).toMap()
         return own.mapIndexed { i, answer ->
@@ -183,8 +185,10 @@ internal class AnyLight(
         }
         val shares = compared.groupBy { Lamp.kindOf(it.kinds[j]) ?: EstimatedLamp.NAMED }
             .mapValues { (_, own) -> min(own.sumOf { it.probability }, 1.0) }
-        val names = if (EstimatedLamp.NAMED in shares) shares.keys else Bundled.families
-        val kinds = names.associateWith { (1.0 - NO_KIND) * (shares[it] ?: 0.0) + NO_KIND / names.size }
+        val called = EstimatedLamp.NAMED in shares
+        val names = if (called) shares.keys else Bundled.families
+        val other = if (called) 0.0 else NO_KIND
+        val kinds = names.associateWith { (1.0 - other) * (shares[it] ?: 0.0) + other / names.size }
         return EstimatedLamp(kinds, mean, std, kelvin, sqrt(spread))
     }
 
@@ -203,6 +207,9 @@ internal class AnyLight(
         /** Smallest probability, by its own shot alone, of a kind that is combined with those of other shots. */
         private val SCREENED get() = Rules.shipped.number("lamp.screened")
 
+        /** Most combinations of several shots' lamps that are weighed. */
+        private val COMBINED get() = Rules.shipped.number("lamp.combined").toInt()
+
         /** The families, with a narrower prior of phones where no light is named. */
         private fun narrowed(families: List<Choice.Family>, guesses: List<LampGuess>): List<Choice.Family> {
             if (guesses.any { guess -> guess.kinds.any { it.isEmpty() } }) return families
@@ -213,14 +220,29 @@ internal class AnyLight(
         }
 
         /** The kinds of one shot's light that are probable enough to be combined with those of other shots. */
-        fun likelyKinds(families: List<Choice.Family>, guesses: List<LampGuess>, onRun: () -> Unit): List<String> {
+        fun likelyKinds(
+            families: List<Choice.Family>,
+            guesses: List<LampGuess>,
+            onRun: () -> Unit,
+        ): List<Pair<String, Double>> {
             val hypotheses =
                 narrowed(families, guesses).flatMap { family -> guesses.map { LampHypothesis(it, family) } }
             val likely = Choice.probabilities(joint(hypotheses, evidences(hypotheses, onRun)))
-            return guesses.map { it.kinds[0] }.filter { kind ->
-                hypotheses.indices.filter { hypotheses[it].guess.kinds[0] == kind }.sumOf { likely[it] } >= SCREENED
-            }
+            return guesses.map { it.kinds[0] }.map { kind ->
+                kind to hypotheses.indices.filter { hypotheses[it].guess.kinds[0] == kind }.sumOf { likely[it] }
+            }.filter { it.second >= SCREENED }
         }
+
+        /**
+         * The combinations of the shots' kinds, at most COMBINED of them: the most probable by each shot alone, in the
+         * order of the kinds; of equally probable ones the first stay.
+         */
+        fun combined(kinds: List<List<Pair<String, Double>>>): List<List<String>> =
+            kinds.fold(listOf(emptyList<String>() to 1.0)) { some, own ->
+                val every = some.flatMap { (before, p) -> own.map { (kind, share) -> before + kind to p * share } }
+                val best = every.indices.sortedByDescending { every[it].second }.take(COMBINED)
+                best.sorted().map { every[it] }
+            }.map { it.first }
 
         /** ln of the evidence of each hypothesis; those of one family are computed together. */
         private fun evidences(hypotheses: List<LampHypothesis>, onRun: () -> Unit): DoubleArray {

@@ -16,6 +16,14 @@ internal class BasisConstants private constructor(val mean: DoubleArray, val dic
     /** r, the number of atoms of each channel. */
     val atoms: Int get() = dictionary.size / mean.size
 
+    /** SHA-256 of mean and dictionary, rounded to 12 decimals: what a result and a model state as `basis_sha256`. */
+    val roundedSha256: String by lazy {
+        val numbers = mean + dictionary
+        val bytes = ByteBuffer.allocate(Double.SIZE_BYTES * numbers.size).order(ByteOrder.LITTLE_ENDIAN)
+        for (number in numbers) bytes.putDouble(Math.rint(number * 1e12) / 1e12 + 0.0)
+        Models.sha256(bytes.array())
+    }
+
     companion object {
         /** Names of the learned bases, in the order of their file. */
         val NAMES = listOf("cameras", "phones", "ryyb")

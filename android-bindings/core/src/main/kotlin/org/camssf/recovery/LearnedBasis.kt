@@ -17,10 +17,11 @@ internal class LearnedBasis private constructor(
     companion object {
         private val made = HashMap<BasisConstants, LearnedBasis>()
 
-        /** The bundled basis of this name, cached; null if there is none. */
-        fun of(name: String): LearnedBasis? = BasisConstants.of(name)?.let { constants ->
-            synchronized(made) { made.getOrPut(constants) { straight(constants) } }
-        }
+        /** The bundled basis of this name and `basis_sha256`, cached; null if there is none. */
+        fun of(name: String, sha256: String?): LearnedBasis? =
+            BasisConstants.of(name)?.takeIf { it.roundedSha256 == sha256 }?.let { constants ->
+                synchronized(made) { made.getOrPut(constants) { straight(constants) } }
+            }
 
         private fun straight(nodes: BasisConstants): LearnedBasis {
             val r = nodes.atoms

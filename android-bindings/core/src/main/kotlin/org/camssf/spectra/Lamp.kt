@@ -44,9 +44,6 @@ public class Lamp internal constructor(
     /** Whether the light may be one of several lamps: it was not named, or by a name only. */
     internal val uncertain: Boolean get() = lamps.isNotEmpty()
 
-    /** Whether the light was called by a kind alone. */
-    internal val byKind: Boolean get() = !unnamed && uncertain && kindOf(name) != null
-
     /** The lamp as it was called: the table of a name, the one lamp of a kind. */
     internal fun asSaid(): Lamp = Lamp(name, sharedValues, tolerance, sharedModes, source, file, toleranceKelvin)
 

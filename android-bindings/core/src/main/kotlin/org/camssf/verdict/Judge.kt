@@ -30,7 +30,6 @@ internal class Case(
     val neutrals: List<List<CameraWhite>>,
     val family: String?,
     val unnamed: List<Boolean> = emptyList(),
-    val byKind: Boolean = false,
     val drift: Double? = null,
     val rivals: () -> List<Rival>,
 ) {
@@ -91,13 +90,18 @@ internal object Judge {
         // A previous result says what camera it is.
         val aloneInUnnamed = case.unnamed.any { it } && case.drift == null
         if (aloneInUnnamed) reasons += Light.unnamed(inputs.ssf.choice, case.family, checks)
-        if (aloneInUnnamed || (case.byKind && case.drift == null)) reasons += typical(inputs.ssf, checks)
+        // Likeliest some lamp of a kind: not named, or by its kind, or by a wrong name.
+        val ofSomeKind = case.drift == null && inputs.ssf.kinds.any { Lamp.kindOf(it) != null }
+        if (aloneInUnnamed || ofSomeKind) reasons += typical(inputs.ssf, checks)
         if (reasons.none { it.fatal } && (case.shots.size == 1 || each.none { it.bestExplanation() != null })) {
             val doubted = whites.indices.filter { whites[it].isNotEmpty() }
             reasons += Light.rivalLamp(case.rivals(), case.shots.map { it.lamp.name }, doubted, checks)
         }
         reasons += unusual(inputs.ssf, case.unnamed, checks)
-        case.drift?.let { reasons += drifted(it, case.unnamed.any { each -> each }, checks) }
+        case.drift?.let {
+            val uncertain = case.unnamed.any { each -> each } || inputs.ssf.kinds.isNotEmpty()
+            reasons += drifted(it, uncertain, checks)
+        }
         // First those that refuse: the error is the first one's, also in a stored result.
         return Verdict(Status.of(reasons), reasons.sortedBy { !it.fatal }, checks.all)
     }

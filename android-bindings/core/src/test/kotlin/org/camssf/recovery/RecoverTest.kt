@@ -222,6 +222,9 @@ class RecoverTest {
     fun `learned bases share a model until the last one is closed`() {
         val (phones, cameras) = listOf("phones", "cameras").map { OnnxEngine.load(it) }
         assertEquals(phones.sha256, cameras.sha256)
+        for (engine in listOf(phones, cameras)) {
+            assertEquals(BasisConstants.of(engine.basis)!!.roundedSha256, engine.metadata["basis_sha256"])
+        }
         assertTrue(phones.metadata["basis_sha256"] != cameras.metadata["basis_sha256"])
         val first = Recover.recover(cameras, observation(0.002, 0.03), null, defaults)
         phones.close()

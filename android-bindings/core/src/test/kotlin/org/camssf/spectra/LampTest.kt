@@ -55,8 +55,10 @@ class LampTest {
             assertEquals(1.0, lamp.logPrior.sumOf { exp(it) }, 1e-6)
             assertTrue(!lamp.withTolerance("2%").uncertain && !lamp.asSaid().uncertain)
         }
-        assertTrue(Lamp.read("daylight").byKind && Lamp.read("white-led").lamps.size == 6)
-        for (name in listOf("E", "HP1", "LED-RGB1", "5000K", "equal-energy")) assertFalse(Lamp.read(name).uncertain, name)
+        assertEquals(listOf(1, 6), listOf("daylight", "white-led").map { Lamp.read(it).lamps.size })
+        for (name in listOf("E", "HP1", "LED-RGB1", "5000K", "equal-energy")) {
+            assertFalse(Lamp.read(name).uncertain, name)
+        }
     }
 
     @Test

@@ -139,7 +139,7 @@ public class Calibrate private constructor() : Closeable {
                 file.isFile -> Lamp.parse(file.name, file.readBytes())
                 name == AUTO -> Lamp.auto()
                 name == "torch" -> Lamp.torch()
-                else -> Lamp.read(name).asSaid()
+                else -> Lamp.read(name)
             }
         }
     }

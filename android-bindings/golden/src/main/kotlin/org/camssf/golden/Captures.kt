@@ -173,13 +173,17 @@ internal class Captures(private val forms: Forms, private val frames: Statistics
             val light = when (j) {
                 in unnamed -> Lamp.auto()
                 in torch -> Lamp.torch()
-                else -> called.getOrNull(j)?.takeIf { it.isNotEmpty() }?.let { Lamp.read(it) } ?: named
+                else -> called.getOrNull(j)?.takeIf { it.isNotEmpty() }?.let(::told) ?: named
             }
             val (white, dark) = listOf(means.white, means.dark).map { frame -> photo.takeIf { frame != null } }
             MeasuredShot(light, with(matrices(j)), white, dark, pose, means, LensShading.AS_STORED)
         }
         return MeasuredCapture(shots, table, maybe(case, "white_reflectance"))
     }
+
+    /** The light that a name stands for, or a name and its tolerance, `D55,2%`. */
+    private fun told(text: String): Lamp =
+        Lamp.read(text.substringBefore(",")).withTolerance(text.substringAfter(",", ""))
 
     private fun row(tensor: Tensor, at: Int): DoubleArray =
         tensor.values.copyOfRange(at * Grid.SIZE, (at + 1) * Grid.SIZE)

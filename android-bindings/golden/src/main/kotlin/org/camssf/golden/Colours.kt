@@ -33,6 +33,7 @@ import org.camssf.colour.View
 import org.camssf.photo.LensShading
 import org.camssf.photo.PhysicalCamera
 import org.camssf.photo.Region
+import org.camssf.recovery.LearnedBasis
 import org.camssf.recovery.Tensor
 import org.camssf.spectra.Bundled
 import org.camssf.spectra.Lamp
@@ -159,10 +160,9 @@ internal class Colours(private val files: GoldenFiles, private val forms: Forms,
             lamp(result.getValue("shots").jsonArray[0].jsonObject),
             CameraOfCurves(named.text("make"), named.text("model"), PhysicalCamera()),
         ) { own ->
-            (result["code_covariance"] as? JsonArray)?.let {
-                val scale = result.getValue("prior_scale").jsonPrimitive.double
-                ColourCamera.ofCode(result.text("basis"), scale, numbers(it), values, own)
-            }
+            val basis = LearnedBasis.of(result.text("basis"), result.text("basis_sha256"))
+            val scale = result.getValue("prior_scale").jsonPrimitive.double
+            ColourCamera.ofCode(basis, scale, (result["code_covariance"] as? JsonArray)?.let(::numbers), values, own)
         }
     }
 

@@ -53,7 +53,7 @@ public class SelfTestActivity : Activity() {
     override fun onCreate(state: Bundle?) {
         super.onCreate(state)
         said = TextView(this)
-        lamps = choice(Lamp.names() + UNNAMED, "D55")
+        lamps = choice(Lamp.names() + UNNAMED, "daylight")
         charts = choice(ChartTable.names(), "classic24")
         corners = CornersView(this)
         curves = CurvesView(this)
