@@ -107,10 +107,23 @@ def parse_with_phones(parser: argparse.ArgumentParser, arguments: Sequence[str] 
         help="measured phones instead; without a file that of CAMSSF_PHONES",
     )  # fmt: skip
     options = parser.parse_args(arguments)
-    if options.phones != "":
-        return options
+    return options if options.phones != "" else _missing_phones()
+
+
+def parse_for_phones(
+    parser: argparse.ArgumentParser, arguments: Sequence[str] | None, *others: str
+) -> argparse.Namespace | None:
+    """The options of a program that needs the measured phones, `take_tables` of them and `others` among them.
+
+    None if their table is missing, which is said.
+    """
+    take_tables(parser, "phones", *others)
+    options = parser.parse_args(arguments)
+    return _missing_phones() if options.phones is None else options
+
+
+def _missing_phones() -> None:
     print("The measured phones are missing: name their table by --phones or CAMSSF_PHONES.", file=sys.stderr)
-    return None
 
 
 def bar(name: str, value: float, limit: float, *, least: bool = False) -> dict[str, Any]:

@@ -31,11 +31,11 @@ from benchmarks.shared import (
     console,
     count_missed,
     one_thread,
+    parse_for_phones,
     progress,
     save,
     standing_in,
     table,
-    take_tables,
     versions,
 )
 from camssf.calibration import solve
@@ -177,12 +177,10 @@ def row(rows: Sequence[Judged]) -> dict[str, Any]:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = command_parser(__spec__, __doc__)
-    take_tables(parser, "phones")
     parser.add_argument("--draws", type=int, default=1, help="captures of each phone under each lamp")
     parser.add_argument("--offsets", action="store_true", help="what is named without a dark frame instead")
-    options = parser.parse_args(arguments)
-    if options.phones is None:
-        print("The measured phones are missing: name their table by --phones or CAMSSF_PHONES.", file=sys.stderr)
+    options = parse_for_phones(parser, arguments)
+    if options is None:
         return 2
     devices = phones_left_out(read_curves(options.phones))
     if options.offsets:

@@ -36,11 +36,11 @@ from benchmarks.shared import (
     console,
     count_missed,
     one_thread,
+    parse_for_phones,
     progress,
     save,
     standing_in,
     table,
-    take_tables,
     versions,
 )
 from camssf.grid import WAVELENGTHS, Floats
@@ -172,10 +172,8 @@ def show(document: dict[str, dict[str, Any]]) -> None:
 
 def main(arguments: list[str] | None = None) -> int:
     parser = command_parser(__spec__, __doc__)
-    take_tables(parser, "phones")
-    options = parser.parse_args(arguments)
-    if options.phones is None:
-        print("The measured phones are missing: name their table by --phones or CAMSSF_PHONES.", file=sys.stderr)
+    options = parse_for_phones(parser, arguments)
+    if options is None:
         return 2
     phones = phones_left_out(read_curves(options.phones))
     document: dict[str, dict[str, Any]] = {}

@@ -25,7 +25,8 @@ import numpy as np
 from benchmarks.claims.accuracy import LAMP_SMOOTH, LOW, SEEN, score
 from benchmarks.claims.phones import CAMERAS, PHONES, each_left_out
 from benchmarks.shared import chart, command_parser, console, one_thread, progress, save, table, take_tables, versions
-from camssf.grid import WAVELENGTHS, Floats
+from camssf.fit.capture_fit import lamp_modes
+from camssf.grid import Floats
 from camssf.recovery.basis import interpolate
 from camssf.recovery.covariance import LAMP_CORRELATION, smooth_errors
 from camssf.recovery.hypotheses import LampGuess, recover
@@ -82,12 +83,12 @@ def by_kind(known: Observation, lights: Sequence[Called]) -> list[LampGuess]:
     guesses = []
     for choice in product(*(zip(light.lamps, light.log_prior, strict=True) for light in lights)):
         lamps = [lamp for lamp, _ in choice]
-        modes = np.zeros((len(lamps), max(len(lamp.modes) for lamp in lamps), WAVELENGTHS.size))
-        for j, lamp in enumerate(lamps):
-            modes[j, : len(lamp.modes)] = lamp.modes
         tolerances = np.array([lamp.tolerance for lamp in lamps])
         told = replace(
-            known, lamp=np.stack([lamp.values for lamp in lamps]), lamp_modes=modes, lamp_tolerance=tolerances
+            known,
+            lamp=np.stack([lamp.values for lamp in lamps]),
+            lamp_modes=lamp_modes(lamps),
+            lamp_tolerance=tolerances,
         )
         guesses.append(LampGuess(tuple(lamp.name for lamp in lamps), told, sum(prior for _, prior in choice)))
     return guesses

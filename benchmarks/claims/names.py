@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.claims.any_light import Taken, capture, judged
+from benchmarks.claims.any_light import Taken, capture, judged, power
 from benchmarks.claims.kinds import lights
 from benchmarks.claims.phones import OTHERS, phones_left_out
 from benchmarks.claims.wrong_lamps import stands_in
@@ -28,11 +28,11 @@ from benchmarks.shared import (
     console,
     count_missed,
     one_thread,
+    parse_for_phones,
     progress,
     save,
     standing_in,
     table,
-    take_tables,
     versions,
 )
 from camssf.grid import Floats
@@ -67,11 +67,6 @@ def settings() -> dict[str, list[tuple[str, str, Floats]]]:
         "FL, right": [(name, name, power(name)) for name in TUBES],
         "FL, another": [(TUBES[i % 3], true, lit) for i, (true, lit) in enumerate(sold["fluorescent"][::2])],
     }  # fmt: skip
-
-
-def power(name: str) -> Floats:
-    """(681,) of mean 1."""
-    return read_lamp(name).values
 
 
 def ways(name: str) -> dict[str, Light]:
@@ -122,10 +117,8 @@ def show(document: dict[str, dict[str, dict[str, Any]]]) -> None:
 
 def main(arguments: list[str] | None = None) -> int:
     parser = command_parser(__spec__, __doc__)
-    take_tables(parser, "phones")
-    options = parser.parse_args(arguments)
-    if options.phones is None:
-        print("The measured phones are missing: name their table by --phones or CAMSSF_PHONES.", file=sys.stderr)
+    options = parse_for_phones(parser, arguments)
+    if options is None:
         return 2
     phones = phones_left_out(read_curves(options.phones))
     document: dict[str, dict[str, dict[str, Any]]] = {}

@@ -48,11 +48,11 @@ from benchmarks.shared import (
     command_parser,
     console,
     one_thread,
+    parse_for_phones,
     progress,
     save,
     standing_in,
     table,
-    take_tables,
     versions,
 )
 from camssf.errors import CalibrationError
@@ -380,11 +380,9 @@ def judge(nodes: Mapping[str, Floats], foreign: Path | None, draws: int) -> dict
 
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = command_parser(__spec__, __doc__)
-    take_tables(parser, "phones", "foreign")
     parser.add_argument("--draws", type=int, default=8, help="of noise and lamps, for each device and setting")
-    options = parser.parse_args(arguments)
-    if options.phones is None:
-        print("The measured phones are missing: name their table by --phones or CAMSSF_PHONES.", file=sys.stderr)
+    options = parse_for_phones(parser, arguments, "foreign")
+    if options is None:
         return 2
     try:
         document = judge(read_curves(options.phones), options.foreign, options.draws)

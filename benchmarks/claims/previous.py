@@ -32,11 +32,11 @@ from benchmarks.shared import (
     console,
     count_missed,
     one_thread,
+    parse_for_phones,
     progress,
     save,
     standing_in,
     table,
-    take_tables,
     versions,
 )
 from camssf.calibration import solve
@@ -293,11 +293,9 @@ REPORTED = "every other phone"
 
 def main(arguments: list[str] | None = None) -> int:
     parser = command_parser(__spec__, __doc__)
-    take_tables(parser, "phones")
     parser.add_argument("--unchanged", action="store_true", help="leave out the units that have changed")
-    options = parser.parse_args(arguments)
-    if options.phones is None:
-        print("The measured phones are missing: name their table by --phones or CAMSSF_PHONES.", file=sys.stderr)
+    options = parse_for_phones(parser, arguments)
+    if options is None:
         return 2
     devices = phones_left_out(read_curves(options.phones))
     document: dict[str, dict[str, Any]] = {}

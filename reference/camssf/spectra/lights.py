@@ -45,12 +45,6 @@ class PossibleLamps:
     log_prior: tuple[float, ...] = field(repr=False)
     source: str
 
-    @property
-    def table(self) -> Lamp | None:
-        """The lamp that the name is a table or formula of; None if only kinds are possible."""
-        first = self.lamps[0]
-        return None if kind_of(first.name) else first
-
 
 @dataclass(frozen=True)
 class Called(PossibleLamps):
