@@ -127,6 +127,11 @@ def run(call: Call) -> dict[str, Any]:
         photos["photo"], pose, white=photos["white"], dark=photos["dark"], lens_shading=given["lens_shading"]
     )
     found: dict[str, Any] = {"black": means.black, "saturation": means.saturation}
+    assert means.noise is not None
+    found["noise_step"] = means.noise.step
+    for name in ("unlike", "like"):
+        estimate = getattr(means.noise, name)
+        found[f"noise_{name}"] = None if estimate is None else np.array([estimate.value, estimate.error])
     for frame in ("chart", "white", "dark"):
         statistics = getattr(means, frame)
         for name in FrameMeans.__annotations__:
@@ -139,6 +144,8 @@ def _statistic(name: str, inputs: Json) -> tuple[str, float]:
     plain = inputs.get("lens_shading") == "as-stored"
     if name.endswith(("_standard_error", "_gradient")):
         return "norm", 1e-13
+    if name in ("noise_unlike", "noise_like"):
+        return "norm", 1e-12
     return ("norm", 1e-15) if name.endswith(("_mean", "_greens")) and not plain else ("exact", 0.0)
 
 
@@ -151,7 +158,7 @@ STAGE = Stage(
     name="patches",
     keys=Keys(
         words("photo white dark quads lens_shading"),
-        words("black saturation")
+        words("black saturation noise_step noise_unlike noise_like")
         | {f"{frame}_{name}" for frame in ("chart", "white", "dark") for name in _STATISTICS},
         arrays=words("quads"),
     ),

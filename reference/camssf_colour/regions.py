@@ -12,10 +12,11 @@ from camssf.errors import ChartNotFound, InvalidArgument
 from camssf.grid import Floats
 from camssf.messages import fail
 from camssf.photo.find.pose import Pose
-from camssf.photo.patches import FEWEST, SHRINK, measure_patches
+from camssf.photo.patches import FEWEST, measure_patches
 from camssf.photo.read.dng import Mosaic
 from camssf.photo.read.raw import read_raw
 from camssf.photo.read.unit import Unit
+from camssf.photo.samples import SHRINK
 from camssf.photo.signals import CLIPPED
 from camssf.shapes import Sha256, Text
 from camssf_colour.spread import REFERENCE_TOLERANCE, Reference

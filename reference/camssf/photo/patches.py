@@ -6,7 +6,6 @@ docs/patches.md states the algorithm in numbered rules; Kotlin's result is equal
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,17 +14,13 @@ from camssf.errors import InvalidArgument
 from camssf.grid import Floats
 from camssf.messages import fail
 from camssf.photo.find.pose import Pose
+from camssf.photo.neighbours import SampleNoise, noise_of_neighbours
 from camssf.photo.read.dng import Mosaic, shading
 from camssf.photo.read.unit import check_unit
+from camssf.photo.samples import cells_of, centre_of, kept, samples_in
 from camssf.rules import rules
 from camssf.shapes import Greens, Rgb, RowCounts, Rows, RowShares, RowSizes, Size
 
-SHRINK = rules().number("patches.shrink")
-"""Fraction of each patch edge that is measured."""
-REJECT = rules().whole("patches.reject")
-"""Samples further from the median than this many MAD (plus FLOOR) are rejected as dust or hot pixels."""
-FLOOR = rules().whole("patches.floor")
-"""Deviation that is always allowed, DN: without noise the MAD of whole numbers is zero."""
 FEWEST = rules().whole("patches.fewest")
 """Smallest number of samples for each position of the CFA cell in every patch."""
 LENS_SHADING = ("as-stored", "apply")
@@ -67,6 +62,7 @@ class PatchMeans:
         black: (3,) the file's black level of R, G, B, DN.
         saturation: the white level, DN.
         evened: whether `chart` is that of even light already, by a white frame (`documents.previous.evened`).
+        noise: how the samples of the chart photo differ from their neighbours; None if it was not measured.
     """
 
     chart: FrameMeans
@@ -75,6 +71,7 @@ class PatchMeans:
     black: Rgb
     saturation: Size
     evened: bool = False
+    noise: SampleNoise | None = None
 
 
 def measure_patches(
@@ -113,7 +110,7 @@ def measure_patches(
         if frame is not None:
             _check_alike(chart, frame, word)
             frames.append(frame)
-    cells = _cells(chart.cfa)
+    cells = cells_of(chart.cfa)
     raw = np.array(
         [[_position(frames, quad, cell, patch) for cell in cells] for patch, quad in enumerate(pose.patches, 1)]
     )  # (n, 4 positions: R, green of R's rows, green of B's rows, B; frame; numbers)
@@ -122,7 +119,7 @@ def measure_patches(
     gains = np.ones((len(pose.patches), 4))
     if lens_shading == "apply":
         for patch, quad in enumerate(pose.patches):
-            x, y = _centre(quad)
+            x, y = centre_of(quad)
             factors = shading(chart, float(x), float(y))
             gains[patch] = [factors[cell] for cell in cells]
     measured = [_join(raw[:, :, f], black, scale, gains) for f in range(len(frames))]
@@ -133,13 +130,8 @@ def measure_patches(
         dark=next(rest) if dark is not None else None,
         black=np.array([black[0], (black[1] + black[2]) / 2, black[3]]),
         saturation=float(chart.white),
+        noise=noise_of_neighbours(chart, pose),
     )
-
-
-def _cells(cfa: str) -> list[tuple[int, int]]:
-    """(row, column) in the 2 × 2 cell of R, the green on R's rows, the green on B's rows, B."""
-    red, blue = divmod(cfa.index("R"), 2), divmod(cfa.index("B"), 2)
-    return [red, (red[0], 1 - red[1]), (blue[0], 1 - blue[1]), blue]
 
 
 def _check_alike(chart: Mosaic, frame: Mosaic, word: str) -> None:
@@ -181,12 +173,12 @@ def _position(frames: list[Mosaic], quad: Floats, cell: tuple[int, int], patch: 
     Returns:
         (frame, 7): mean, standard error, count kept, edge-to-edge change in DN, counts clipped, rejected, total.
     """
-    rows, columns = _select(quad, cell, frames[0].samples.shape, patch)
+    rows, columns = samples_in(quad, cell, frames[0].samples.shape, patch)
     if rows.size < FEWEST:
         _too_small(frames[0], patch, rows.size)
     samples = [frame.samples[rows, columns].astype(np.int32) for frame in frames]
-    kept = [_kept(v) for v in samples]
-    joint = np.logical_and.reduce(kept)
+    good = [kept(v) for v in samples]
+    joint = np.logical_and.reduce(good)
     if np.count_nonzero(joint) < FEWEST:
         _too_small(frames[0], patch, int(np.count_nonzero(joint)))
     x, y = columns[joint] // 2, rows[joint] // 2
@@ -198,33 +190,9 @@ def _position(frames: list[Mosaic], quad: Floats, cell: tuple[int, int], patch: 
                 np.count_nonzero(~k),
                 v.size,
             ]
-            for frame, v, k in zip(frames, samples, kept, strict=True)
+            for frame, v, k in zip(frames, samples, good, strict=True)
         ]
     )
-
-
-def _select(
-    quad: Floats, cell: tuple[int, int], shape: tuple[int, ...], patch: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows and columns of the cell's samples in the shrunk quad: rules 1 and 2."""
-    centre = _centre(quad)
-    moved = 16 * (centre + SHRINK * (quad - centre))
-    limit = 16 * np.array([shape[1] - 1, shape[0] - 1])
-    if not all(isfinite(v) for v in moved.flat) or np.any(moved < 0) or np.any(moved > limit):
-        raise fail("chart_not_found.outside", patch=patch)
-    corners = np.floor(moved + 0.5).astype(np.int64)
-    low, high = (corners.min(axis=0) + 15) // 16, corners.max(axis=0) // 16
-    rows = np.arange(low[1] + (cell[0] - low[1]) % 2, high[1] + 1, 2)
-    columns = np.arange(low[0] + (cell[1] - low[0]) % 2, high[0] + 1, 2)
-    inside = np.ones((rows.size, columns.size), dtype=bool)
-    for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        inside &= (b[0] - a[0]) * (16 * rows[:, None] - a[1]) >= (b[1] - a[1]) * (16 * columns - a[0])
-    y, x = np.nonzero(inside)
-    return rows[y], columns[x]
-
-
-def _centre(quad: Floats) -> Floats:
-    return np.asarray(((quad[0] + quad[1]) + (quad[2] + quad[3])) * 0.25)
 
 
 def _too_small(frame: Mosaic, patch: int, count: int) -> None:
@@ -237,18 +205,6 @@ def _too_small(frame: Mosaic, patch: int, count: int) -> None:
         count=count,
         least=FEWEST,
     )
-
-
-def _twice_median(v: NDArray[np.int32]) -> int:
-    ordered = np.sort(v)
-    return int(ordered[(v.size - 1) // 2]) + int(ordered[v.size // 2])
-
-
-def _kept(v: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """False for dust and hot pixels: rule 3."""
-    deviation = np.abs(2 * v - _twice_median(v))
-    kept: NDArray[np.bool_] = 2 * deviation <= REJECT * _twice_median(deviation) + 4 * FLOOR
-    return kept
 
 
 def _mean(v: NDArray[np.int32], x: NDArray[np.int64], y: NDArray[np.int64]) -> list[float]:

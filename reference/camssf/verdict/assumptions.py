@@ -9,9 +9,13 @@ from camssf.recovery.sensitivity import EstimatedLamp, Ssf
 from camssf.recovery.unnamed_light import NAMED
 from camssf.spectra import Called, Lamp, Light, read_lamp
 from camssf.spectra.lamps import TORCH
+from camssf.verdict.processed import colours_mixed
 
 SHOWN = 0.005
 """Kinds of light less probable than this are not listed."""
+
+
+UNCHECKED = "whether a program has mixed the colours of the samples was not checked: noise or samples do not suffice."
 
 
 def assume(capture: Capture, ssf: Ssf, level: Floats) -> tuple[Assumption, ...]:
@@ -36,6 +40,8 @@ def assume(capture: Capture, ssf: Ssf, level: Floats) -> tuple[Assumption, ...]:
             assumptions.append(Assumption("colour_matrix", where + words))
         if shot.photo.gain_map:
             assumptions.append(Assumption("lens_shading", where + _shading(shot)))
+        if shot.means.noise is not None and colours_mixed(shot.means) is None:
+            assumptions.append(Assumption("mixing_unchecked", where + UNCHECKED))
     if capture.shots[0].means.white is not None and capture.white_reflectance is None:
         assumptions.append(Assumption("white_reference", "the white frame's target has reflectance 1."))
     if ssf.std is None:

@@ -44,6 +44,7 @@ from camssf.verdict.lamp import (
     rival_lamp,
     white_balance_mismatch,
 )
+from camssf.verdict.processed import processed
 from camssf.verdict.reasons import Checks, Fatal, Reason, Verdict, because
 
 _NUMBER = rules().number
@@ -91,6 +92,7 @@ def judge(
         reasons += exposure(signals, j, means, checks)
         reasons += few(signals.used[j], j, means, checks)
         reasons += samples(means, signals.used[j], j, table, checks)
+        reasons += processed(means, j, checks)
         reasons += _disagreeing(signals.values[j], j, table, answers[j], checks)
     limits = [WHITE_BALANCE_MISMATCH_UNNAMED if light else WHITE_BALANCE_MISMATCH for light in unnamed] or [
         WHITE_BALANCE_MISMATCH

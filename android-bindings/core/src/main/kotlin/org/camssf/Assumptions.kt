@@ -7,6 +7,7 @@ import org.camssf.photo.MeasuredShot
 import org.camssf.recovery.EstimatedLamp
 import org.camssf.recovery.Ssf
 import org.camssf.spectra.Lamp
+import org.camssf.verdict.Processed
 
 /** Lists in words what an answer assumes about its capture. */
 internal object Assumptions {
@@ -31,6 +32,13 @@ internal object Assumptions {
                 found += Assumption("colour_matrix", "$where${shot.photo.name}: ${shot.photo.matricesLeftOut}.")
             }
             if (shot.photo.gainMap) found += Assumption("lens_shading", where + shading(shot))
+            if (shot.means.noise != null && Processed.coloursMixed(shot.means) == null) {
+                found += Assumption(
+                    "mixing_unchecked",
+                    where + "whether a program has mixed the colours of the samples was not checked: " +
+                        "noise or samples do not suffice.",
+                )
+            }
         }
         if (capture.shots[0].means.white != null && capture.whiteReflectance == null) {
             found += Assumption("white_reference", "the white frame's target has reflectance 1.")

@@ -80,8 +80,16 @@ internal object CaptureForm {
     private fun plain(means: PatchMeans) = Forms.plain(
         "PatchMeans", "chart" to plain(means.chart), "white" to means.white?.let { plain(it) },
         "dark" to means.dark?.let { plain(it) }, "black" to means.sharedBlack, "saturation" to means.saturation,
-        "evened" to means.evened,
+        "evened" to means.evened, "noise" to means.noise?.let { plain(it) },
     )
+
+    private fun plain(noise: SampleNoise) = Forms.plain(
+        "SampleNoise", "step" to noise.step, "unlike" to noise.unlike?.let { plain(it) },
+        "like" to noise.like?.let { plain(it) },
+    )
+
+    private fun plain(estimate: Estimate) =
+        Forms.plain("Estimate", "value" to estimate.value, "error" to estimate.error)
 
     private fun plain(frame: FrameMeans) = Forms.plain(
         "FrameMeans", "mean" to frame.sharedMean, "standard_error" to frame.sharedError,
@@ -165,8 +173,15 @@ internal object CaptureForm {
 
     private fun means(part: Fields) = PatchMeans(
         frame(part.part("chart")), part.maybe("white")?.let { frame(it) }, part.maybe("dark")?.let { frame(it) },
-        part.array("black"), part.number("saturation"), part.flag("evened"),
+        part.array("black"), part.number("saturation"), part.flag("evened"), part.maybe("noise")?.let { noise(it) },
     )
+
+    private fun noise(part: Fields): SampleNoise {
+        val (unlike, like) = listOf("unlike", "like").map { name -> part.maybe(name)?.let { estimate(it) } }
+        return SampleNoise(part.number("step"), unlike, like)
+    }
+
+    private fun estimate(part: Fields) = Estimate(part.number("value"), part.number("error"))
 
     private fun frame(part: Fields) = FrameMeans(
         part.array("mean"), part.array("standard_error"),

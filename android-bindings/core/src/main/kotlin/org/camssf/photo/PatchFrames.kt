@@ -30,8 +30,11 @@ internal class PatchFrames(
         val box: Region? = places.mapNotNull { it.box }.reduceOrNull(::union)
     }
 
-    /** Calls `each` with a patch number from 0, a position of the CFA cell, and the statistics of each frame. */
-    fun each(each: (Int, Int, List<PatchSample>) -> Unit) {
+    /**
+     * Calls `each` with a patch number from 0, a position of the CFA cell, and each frame's statistics; gives the
+     * chart photo's samples to `noise`.
+     */
+    fun each(noise: NeighbourNoise? = null, each: (Int, Int, List<PatchSample>) -> Unit) {
         // The error names the first patch that fails in chart order, independent of the reading order.
         val failures = arrayOfNulls<ChartNotFound>(quads.size)
         val patches = quads.indices.mapNotNull { i ->
@@ -53,6 +56,8 @@ internal class PatchFrames(
                         val found = PatchSample.of(chart.name, white, places, samples, patch.number + 1)
                         each(patch.number, position, found)
                     }
+                    val values = patch.samples[0].map { own -> IntArray(own.size) { own[it].toInt() and 0xffff } }
+                    noise?.put(patch.number, patch.places, values, values.map { PatchSample.kept(it) })
                 } catch (error: ChartNotFound) {
                     failures[patch.number] = error
                 }

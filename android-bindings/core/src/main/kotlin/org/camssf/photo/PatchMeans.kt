@@ -14,6 +14,7 @@ import org.camssf.UnsupportedRaw
  * @property dark of the dark frame, or null.
  * @property saturation the white level, DN.
  * @property evened whether [chart] is that of even light already, by a white frame.
+ * @property noise how the samples of the chart photo differ from their neighbours; null if it was not measured.
  */
 public class PatchMeans internal constructor(
     public val chart: FrameMeans,
@@ -22,6 +23,7 @@ public class PatchMeans internal constructor(
     internal val sharedBlack: DoubleArray,
     public val saturation: Double,
     internal val evened: Boolean = false,
+    internal val noise: SampleNoise? = null,
 ) {
     /** (3) the file's black level of R, G, B, DN. */
     public val black: Rows get() = Rows(sharedBlack, 3)
@@ -84,7 +86,8 @@ public class PatchMeans internal constructor(
             val shading = quads.map { if (lensShading == LensShading.APPLY) Shading.of(facts, it) else null }
             val frames = listOfNotNull(chart, white, dark)
             val joined = frames.map { JoinedPositions(patches, black, facts.sensor.white) }
-            PatchFrames(frames, quads).each { patch, position, found ->
+            val noise = NeighbourNoise(patches, cells, black)
+            PatchFrames(frames, quads).each(noise) { patch, position, found ->
                 val gain = shading[patch]?.get(cells[position]) ?: 1.0
                 for ((frame, sample) in joined.zip(found)) frame.put(patch, position, sample, gain)
             }
@@ -95,6 +98,7 @@ public class PatchMeans internal constructor(
                 if (dark != null) means.last() else null,
                 doubleArrayOf(black[0], (black[1] + black[2]) / 2, black[3]),
                 facts.sensor.white,
+                noise = noise.result(),
             )
         }
     }

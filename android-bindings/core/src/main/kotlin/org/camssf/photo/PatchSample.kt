@@ -101,7 +101,7 @@ internal class PatchSample(
         }
 
         /** False for dust and hot pixels: rule 3. */
-        private fun kept(values: IntArray): BooleanArray {
+        fun kept(values: IntArray): BooleanArray {
             val middle = twiceMedian(values)
             val deviation = IntArray(values.size) { abs(2 * values[it] - middle) }
             val limit = REJECT * twiceMedian(deviation) + 4 * FLOOR

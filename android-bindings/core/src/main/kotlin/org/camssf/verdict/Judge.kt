@@ -75,6 +75,7 @@ internal object Judge {
         reasons += explanations(found, each, inputs.table, checks)
         case.shots.forEachIndexed { j, shot ->
             reasons += ExposureAndNoise(inputs.signals, j, shot.means, inputs.table, checks).reasons()
+            reasons += Processed.reasons(shot.means, j, checks)
             reasons += disagreeing(j, case.single[j], checks)
         }
         val whites = case.shots.indices.map { j ->

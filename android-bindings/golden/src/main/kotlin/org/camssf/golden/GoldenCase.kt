@@ -189,7 +189,7 @@ internal class GoldenCase private constructor(val name: String, private val json
             "pose" to setOf("corners", "quads", "quarter_turns", "score", "kept"),
             "patches" to
                 listOf("chart", "white", "dark").flatMap { frame -> STATISTICS.map { "${frame}_$it" } }.toSet() +
-                setOf("black", "saturation"),
+                setOf("black", "saturation", "noise_step", "noise_unlike", "noise_like"),
             "signals" to setOf("signals", "standard_error", "used", "assumptions"),
             "sensing" to setOf("matrix", "target", "covariance"),
             "weights" to setOf("rho", "W", "z"),

@@ -7,6 +7,7 @@ import kotlinx.serialization.json.buildJsonObject
 import kotlinx.serialization.json.jsonPrimitive
 import org.camssf.photo.ChartPose
 import org.camssf.photo.Corners
+import org.camssf.photo.Estimate
 import org.camssf.photo.FrameMeans
 import org.camssf.photo.GainMap
 import org.camssf.photo.LensShading
@@ -111,7 +112,14 @@ internal class Photos(private val files: GoldenFiles, private val forms: Forms) 
                     it.value
             }
         }
-            .toMap() + mapOf("black" to Tensor(found.sharedBlack, 3), "saturation" to found.saturation)
+            .toMap() + mapOf("black" to Tensor(found.sharedBlack, 3), "saturation" to found.saturation) + noise(found)
+    }
+
+    private fun noise(means: PatchMeans): Map<String, Any?> {
+        fun plain(estimate: Estimate?) = estimate?.let { Tensor(doubleArrayOf(it.value, it.error), 2) }
+        val noise = means.noise!!
+        val (unlike, like) = plain(noise.unlike) to plain(noise.like)
+        return mapOf("noise_step" to noise.step, "noise_unlike" to unlike, "noise_like" to like)
     }
 
     private fun statistics(frame: FrameMeans?, n: Int): Map<String, Tensor?> = mapOf(
