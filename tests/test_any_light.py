@@ -410,7 +410,7 @@ def test_who_names_the_basis_says_that_it_is_a_phone() -> None:
     done = solve(unnamed(capture(resolve(PHONE), ["D55"])), options=Options(basis="phones"))
     assert done.verdict.status == "accepted"
     assert {weight.basis for weight in done.ssf.choice} == {"phones"}
-    with pytest.raises(LampUnfit, match="possible for phones only"):
+    with pytest.raises(LampUnfit, match="do not tell it from the camera"):
         solve(unnamed(capture(resolve(PHONE), ["D55"])), options=Options(basis="cameras"))
 
 

@@ -16,9 +16,10 @@ from camssf.grid import Floats
 from camssf.recovery import covariance
 from camssf.recovery.arrays import cond, eye, inverse, loop, loop_while, namespace, whiten, whiten_and_solve
 from camssf.recovery.basis import fold, interpolate, read_basis
+from camssf.recovery.causes import ChartScene, cause_evidences
 from camssf.recovery.drift import UnitShots, drift_evidences
 from camssf.recovery.inputs import basis_arrays, hypotheses_of, observation_arrays, with_hypothesis
-from camssf.recovery.misfit import JudgedSignals, misfit
+from camssf.recovery.misfit import AnswerBasis, JudgedSignals, misfit
 from camssf.recovery.model import learned_model, paper_model
 from camssf.recovery.onnx_model import run_session
 from camssf.recovery.posterior import evidence_of
@@ -292,31 +293,52 @@ def test_every_library_gives_the_same_misfit(library: str, seed: int) -> None:
 
 
 def unit_arrays(arrays: Mapping[str, Floats], seed: int) -> dict[str, Floats]:
-    """`UnitShots` of that capture, of which the first shot is new."""
+    """`AnswerBasis` and `UnitShots` of that capture, of which the first shot is new."""
     basis = basis_arrays(read_basis(BASES[seed % 3]), 24)
     new = np.arange(len(arrays["lamp"])) < 1
     response = (arrays["lamp"] * arrays["white_reflectance"]) @ arrays["curves"]
     raw_white = response * np.exp(0.01 * np.random.default_rng(seed).normal(size=response.shape))
     return {
-        "new": new.astype(float),
         "first_lamp": arrays["lamp"][0],
-        "raw_white": raw_white,
         **{name: x[0] for name, x in basis.items()},
+        "new": new.astype(float),
+        "raw_white": raw_white,
     }
+
+
+def drift_of(arrays: Mapping[str, Any], unit: Mapping[str, Any]) -> Any:
+    basis = AnswerBasis(**{name: unit[name] for name in ("first_lamp", "mean", "dictionary")})
+    return drift_evidences(JudgedSignals(**arrays), basis, UnitShots(unit["new"], unit["raw_white"]))
+
+
+def scene_arrays(arrays: Mapping[str, Floats], seed: int) -> dict[str, Floats]:
+    """`ChartScene` of that capture; an even seed has a white frame."""
+    rng, n = np.random.default_rng(seed), arrays["reflectance"].shape[0]
+    reference = np.zeros(n)
+    reference[0] = seed % 2
+    tables = np.clip(arrays["reflectance"] + rng.normal(0, 0.02, (2, n, 1)), 0.01, 1.0)
+    return {"places": rng.uniform(-0.5, 0.5, (n, 2)), "reference": reference, "tables": tables}
+
+
+def causes_of(arrays: Mapping[str, Any], unit: Mapping[str, Any], scene: Mapping[str, Any]) -> dict[str, Any]:
+    basis = AnswerBasis(**{name: unit[name] for name in ("first_lamp", "mean", "dictionary")})
+    return vars(cause_evidences(JudgedSignals(**arrays), basis, ChartScene(**scene)))
 
 
 @pytest.mark.parametrize("library", ["array_api_strict", "torch"])
 @pytest.mark.parametrize("seed", [0, 1, 2, 4])
-def test_every_library_gives_the_same_drift(library: str, seed: int) -> None:
+def test_every_library_gives_the_same_drift_and_causes(library: str, seed: int) -> None:
     xp = pytest.importorskip(library, reason=f"{library} is not installed")
     arrays = judged_arrays(seed)
     unit = unit_arrays(arrays, seed)
-    known = drift_evidences(JudgedSignals(**arrays), UnitShots(**unit))
-    arrays, unit = (
-        {name: xp.asarray(np.array(x), dtype=xp.float64) for name, x in own.items()} for own in (arrays, unit)
+    scene = scene_arrays(arrays, seed)
+    known, weighed = drift_of(arrays, unit), causes_of(arrays, unit, scene)
+    arrays, unit, scene = (
+        {name: xp.asarray(np.array(x), dtype=xp.float64) for name, x in own.items()} for own in (arrays, unit, scene)
     )
-    other = drift_evidences(JudgedSignals(**arrays), UnitShots(**unit))
-    np.testing.assert_allclose(np.asarray(other), known, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(np.asarray(drift_of(arrays, unit)), known, rtol=1e-9, atol=1e-9)
+    for name, value in causes_of(arrays, unit, scene).items():
+        np.testing.assert_allclose(np.asarray(value), weighed[name], rtol=1e-9, atol=1e-9, err_msg=name)
 
 
 @pytest.fixture(scope="module")
@@ -330,15 +352,20 @@ def verdict_session() -> Any:
 @pytest.mark.parametrize("seed", seeds(9))
 def test_the_verdict_as_a_model(verdict_session: Any, seed: int) -> None:
     arrays = judged_arrays(seed)
-    unit = unit_arrays(arrays, seed)
+    unit, scene = unit_arrays(arrays, seed), scene_arrays(arrays, seed)
+    given = arrays | unit | scene
     for explain in (1.0, 0.0):
         known = vars(misfit(JudgedSignals(**arrays), np.array(explain)))
-        known["drift"] = drift_evidences(JudgedSignals(**arrays), UnitShots(**unit))
-        outputs = verdict_session.run(list(known), arrays | unit | {"explain": np.array(explain)})
-        for name, value in zip(known, outputs, strict=True):
-            np.testing.assert_allclose(value, known[name], rtol=1e-9, atol=1e-12, err_msg=name)
-    (drift,) = verdict_session.run(["drift"], arrays | unit | {"explain": np.array(0.0), "new": 0.0 * unit["new"]})
-    assert np.isnan(drift).all()
+        known["drift"] = drift_of(arrays, unit)
+        flags = {"explain": np.array(explain), "weigh": np.array(explain)}
+        names = [*known, *(("cause", "cause_patch") if explain else ())]
+        known |= dict(zip(("cause", "cause_patch"), causes_of(arrays, unit, scene).values(), strict=True))
+        for name, value in zip(names, verdict_session.run(names, given | flags), strict=True):
+            np.testing.assert_allclose(value, known[name], rtol=1e-9, atol=1e-12 if name != "cause" else 1e-9,
+                                       err_msg=name)  # fmt: skip
+    off = {"explain": np.array(0.0), "weigh": np.array(0.0), "new": 0.0 * unit["new"]}
+    for nothing in verdict_session.run(["drift", "cause", "cause_patch"], given | off):
+        assert np.isnan(nothing).all()
 
 
 SOURCES = {"curves": 4, "lamp": 2, "reference": 3}

@@ -484,5 +484,5 @@ def test_the_real_photo_tells_warm_light_from_daylight() -> None:
     assert warm.ssf.std is not None
     cold = calibrate(PHOTO, "D65", options=Options(basis="cameras"))
     assert cold.verdict.status == "doubtful"
-    assert any("better than D65. The named lamp is wrong" in reason.message for reason in cold.verdict.reasons)
+    assert any("another than D65" in reason.message for reason in cold.verdict.reasons)
     assert any("called D65; by the signals another daylight of 4," in one.message for one in cold.assumptions)

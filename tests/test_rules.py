@@ -11,7 +11,7 @@ import pytest
 
 from camssf import rules as module
 from camssf.errors import InvalidArgument
-from camssf.photo import patches, signals
+from camssf.photo import samples, signals
 from camssf.rules import parse, rules
 from camssf.spectra import read_lamp
 from camssf.verdict import judge, lamp
@@ -25,7 +25,7 @@ DOCUMENT = json.loads(TEXT)
 def test_the_stages_read_the_file() -> None:
     assert judge.GOODNESS_OF_FIT == rules().number("verdict.goodness_of_fit") == 3.5
     assert signals.FEWEST == rules().whole("signals.fewest") == 6
-    assert patches.SHRINK == DOCUMENT["numbers"]["patches"]["shrink"]["value"] == 0.5
+    assert samples.SHRINK == DOCUMENT["numbers"]["patches"]["shrink"]["value"] == 0.5
     assert rules().number("covariance.absolute") == 1 / 3
 
 

@@ -118,7 +118,7 @@ CAPTURES = [
     Wrong(
         "calibrate under.dng --lamp D55 -o out", 5, "Shot 1: in one channel the white patch", "Expose longer", "out"
     ),
-    Wrong("calibrate chart.dng --lamp A -o out", 6, "better than A", "Check the lamp.", "out"),
+    Wrong("calibrate chart.dng --lamp A -o out", 6, "another than A", "Look for tinted glass", "out"),
     Wrong("calibrate chart.dng -o out", 6, "spectrum was not given", "daylight, bulb", "out"),
     Wrong(
         "calibrate chart.dng --white dark.dng --dark white.dng --lamp D55 -o out",

@@ -79,11 +79,31 @@ def markdown(found: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
+def causes(found: dict[str, Any]) -> str:
+    """The table of docs/verdict.md: which group of causes was said for which."""
+    counts = found["causes"]["counts"]
+    said = [*counts, *sorted({group for row in counts.values() for group in row} - set(counts))]
+    rows = [
+        [fault, sum(row.values()), *(row.get(group, "") for group in said)] for fault, row in counts.items() if row
+    ]
+    right = found["causes"]
+    return "\n".join(
+        [
+            markdown_table(("fault", "caught", *said), [[str(cell) for cell in row] for row in rows]),
+            "",
+            f"Right group first: {right['right']:.2f}, mean of the faults; light blamed for another fault: "
+            f"{right['light_blamed']} of {right['not_light']}.",
+        ]
+    )
+
+
 def main() -> int:
     """The command."""
     found = json.loads((RESULTS / "faults.json").read_text("utf-8"))
     found.pop("versions")
-    page = filled((DOCS / "verdict.md").read_text("utf-8"), {COMMAND: markdown(found)})
+    page = filled(
+        (DOCS / "verdict.md").read_text("utf-8"), {COMMAND: markdown(found), f"{COMMAND}: causes": causes(found)}
+    )
     numbers = json.dumps(found, indent=1, ensure_ascii=False) + "\n"
     return write_or_check(COMMAND, DOCS, {"faults.json": numbers, "verdict.md": page}, check=False)
 

@@ -95,6 +95,7 @@ class Outcome:
         rmse: of the curves, None where there were none.
         covered: share of wavelengths within the 95 % band, likewise.
         words: of the reasons.
+        first: key of the first reason's message.
     """
 
     status: str
@@ -102,6 +103,7 @@ class Outcome:
     rmse: float | None
     covered: float | None
     words: tuple[str, ...] = ()
+    first: str = ""
 
     @property
     def caught(self) -> bool:
@@ -243,7 +245,7 @@ def solved(shots: Sequence[MeasuredShot], basis: Basis, camera: Floats) -> Outco
             verdict, ssf = done.verdict, done.ssf
         except CalibrationError as error:
             if not error.reasons:
-                return Outcome("refused", (error.code,), None, None, (error.message,))
+                return Outcome("refused", (error.code,), None, None, (error.message,), error.key)
             verdict = Verdict("refused", error.reasons)
             fit = prepare_fit(capture, options)
             ssf = recover_fit(fit, fit.signals.used, None)
@@ -256,6 +258,7 @@ def solved(shots: Sequence[MeasuredShot], basis: Basis, camera: Floats) -> Outco
         float(np.sqrt(np.mean(off[SEEN] ** 2, axis=0)).mean()),
         float((np.abs(off) <= 1.96 * std)[SEEN].mean()),
         tuple(reason.message for reason in verdict.reasons),
+        next((reason.key for reason in verdict.reasons), ""),
     )
 
 
@@ -264,7 +267,7 @@ def tried(shoot_it: Callable[[], Sequence[MeasuredShot]], basis: Basis, camera: 
     try:
         shots = shoot_it()
     except CalibrationError as error:
-        return Outcome("refused", (error.code,), None, None, (error.message,))
+        return Outcome("refused", (error.code,), None, None, (error.message,), error.key)
     return solved(shots, basis, camera)
 
 
@@ -311,6 +314,41 @@ def partial_shot(staged: Staged, plan: ShotPlan, *, search: bool) -> Callable[[]
 
 OF_LAMPS = ("wrong-lamp", "two-lamps", "wall")
 """Faults that the file's colour matrix betrays."""
+
+
+SAID = {
+    "patch": ("chart_unfit.patch", "chart_unfit.dirt"),
+    "offset": (
+        "glare.gloss", "glare.veil", "glare.darkest_patch", "frames_differ.bright_dark", "frames_differ.black",
+    ),
+    "white or ceiling": ("frames_differ.white", "overexposed.patches"),
+    "uneven": ("uneven_light.light", "uneven_light.lights"),
+    "tone": ("not_sensor_raw.tone",),
+    "processed": tuple(f"not_sensor_raw.{how}" for how in ("mixed", "demosaiced", "smoothed", "smooth")),
+    "light": ("lamp_unfit.rival", "lamp_unfit.tint"),
+    "table": ("chart_unfit.table", "chart_unfit.faded"),
+    "camera": ("camera_unusual.stranger", "camera_unusual.improbable_curves", "camera_unusual.lamp_residual"),
+}  # fmt: skip
+"""Groups of causes by the keys of their messages."""
+
+
+def confusion(tallies: dict[str, list[Tally]]) -> dict[str, Any]:
+    """Of what was caught at severities 2 and 3 and has curves: the group of the fault, and of the first reason."""
+    group_of = {key: group for group, keys in SAID.items() for key in keys}
+    counts: dict[str, dict[str, int]] = {group: {} for group in SAID}
+    shares, blamed, others = [], 0, 0
+    for name, each in tallies.items():
+        right = FAULTS[name].groups
+        firsts = [o.first for tally in each[1:] for o in tally.outcomes if o.caught and o.rmse is not None]
+        said = [group_of.get(key, "none of them") for key in firsts]
+        if not right or not said:
+            continue
+        for group in said:
+            counts[right[0]][group] = counts[right[0]].get(group, 0) + 1
+        shares.append(float(np.mean([group in right for group in said])))
+        if "light" not in right:
+            blamed, others = blamed + said.count("light"), others + len(said)
+    return {"counts": counts, "right": float(np.mean(shares)), "light_blamed": blamed, "not_light": others}
 
 
 def without_matrix(
@@ -472,6 +510,9 @@ def bars(found: dict[str, Any]) -> list[dict[str, Any]]:
         made.append({"bar": name, "value": value, "limit": limit, "at_least": least,
                      "met": bool(value >= limit if least else value <= limit)})  # fmt: skip
 
+    causes = found["causes"]
+    add("the right cause comes first, mean of the faults", causes["right"], 0.75, least=True)
+    add("light blamed for another fault", causes["light_blamed"] / max(causes["not_light"], 1), 0.05, least=False)
     for severity, limit in ((2, 0.90), (3, 0.99)):
         harmful = sum(row[severity - 1]["harmful"] for row in rows.values())
         caught = sum(row[severity - 1]["harmful_caught"] for row in rows.values())
@@ -531,6 +572,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         },
         "coverage": float(np.mean([c for c in accepted if c is not None])),
         "faults": {name: [tally.row() for tally in each] for name, each in tallies.items()},
+        "causes": confusion(tallies),
         "without_matrix": bare,
         "two_shots": pair,
         "field": outdoors,

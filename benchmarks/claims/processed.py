@@ -160,7 +160,8 @@ def reasons(light: Floats, sensor: Sensor, pose: Pose) -> list[str]:
     """Keys of rule 11's reasons."""
     samples = np.clip(np.rint(light + sensor.black), 0, sensor.white_level).astype(np.uint16)
     photo = Mosaic(
-        path="chart", samples=samples, cfa="RGGB", black=np.full((2, 2), sensor.black), white=float(sensor.white_level),
+        path="chart", samples=samples, cfa="RGGB", black=np.full((2, 2), sensor.black),
+        white=float(sensor.white_level),
         make="", model="", exposure=None, iso=None, orientation=1, gain_maps=(), color_matrix1=None,
         color_matrix2=None, as_shot_neutral=None, sha256="",
     )  # fmt: skip

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from benchmarks.faults import light, samples
 from benchmarks.faults.inks import ink_jet_copy
 from camssf.errors import InvalidArgument
-from camssf.grid import WAVELENGTHS
+from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import Lamp, read_chart, read_lamp
 from camssf_lab.simulation.shot_plan import Change, ShotPlan
 
@@ -46,6 +46,11 @@ class Fault:
     what: str
     degrees: tuple[str, str, str]
     change: Callable[[ShotPlan, int], ShotPlan]
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """The group of causes that a verdict should name, and others that would be right as well; empty if none."""
+        return GROUPS.get(self.name, ())
 
 
 def apply_fault(name: str, severity: int) -> Change:
@@ -184,7 +189,48 @@ def _wall(plan: ShotPlan, severity: int) -> ShotPlan:
     return replace(plan, lamp=replace(plan.lamp, values=plan.lamp.values * stain, name=f"{plan.lamp.name}, red wall"))
 
 
+def _filtered(plan: ShotPlan, transmission: Floats, what: str) -> ShotPlan:
+    """The lamp's light through a filter that the user does not name."""
+    return replace(
+        plan, lamp=replace(plan.lamp, values=plan.lamp.values * transmission, name=f"{plan.lamp.name}, {what}")
+    )
+
+
+def _didymium(plan: ShotPlan, severity: int) -> ShotPlan:
+    """Glass of neodymium and praseodymium: a notch at 585 nm and a weaker one at 527 nm."""
+    depth = (0.3, 0.6, 0.9)[severity - 1]
+    notches = np.exp(-0.5 * ((WAVELENGTHS - 585) / 9) ** 2) + 0.4 * np.exp(-0.5 * ((WAVELENGTHS - 527) / 6) ** 2)
+    return _filtered(plan, 1 - depth * np.minimum(notches, 1.0), "didymium")
+
+
+def _blue_blocking(plan: ShotPlan, severity: int) -> ShotPlan:
+    """Glasses that block a part of the light below 480 nm."""
+    blocked = (0.2, 0.5, 0.9)[severity - 1]
+    return _filtered(plan, 1 - blocked / (1 + np.exp((WAVELENGTHS - 480) / 8)), "blue-blocking")
+
+
 # the chart
+
+
+def _moved_table(plan: ShotPlan, severity: int) -> ShotPlan:
+    """A chart's file whose wavelengths are off: the chart reflects at λ what the file says at λ + 2, 5 or 10 nm."""
+    shift = (2.0, 5.0, 10.0)[severity - 1]
+    moved = np.stack([np.interp(WAVELENGTHS + shift, WAVELENGTHS, patch) for patch in plan.table.values])
+    return replace(plan, table=plan.table.with_values(moved))
+
+
+def _screen(plan: ShotPlan, severity: int) -> ShotPlan:
+    """The chart shown on a screen: its three primaries, mixed to the chart's colours, by 15, 50 or 100 %."""
+    share = (0.15, 0.5, 1.0)[severity - 1]
+    primaries = np.stack(
+        [np.exp(-0.5 * ((WAVELENGTHS - peak) / width) ** 2) for peak, width in ((620, 12), (532, 18), (455, 10))]
+    )
+    # Reflectances that would send the screen's light to the camera; a tube has hardly any light beside its lines.
+    light = primaries / np.maximum(plan.lamp.values, 0.05 * plan.lamp.values.mean())
+    seen, of_primaries = (values * plan.lamp.values @ plan.camera.values for values in (plan.table.values, light))
+    values = np.maximum(seen @ np.linalg.inv(of_primaries), 0.0) @ light
+    values *= plan.table.values.max() / values.max()
+    return replace(plan, table=plan.table.with_values((1 - share) * plan.table.values + share * values))
 
 
 def _staged(plan: ShotPlan, **changes: Any) -> ShotPlan:
@@ -303,6 +349,24 @@ FAULTS: dict[str, Fault] = {
         Fault("tone-mapped", "a tone curve in the samples", ("γ 0.96", "γ 0.85", "0.5"), samples.tone),
         Fault("demosaiced", "demosaiced, colour-converted, made a mosaic again",
               ("demosaiced alone", "40 % of a display's colours", "a display's colours"), samples.demosaiced),
+        Fault("desaturated", "colours moved towards grey, made a mosaic again", ("5 %", "15 %", "35 %"),
+              samples.desaturated),
+        Fault("chroma", "chroma noise reduction, made a mosaic again", ("σ 1 px", "σ 3 px", "σ 8 px"),
+              samples.chroma),
+        Fault("resized", "the mosaic resampled as a grey picture", ("by 0.1 px", "by 0.25 px", "0.5 px"),
+              samples.resized),
+        Fault("quad", "4 × 4 mosaic turned into 2 × 2", ("3 px", "5 px", "7 px"), samples.quad),
+        Fault("burst", "the mean of several photos, right colours", ("of 2", "of 4", "8"), samples.burst),
+        Fault("didymium", "glass of didymium before the lamp", ("30 %", "60 %", "90 %"), _didymium),
+        Fault("blue-blocking", "glasses that block blue before the lamp", ("20 %", "50 %", "90 %"), _blue_blocking),
+        Fault("moved-table", "the chart's file is off in wavelength", ("by 2 nm", "by 5 nm", "10 nm"), _moved_table),
+        Fault("screen", "the chart shown on a screen", ("15 % of the way", "50 % of the way", "wholly"), _screen),
+        Fault("colour-shading", "red and blue fall off differently", ("by 2 %", "by 8 %", "25 %"),
+              light.colour_shading),
+        Fault("crosstalk", "light leaks between pixels towards the corners", ("2 %", "6 %", "20 %"),
+              light.crosstalk),
+        Fault("other-unit", "the white frame is of another unit of that name", ("2 %", "6 %", "20 %"),
+              light.other_unit),
         Fault("cfa", "a wrong colour order in the files", ("red and blue exchanged", "shifted by a column",
               "by a row"), _cfa),
         Fault("hot-pixels", "hot pixels in all frames", ("0.2 %", "2 %", "12 %"), samples.hot),
@@ -310,3 +374,15 @@ FAULTS: dict[str, Fault] = {
     )
 }  # fmt: skip
 """All faults, by name."""
+GROUPS = {
+    "ceiling": ("white or ceiling",), "clipped-channel": ("white or ceiling",), "black": ("offset",),
+    "dark-leak": ("offset",), "white-lamp": ("white or ceiling",), "white-level": ("white or ceiling",),
+    "wrong-lamp": ("light",), "two-lamps": ("light",), "wall": ("light",), "glare": ("offset",),
+    "specular": ("patch", "offset"), "shadow": ("uneven",), "vignetting": ("uneven",), "shading": ("uneven",),
+    "covered": ("patch",), "faded": ("table",), "vintage": ("table",), "wrong-type": ("table",),
+    "printed": ("table",), "tone-mapped": ("tone",), "demosaiced": ("processed",), "desaturated": ("processed",),
+    "chroma": ("processed",), "resized": ("processed",), "quad": ("processed",), "didymium": ("light",),
+    "blue-blocking": ("light",), "moved-table": ("table",), "screen": ("table",), "colour-shading": ("uneven",),
+    "other-unit": ("white or ceiling",),
+}  # fmt: skip
+"""Of faults that leave curves to judge."""

@@ -70,14 +70,59 @@ def shading(plan: ShotPlan, severity: int) -> ShotPlan:
     gain = (0.05, 0.2, 0.6)[severity - 1]
 
     def corrected(light: NDArray[np.float32], chart: ChartProjection) -> NDArray[np.float32]:
-        height, width = light.shape
-        y, x = np.mgrid[:height, :width].astype(np.float32)
-        r2 = ((x - width / 2) ** 2 + (y - height / 2) ** 2) / ((width / 2) ** 2 + (height / 2) ** 2)
+        r2 = _squared_radius(light.shape)
         for rows, columns, colour in sites(chart.cfa, *light.shape):
             light[rows, columns] *= 1 + gain * (1.3, 1.0, 1.1)[colour] * r2[rows, columns]
         return light
 
     return _through(plan, "chart", corrected)
+
+
+def colour_shading(plan: ShotPlan, severity: int) -> ShotPlan:
+    """Shade the chart photo towards the corners, red and blue by opposite amounts: a thin lens, no correction."""
+    change = (0.02, 0.08, 0.25)[severity - 1]
+
+    def shaded(light: NDArray[np.float32], chart: ChartProjection) -> NDArray[np.float32]:
+        r2 = _squared_radius(light.shape)
+        for rows, columns, colour in sites(chart.cfa, *light.shape):
+            light[rows, columns] *= 1 + change * (1.0, 0.0, -1.0)[colour] * r2[rows, columns]
+        return light
+
+    return _through(plan, "chart", shaded)
+
+
+def crosstalk(plan: ShotPlan, severity: int) -> ShotPlan:
+    """Leak light of the neighbouring pixels, the more the farther from the middle, where light falls in aslant."""
+    from scipy.ndimage import uniform_filter
+
+    share = (0.02, 0.06, 0.2)[severity - 1]
+
+    def leaking(light: NDArray[np.float32], chart: ChartProjection) -> NDArray[np.float32]:
+        leak = share * _squared_radius(light.shape)
+        return np.asarray((1 - leak) * light + leak * uniform_filter(light, 3), dtype=np.float32)
+
+    return _through(_through(plan, "chart", leaking), "white", leaking)
+
+
+def other_unit(plan: ShotPlan, severity: int) -> ShotPlan:
+    """Take the white frame with another unit of the same name, whose red and blue are stronger and weaker."""
+    change = (0.02, 0.06, 0.2)[severity - 1]
+
+    def other(light: NDArray[np.float32], chart: ChartProjection) -> NDArray[np.float32]:
+        for rows, columns, colour in sites(chart.cfa, *light.shape):
+            light[rows, columns] *= 1 + change * (1.0, 0.0, -1.0)[colour]
+        return light
+
+    return _through(plan, "white", other)
+
+
+def _squared_radius(shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """(height, width) squared distance from the middle, 1 in the corners."""
+    height, width = shape
+    y, x = np.mgrid[:height, :width].astype(np.float32)
+    return np.asarray(
+        ((x - width / 2) ** 2 + (y - height / 2) ** 2) / ((width / 2) ** 2 + (height / 2) ** 2), dtype=np.float32
+    )
 
 
 def motion(plan: ShotPlan, severity: int) -> ShotPlan:

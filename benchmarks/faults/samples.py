@@ -1,15 +1,17 @@
-"""Faults of the samples before they are written: tone curves, demosaicing, hot pixels, fewer bits.
+"""Faults of the samples before they are written: tone curves, processing, hot pixels, fewer bits.
 
 Each function changes a `ShotPlan` at one of three severities; `benchmarks.faults` lists them.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from camssf.grid import Floats
 from camssf_lab.simulation.camera import sites
 from camssf_lab.simulation.shot_plan import ShotPlan
 
@@ -33,6 +35,68 @@ def tone(plan: ShotPlan, severity: int) -> ShotPlan:
 def demosaiced(plan: ShotPlan, severity: int) -> ShotPlan:
     """Demosaic bilinearly, convert to display colours by 0, 40 or 100 %, and sample a mosaic again."""
     mix = np.eye(3) + (0.0, 0.4, 1.0)[severity - 1] * (_DISPLAY - np.eye(3))
+    return _processed(plan, lambda planes: np.einsum("cd,dyx->cyx", mix, planes))
+
+
+def desaturated(plan: ShotPlan, severity: int) -> ShotPlan:
+    """Move each colour towards the grey of its pixel by 5, 15 or 35 %, as a picture style does."""
+    share = (0.05, 0.15, 0.35)[severity - 1]
+    return _processed(plan, lambda planes: planes + share * (planes.mean(axis=0) - planes))
+
+
+def chroma(plan: ShotPlan, severity: int) -> ShotPlan:
+    """Smooth the differences between the colours: chroma noise reduction."""
+    from scipy.ndimage import gaussian_filter
+
+    width = (1.0, 3.0, 8.0)[severity - 1]
+
+    def smoothed(planes: Floats) -> Floats:
+        grey = planes.mean(axis=0)
+        return np.stack([grey + gaussian_filter(plane - grey, width) for plane in planes])
+
+    return _processed(plan, smoothed)
+
+
+def resized(plan: ShotPlan, severity: int) -> ShotPlan:
+    """Resample the mosaic as if it were a grey picture, by 0.1, 0.25 or 0.5 pixels: it mixes the colours."""
+    moved = (0.1, 0.25, 0.5)[severity - 1]
+
+    def resample(samples: NDArray[np.uint16], plan: ShotPlan) -> NDArray[np.uint16]:
+        from scipy.ndimage import shift
+
+        return np.asarray(np.rint(shift(samples.astype(float), moved, order=1, mode="nearest")), np.uint16)
+
+    return replace(plan, samples=resample)
+
+
+def quad(plan: ShotPlan, severity: int) -> ShotPlan:
+    """A mosaic of 4 × 4 (quad Bayer) that the camera has turned into one of 2 × 2, on windows of 3, 5 or 7 pixels."""
+    from scipy.ndimage import uniform_filter
+
+    size = (3, 5, 7)[severity - 1]
+
+    def again(planes: Floats) -> Floats:
+        height, width = planes.shape[1:]
+        y, x = np.mgrid[:height, :width] // 2 % 2
+        colour = np.array([[0, 1], [1, 2]])[y, x]
+        filled = []
+        for c, plane in enumerate(planes):
+            known = (colour == c).astype(float)
+            around = uniform_filter(known * plane, size) / np.maximum(uniform_filter(known, size), 1e-9)
+            filled.append(np.where(known > 0, plane, np.where(uniform_filter(known, size) > 1e-9, around, plane)))
+        return np.stack(filled)
+
+    return _processed(plan, again)
+
+
+def burst(plan: ShotPlan, severity: int) -> ShotPlan:
+    """The mean of 2, 4 or 8 photos: right colours with less noise."""
+    sensor = plan.sensor
+    return replace(plan, sensor=replace(sensor, full_well=sensor.full_well * (2.0, 4.0, 8.0)[severity - 1]))
+
+
+def _processed(plan: ShotPlan, process: Callable[[Floats], Floats]) -> ShotPlan:
+    """The plan whose frames are demosaiced bilinearly, balanced, processed (3, height, width) and made mosaics."""
 
     def cook(samples: NDArray[np.uint16], plan: ShotPlan) -> NDArray[np.uint16]:
         from scipy.ndimage import convolve
@@ -50,7 +114,7 @@ def demosaiced(plan: ShotPlan, severity: int) -> ShotPlan:
                     known[rows, columns], mask[rows, columns] = light[rows, columns], 1
             between = convolve(known, kernel, mode="mirror") / convolve(mask, kernel, mode="mirror")
             full.append(np.where(mask > 0, known, between) * balance[c])
-        mixed = np.stack([sum(mix[c, d] * full[d] for d in range(3)) / balance[c] for c in range(3)])
+        mixed = process(np.stack(full)) / balance[:, None, None]
         for rows, columns, colour in sites(plan.sensor.cfa, *light.shape):
             light[rows, columns] = mixed[colour][rows, columns]
         return np.asarray(np.clip(np.rint(light + black), 0, plan.sensor.white_level), np.uint16)

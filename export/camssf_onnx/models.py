@@ -14,10 +14,11 @@ from onnx import helper
 from camssf import __version__
 from camssf.recovery.arrays import cond
 from camssf.recovery.basis import LEARNED, NODES, Basis, misfit_profile, read_basis
+from camssf.recovery.causes import CAUSES, ChartScene, cause_evidences
 from camssf.recovery.drift import DRIFTS, UnitShots, drift_evidences
 from camssf.recovery.inputs import basis_arrays
 from camssf.recovery.layers import DEPTH
-from camssf.recovery.misfit import JudgedSignals, misfit
+from camssf.recovery.misfit import AnswerBasis, JudgedSignals, misfit
 from camssf.recovery.model import M, learned_model, paper_model
 from camssf.recovery.onnx_model import VOCABULARY
 from camssf.recovery.pivoting import finish_steps
@@ -77,13 +78,17 @@ OF_VERDICT: dict[str, list[str | int]] = {
     "gain_modes": ["k", "g", "n"],
     "gain_own": [],
     "explain": [],
-    "new": ["k"],
     "first_lamp": [M],
-    "raw_white": ["k", 3],
     "mean": [3, NODES.size],
     "dictionary": [3, NODES.size, ATOMS],
+    "new": ["k"],
+    "raw_white": ["k", 3],
+    "weigh": [],
+    "places": ["n", 2],
+    "reference": ["n"],
+    "tables": ["t", "n", M],
 }
-"""Shapes of `JudgedSignals`, `explain` and `UnitShots`."""
+"""Shapes of `JudgedSignals`, `explain`, `AnswerBasis`, `UnitShots`, `weigh` and `ChartScene`."""
 
 
 def traced(
@@ -130,20 +135,36 @@ def build_paper(basis: Basis) -> onnx.ModelProto:
 
 
 def build_verdict() -> onnx.ModelProto:
-    """The model of what the verdict computes: `misfit`, and `drift_evidences` if a shot is new, else NaN."""
+    """The model of what the verdict computes.
+
+    `misfit`, `drift_evidences` if a shot is new, and `cause_evidences` of one shot if `weigh` is 1; else NaN.
+    """
 
     def function(inputs: dict[str, Array]) -> dict[str, Array]:
-        explain, xp = inputs.pop("explain"), inputs["signals"].xp
+        explain, weigh, xp = inputs.pop("explain"), inputs.pop("weigh"), inputs["signals"].xp
         unit = UnitShots(**{field.name: inputs.pop(field.name) for field in fields(UnitShots)})
+        basis = AnswerBasis(**{field.name: inputs.pop(field.name) for field in fields(AnswerBasis)})
+        scene = ChartScene(**{field.name: inputs.pop(field.name) for field in fields(ChartScene)})
         judged = JudgedSignals(**inputs)
-        (drift,) = cond(
-            xp.max(unit.new) > 0.5,
-            lambda: [drift_evidences(judged, unit)],
-            lambda: [xp.full((DRIFTS,), np.nan, dtype=xp.float64)],
-        )
-        return vars(misfit(judged, explain)) | {"drift": drift}
 
-    return _described(traced("camssf-verdict", OF_VERDICT, function), "χ² of an answer, and what explains it.", {})
+        def nothing(size: Any) -> Array:
+            return xp.full((size,), np.nan, dtype=xp.float64)
+
+        (drift,) = cond(
+            xp.max(unit.new) > 0.5, lambda: [drift_evidences(judged, basis, unit)], lambda: [nothing(DRIFTS)]
+        )
+        of_causes, of_patches = cond(
+            weigh > 0.5,
+            lambda: list(vars(cause_evidences(judged, basis, scene)).values()),
+            lambda: [nothing(len(CAUSES)), nothing(judged.signals.shape[1])],
+        )
+        return vars(misfit(judged, explain)) | {"drift": drift, "cause": of_causes, "cause_patch": of_patches}
+
+    return _described(
+        traced("camssf-verdict", OF_VERDICT, function),
+        "χ² of an answer, what explains it, and what may have spoilt the capture.",
+        {},
+    )
 
 
 J = SURFACE_NODES.size

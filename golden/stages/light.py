@@ -127,7 +127,7 @@ def run(call: Call) -> dict[str, Any]:
         "thresholds": np.array([float(reason.threshold or 0.0) for reason in verdict.reasons])
         if verdict.reasons
         else None,
-        "said": [each.message for each in assume(capture, ssf, fit.level(ssf)) if each.code == "lamp"],
+        "said": [each.message for each in assume(capture, ssf, fit.level(ssf), None) if each.code == "lamp"],
     }
 
 

@@ -6,7 +6,7 @@ signals differ from them as the case describes. So every number comes from a for
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -24,7 +24,9 @@ from camssf.recovery.sensitivity import (
     half_width_of,
     prior_std,
 )
-from camssf.verdict.goodness_of_fit import VerdictInputs, best_explanation, shot_answer
+from camssf.verdict.cause import tables_of_causes, weigh_causes
+from camssf.verdict.cause_groups import Causes
+from camssf.verdict.goodness_of_fit import FEWEST, VerdictInputs, best_explanation, shot_answer
 from camssf.verdict.judge import judge as judge_capture
 from camssf.verdict.lamp import Neutral, Rival
 from camssf.verdict.reasons import Fatal
@@ -135,12 +137,22 @@ def cases() -> Iterator[Json]:
     yield case("two-patches", "Two patches are not: nothing is suspected.", y, used=2)
     yield case("noiseless", "No row is believed better than 1e-4.", y * spike(3, 1.02), error=0.1)
     # rule 2
-    yield case("outside-family", "Curves unlike a camera's.", y, code=22.0, known=10)
+    yield case("outside-family", "Curves unlike a camera's.", y, code=22.0, known=10, basis="")
     yield case(
-        "outside-family-no-more", "The same code where the signals tell twice as much of it.", y, code=22.0, known=20
+        "outside-family-no-more",
+        "The same code where the signals tell twice as much of it.",
+        y,
+        code=22.0,
+        known=20,
+        basis="",
     )
     yield case(
-        "outside-prior", "Curves that no camera has: doubtful, never refused for this.", y, code=80.0, known=10
+        "outside-prior",
+        "Curves that no camera has: doubtful, never refused for this.",
+        y,
+        code=80.0,
+        known=10,
+        basis="",
     )
     # rules 4 and 5
     yield case("rival", "Another lamp fits better.", y, rivals=[[0, "FL2", -12.0], [0, "A", 5.0]])
@@ -293,8 +305,11 @@ def case(
     unnamed: bool = False,
     new: int = 0,
     moved: float = 0.0,
+    basis: str = "cameras",
 ) -> Json:
     """The inputs of `judge`; the defaults are those of a clean capture.
+
+    `basis` is that of the answer where there is no `choice`; "" is one of which nothing is known.
 
     `code` is xᵀ x, all in one entry. `std` is the standard deviation of the curves as a fraction of the peak, at all
     wavelengths. `forgiven`: the solution of each shot alone, or of a single shot, predicts its signals exactly.
@@ -377,6 +392,8 @@ def case(
         inputs["new"] = new
     if choice is not None:
         inputs |= {"choice": choice, "family": family}
+    elif basis:
+        inputs["basis"] = basis
     if test is not None:
         inputs["family_test"] = test
     if fading:
@@ -441,7 +458,7 @@ def run(call: Call) -> dict[str, Any]:
         Hypothesis(basis=basis, log_evidence=0.0, probability=probability)
         for basis, probability in given.get("choice", ())
     )
-    basis = max(choice, key=lambda weight: weight.probability).basis if choice else "golden"
+    basis = max(choice, key=lambda weight: weight.probability).basis if choice else given.get("basis", "golden")
 
     variance = given.get("code_variance")
     spread = None if variance is None else np.diag(np.array(variance, float))
@@ -484,10 +501,21 @@ def run(call: Call) -> dict[str, Any]:
         white_tolerance=given["white_tolerance"], gains=gains,
     )  # fmt: skip
     drift = drift_probability(inputs, ssf, read_basis(basis), given["new"]) if "new" in given else None
-    verdict = judge_capture(inputs, ssf, rivals=rivals, neutrals=neutrals, alone=alone, family=given.get("family"),
+    answers = [shot_answer(a, j) for j, a in enumerate(alone or [ssf] * len(shots))]
+    tables = np.stack([each.values for each in tables_of_causes(table)])
+    known = basis in LEARNED and ssf.std is not None
+
+    def causes(j: int, tried: Sequence[Rival], witnesses: Collection[str]) -> Causes:
+        gains_of_lamps = [rival.gain for rival in tried if rival.shot == j]
+        return weigh_causes(inputs, j, answers[j], read_basis(basis), gains_of_lamps, tables, witnesses)
+
+    judged = replace(inputs, causes=causes) if known else inputs
+    verdict = judge_capture(judged, ssf, rivals=rivals, neutrals=neutrals, alone=alone, family=given.get("family"),
                             unnamed=[given.get("unnamed", False)] * len(shots), drift=drift)  # fmt: skip
     joint = inputs.goodness_of_fit(ssf)
-    each = [inputs.goodness_of_fit_of_shot(j, shot_answer(a, j)) for j, a in enumerate(alone or [ssf] * len(shots))]
+    each = [inputs.goodness_of_fit_of_shot(j, a) for j, a in enumerate(answers)]
+    known = known and int(used.sum()) >= FEWEST
+    weighed = [causes(j, rivals, ()).probability.values() for j in range(len(shots))] if known else []
     found = [best_explanation(one) for one in each]
     return {
         "status": verdict.status,
@@ -505,6 +533,7 @@ def run(call: Call) -> dict[str, Any]:
         "count": joint.count,
         "z": np.array([joint.z, *(one.z for one in each)]),
         "gains": np.array([suspect.gain for one in each for suspect in one.explanations]),
+        "causes": np.array([p for probabilities in weighed for p in probabilities]) if weighed else None,
     }
 
 
@@ -517,7 +546,7 @@ LIMITS = (
     *each("relative", 1e-8, "residual"),
     *each("relative", 1e-12, "prior"),
     *each("exact", 0.0, "count"),
-    *each("norm", 1e-8, "z gains"),
+    *each("norm", 1e-8, "z gains causes"),
 )
 
 
@@ -530,9 +559,10 @@ STAGE = Stage(
             "neutrals"
         ),
         words(
-            "z status codes messages values thresholds gains fatal named residual prior count advice checks checked"
+            "z status codes messages values thresholds gains fatal named residual prior count advice checks checked "
+            "causes"
         ),
-        words("choice family family_test chart_fading code_variance unnamed new gain_modes gain_own"),
+        words("choice family family_test chart_fading code_variance unnamed new gain_modes gain_own basis"),
         arrays=VERDICT_NUMBERS,
     ),
     requires=always("verdict"),

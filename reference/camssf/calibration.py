@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
@@ -142,8 +143,19 @@ def solve(
     return result if known is None else result.with_truth(known)
 
 
-def _solve(capture: Capture, options: Options, tell: Progress, new: int | None = None) -> Result:
-    """Compute curves, scores and verdict; `new` is the number of new shots before those of a previous result."""
+def _solve(
+    capture: Capture, options: Options, tell: Progress, new: int | None = None, left_out: int | None = None
+) -> Result:
+    """Compute curves, scores and verdict.
+
+    If one patch is the likeliest cause of a misfit, the capture is solved without it; that answer is taken unless
+    another patch is blamed in turn.
+
+    Args:
+        capture, options, tell: as in `solve`.
+        new: number of new shots before those of a previous result.
+        left_out: 0-based, the patch that is left out of the fit.
+    """
     from camssf.documents.document import FORMAT, Answer, Curves, lower_triangle
     from camssf.fit.capture_fit import prepare_fit
     from camssf.fit.solutions import (
@@ -159,17 +171,18 @@ def _solve(capture: Capture, options: Options, tell: Progress, new: int | None =
     from camssf.recovery.onnx_model import load_model
     from camssf.result import Result
     from camssf.verdict.assumptions import assume
+    from camssf.verdict.cause import blamed_patch
     from camssf.verdict.reasons import refusal
     from camssf.verdict.rival_lamps import weigh
     from camssf.version import __version__
 
     tell("solving", 0.0)
-    fit = prepare_fit(capture, options)
+    fit = prepare_fit(capture, options, left_out)
     signals = fit.signals
     ssf = recover_fit(fit, signals.used, options.gamma)
     table = likeliest_table(fit, ssf)
     if table is not capture.chart:
-        return _solve(replace(capture, chart=table), options, tell, new)
+        return _solve(replace(capture, chart=table), options, tell, new, left_out)
     free_fit, fit = fit, fit.conditioned_on(ssf)
     tell("validating", SOLVING)
     predicted_std = prediction_bands(fit, signals.used, ssf)
@@ -178,6 +191,12 @@ def _solve(capture: Capture, options: Options, tell: Progress, new: int | None =
     alone = recover_each_shot(fit)
     uncertainty = uncertainty_budget(fit, ssf, alone)
     verdict = weigh(free_fit, ssf, alone, new)
+    blamed = blamed_patch(verdict, capture.chart)
+    if left_out is None and blamed is not None:
+        with suppress(CalibrationError):
+            rest = _solve(capture, options, tell, new, blamed)
+            if blamed_patch(rest.verdict, capture.chart) is None:
+                return rest
     if verdict.status == "refused":
         error = refusal(verdict)
         error.capture = capture
@@ -216,7 +235,7 @@ def _solve(capture: Capture, options: Options, tell: Progress, new: int | None =
         capture=capture,
         answer=answer,
         verdict=verdict,
-        assumptions=signals.assumptions + assume(capture, ssf, level),
+        assumptions=signals.assumptions + assume(capture, ssf, level, left_out),
         ssf=ssf,
     )
 

@@ -110,4 +110,6 @@ def evened(shot: MeasuredShot, table: ChartTable) -> MeasuredShot:
     chart = replace(shot.means.chart, mean=dark + b * y, standard_error=b * error)
     frame = shot.means.dark  # its error is in that of y already
     frame = None if frame is None else replace(frame, standard_error=np.zeros_like(y))
-    return replace(shot, means=replace(shot.means, chart=chart, white=None, dark=frame, evened=True))
+    # Rule 11 judged its samples when they were measured; their noise is no longer that of these signals.
+    means = replace(shot.means, chart=chart, white=None, dark=frame, evened=True, noise=None)
+    return replace(shot, means=means)

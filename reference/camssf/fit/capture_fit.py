@@ -25,7 +25,7 @@ from camssf.recovery.sensitivity import Ssf
 from camssf.rules import rules
 from camssf.spectra import Called, ChartTable, Lamp, Unnamed, read_lamp
 from camssf.spectra.layouts import ChartLayout
-from camssf.spectra.lights import PossibleLamps
+from camssf.spectra.lights import PossibleLamps, unnamed_light
 
 FEWEST_PATCHES = 3
 """Smallest number of patches for a fit."""
@@ -110,6 +110,11 @@ class CaptureFit:
         ]
         return replace(self, capture=replace(self.capture, shots=tuple(shots)))
 
+    def with_light_unnamed(self) -> CaptureFit:
+        """The fit as if no lamp had been named."""
+        shots = tuple(replace(shot, lamp=unnamed_light()) for shot in self.capture.shots)
+        return replace(self, capture=replace(self.capture, shots=shots)).with_raw_white()
+
     def with_raw_white(self) -> CaptureFit:
         """The fit with each light's possible lamps narrowed by the raw white and the file's colour matrices."""
         rho, _ = self.white_reference()
@@ -180,8 +185,8 @@ class CaptureFit:
         )
 
 
-def prepare_fit(capture: Capture, options: Options) -> CaptureFit:
-    """The fit of a whole capture.
+def prepare_fit(capture: Capture, options: Options, left_out: int | None = None) -> CaptureFit:
+    """The fit of a whole capture, without the patch `left_out`, 0-based, if one does not match its table.
 
     Raises:
         InvalidArgument: patches that the chart does not have, fewer than FEWEST_PATCHES of them usable, or
@@ -194,7 +199,7 @@ def prepare_fit(capture: Capture, options: Options) -> CaptureFit:
         raise InvalidArgument(f"`light_per_patch` must lie between 0 and 1; got {differs}.", "Write 8 % as 0.08.")
     allowed = _patches_to_fit(options.fit, len(capture.chart.patches))
     signals = normalise([shot.means for shot in capture.shots], capture.chart)
-    signals = replace(signals, used=signals.used & allowed)
+    signals = replace(signals, used=signals.used & allowed & (np.arange(allowed.size) != left_out))
     count = int(signals.used.any(axis=0).sum())
     if count < FEWEST_PATCHES:
         raise InvalidArgument(

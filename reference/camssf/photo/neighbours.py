@@ -99,36 +99,36 @@ def _pairs_of(window: Whole, inside: Mask, cells: Sequence[tuple[int, int]], bla
         values = window[cell[0] :: 2, cell[1] :: 2][own]
         means.append(max(float(values.sum()) / max(values.size, 1) - float(black[cell]), 0.0))
     for horizontal in (True, False):
-        noise, known = _differences(window, inside) if horizontal else _differences(window.T, inside.T)
+        noise, usable = _differences(window, inside) if horizontal else _differences(window.T, inside.T)
         if not horizontal:
-            noise, known = noise.T, known.T
-        variances = [_mean_square(noise[c[0] :: 2, c[1] :: 2], known[c[0] :: 2, c[1] :: 2]) for c in cells]
+            noise, usable = noise.T, usable.T
+        variances = [_mean_square(noise[c[0] :: 2, c[1] :: 2], usable[c[0] :: 2, c[1] :: 2]) for c in cells]
         for across, along in STEPS:
             dy, dx = (across, along) if horizontal else (along, across)
-            yield from _in_direction(noise, known, (dy, dx), cells, variances, means)
+            yield from _in_direction(noise, usable, (dy, dx), cells, variances, means)
 
 
 def _differences(window: Whole, inside: Mask) -> tuple[Whole, Mask]:
     """Second difference along a row minus that of the row ACROSS below, and where all six samples are kept."""
-    noise, known = np.zeros_like(window), np.zeros_like(inside)
+    noise, usable = np.zeros_like(window), np.zeros_like(inside)
     h, w = window.shape
     if h <= ACROSS or w <= 2 * ALONG:
-        return noise, known
+        return noise, usable
     second = 2 * window[:, ALONG:-ALONG] - window[:, : -2 * ALONG] - window[:, 2 * ALONG :]
     whole = inside[:, ALONG:-ALONG] & inside[:, : -2 * ALONG] & inside[:, 2 * ALONG :]
     noise[:-ACROSS, ALONG:-ALONG] = second[:-ACROSS] - second[ACROSS:]
-    known[:-ACROSS, ALONG:-ALONG] = whole[:-ACROSS] & whole[ACROSS:]
-    return noise, known
+    usable[:-ACROSS, ALONG:-ALONG] = whole[:-ACROSS] & whole[ACROSS:]
+    return noise, usable
 
 
-def _mean_square(noise: Whole, known: Mask) -> float:
-    count = int(known.sum())
-    return float((noise[known] ** 2).sum()) / count if count else 0.0
+def _mean_square(noise: Whole, usable: Mask) -> float:
+    count = int(usable.sum())
+    return float((noise[usable] ** 2).sum()) / count if count else 0.0
 
 
 def _in_direction(
     noise: Whole,
-    known: Mask,
+    usable: Mask,
     step: tuple[int, int],
     cells: Sequence[tuple[int, int]],
     variances: Sequence[float],
@@ -141,7 +141,7 @@ def _in_direction(
         dy, dx = -dy, -dx
     first = slice(0, h - dy), slice(max(0, -dx), w - max(0, dx))
     second = slice(dy, h), slice(max(0, dx), w + min(0, dx))
-    products, both = noise[first] * noise[second], known[first] & known[second]
+    products, both = noise[first] * noise[second], usable[first] & usable[second]
     for i, cell in enumerate(cells):
         j = cells.index(((cell[0] + dy) % 2, (cell[1] + dx) % 2))
         if {i, j} == {1, 2}:  # two greens have one colour, and are not next to each other

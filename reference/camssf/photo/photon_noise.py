@@ -31,7 +31,12 @@ SIGNIFICANT = 2.0
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number and its standard error."""
+    """A number with its error.
+
+    Attributes:
+        value: the number.
+        error: its standard error.
+    """
 
     value: float
     error: float

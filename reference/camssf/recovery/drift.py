@@ -13,8 +13,15 @@ from camssf.grid import STEP, WAVELENGTHS
 from camssf.recovery.arrays import Array, constant, eye, namespace, whiten
 from camssf.recovery.basis import fold
 from camssf.recovery.covariance import LAMP_CORRELATION, patchwise, smooth_errors
-from camssf.recovery.misfit import JudgedSignals, by_row, errors_at_answer, signals_at_answer
-from camssf.recovery.rows import anchored
+from camssf.recovery.misfit import (
+    AnswerBasis,
+    JudgedSignals,
+    atoms_at_answer,
+    by_row,
+    derivative_by_code,
+    errors_at_answer,
+    signals_at_answer,
+)
 from camssf.rules import rules
 
 STEPS = round(rules().number("verdict.unit_drift_size") / STEP)
@@ -34,19 +41,14 @@ class UnitShots:
 
     Attributes:
         new: (k,) 1 for each shot after the drift, else 0.
-        first_lamp: (m,) of the first shot, as given.
         raw_white: (k, 3) raw values of each shot's white above dark.
-        mean, dictionary: (3, v) μ and (3, v, r) Ψ at the nodes, of the prior's width.
     """
 
     new: Array
-    first_lamp: Array
     raw_white: Array
-    mean: Array
-    dictionary: Array
 
 
-def drift_evidences(judged: JudgedSignals, unit: UnitShots) -> Array:
+def drift_evidences(judged: JudgedSignals, basis: AnswerBasis, unit: UnitShots) -> Array:
     """ln of the Bayes factor of each of DRIFTS before the new shots, (3,).
 
     A drift v ~ N(0, 1) moves the blue curve, or one of its flanks, by v · STEPS in these shots. With Σ of rule 1 and
@@ -54,16 +56,10 @@ def drift_evidences(judged: JudgedSignals, unit: UnitShots) -> Array:
 
         g = dᵀ (Σ + A Aᵀ)⁻¹ r,   G = dᵀ (Σ + A Aᵀ)⁻¹ d,   ln of the Bayes factor = ½ g² / (1 + G) - ½ ln(1 + G)
     """
-    xp, (k, n, _), r = namespace(judged.signals), judged.signals.shape, unit.dictionary.shape[-1]
-    N, signals_at = n * 3 * k, signals_at_answer(judged)
-    counts = by_row(judged.counts)
-    by_curve = signals_at.against_white[0, ...]  # (3, k, n, m)
-    # The answer's curves are the basis's over their white signal under the first lamp, which no atom changes.
-    white = fold((judged.white_reflectance * STEP * unit.first_lamp)[None, :])[:, None, :]  # (1, 1, v)
-    atoms = anchored(unit.mean, unit.dictionary, white) / (white @ unit.mean[..., None])  # (3, v, r)
-    by_code = patchwise((fold(by_curve) @ atoms[:, None, ...])[None, ...])[0, ...]  # (n, 3, k, r)
-    by_code = by_code[:, :, :, None, :] * constant(xp, np.eye(3))[:, None, :, None]
-    A = counts * xp.reshape(by_code, (N, 3 * r))
+    xp, (k, n, _), r = namespace(judged.signals), judged.signals.shape, basis.dictionary.shape[-1]
+    N, signals_at, atoms = n * 3 * k, signals_at_answer(judged), atoms_at_answer(judged, basis)
+    counts, by_curve = by_row(judged.counts), signals_at.against_white[0, ...]  # (3, k, n, m)
+    A = derivative_by_code(judged, signals_at, atoms)
     moved = unit.new[:, None, None] * (by_curve[BLUE, ...] @ moves(judged.curves[:, BLUE]).mT)  # (k, n, 3)
     moved = moved[None, ...] * constant(xp, np.eye(3)[BLUE])[:, None, None, None]  # (3, k, n, 3)
     d = counts * xp.reshape(patchwise(moved[None, ...]), (N, DRIFTS))

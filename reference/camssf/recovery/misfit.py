@@ -11,8 +11,9 @@ import numpy as np
 
 from camssf.grid import STEP, WAVELENGTHS
 from camssf.recovery.arrays import Array, cond, constant, eye, namespace, whiten
+from camssf.recovery.basis import fold
 from camssf.recovery.covariance import LinearisedSignals, Tolerances, by_shot, covariance, patchwise
-from camssf.recovery.rows import slope
+from camssf.recovery.rows import anchored, slope
 from camssf.rules import rules
 
 DARKEST_TONE = rules().number("verdict.darkest_tone")
@@ -102,6 +103,38 @@ def signals_at_answer(judged: JudgedSignals) -> LinearisedSignals:
         y, predicted, error, curve, judged.reflectance * per_white, slope(judged.reflectance) * per_white, per_white,
         judged.white_reflectance * per_white,
     )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class AnswerBasis:
+    """The basis of an answer.
+
+    Attributes:
+        first_lamp: (m,) of the first shot, as given.
+        mean, dictionary: (3, v) μ and (3, v, r) Ψ at the nodes, of the prior's width.
+    """
+
+    first_lamp: Array
+    mean: Array
+    dictionary: Array
+
+
+def atoms_at_answer(judged: JudgedSignals, basis: AnswerBasis) -> Array:
+    """(3, v, r) derivative of the answer's curves by the code.
+
+    The curves are the basis's over their white signal under the first lamp, which no atom changes.
+    """
+    white = fold((judged.white_reflectance * STEP * basis.first_lamp)[None, :])[:, None, :]  # (1, 1, v)
+    return anchored(basis.mean, basis.dictionary, white) / (white @ basis.mean[..., None])
+
+
+def derivative_by_code(judged: JudgedSignals, signals_at: LinearisedSignals, atoms: Array) -> Array:
+    """(N, 3 r) derivative of ŷ by the code; 0 where a signal does not count."""
+    xp, (k, n, _), r = namespace(judged.signals), judged.signals.shape, atoms.shape[-1]
+    by_curve = signals_at.against_white[0, ...]  # (3, k, n, m)
+    of_channel = patchwise((fold(by_curve) @ atoms[:, None, ...])[None, ...])[0, ...]  # (n, 3, k, r)
+    of_all = of_channel[:, :, :, None, :] * constant(xp, np.eye(3))[:, None, :, None]
+    return by_row(judged.counts) * xp.reshape(of_all, (n * 3 * k, 3 * r))
 
 
 @dataclass(frozen=True)

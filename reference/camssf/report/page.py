@@ -64,7 +64,9 @@ def page(
         "tiles": [patches.tiles_of(shot, columns) for shot in shots],
         "noise": [drawings.noise_plot(shot.patches, f"noise-{shot.number}") for shot in shots],
         "falls": [uneven.fall_of(shot) for shot in shots],
-        "photos": [photos.photo_of(shot, preview) for shot, preview in zip(shots, previews, strict=True)],
+        "photos": [
+            photos.photo_of(shot, preview, verdict.reasons) for shot, preview in zip(shots, previews, strict=True)
+        ],
         "assumptions": details.assumptions_of(document),
         "details": details.details_of(shots),
         "number_columns": details.NUMBERS,

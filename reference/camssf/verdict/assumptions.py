@@ -15,15 +15,26 @@ SHOWN = 0.005
 """Kinds of light less probable than this are not listed."""
 
 
+LEFT_OUT = (
+    "patch {} was left out: it does not match the chart's table. Look for dirt, a reflection or a finger on it."
+)
 UNCHECKED = "whether a program has mixed the colours of the samples was not checked: noise or samples do not suffice."
 
 
-def assume(capture: Capture, ssf: Ssf, level: Floats) -> tuple[Assumption, ...]:
-    """The answer's assumptions, apart from the fallbacks of Eq. (5); `level` is (k, n) 1 - ĥ."""
+def assume(capture: Capture, ssf: Ssf, level: Floats, left_out: int | None) -> tuple[Assumption, ...]:
+    """The answer's assumptions, apart from the fallbacks of Eq. (5).
+
+    Args:
+        capture, ssf: what was solved, and the answer.
+        level: (k, n) 1 - ĥ.
+        left_out: 0-based, the patch that was left out of the fit, if one did not match its table.
+    """
     table = capture.chart
     public = f"{table.source} ({table.table}), not measured on this chart."
     own = f"those of {table.source}, taken for this chart's own."
     assumptions = [Assumption("chart_table", f"the chart's reflectances are {public if table.public else own}")]
+    if left_out is not None:
+        assumptions.append(Assumption("patch_left_out", LEFT_OUT.format(table.patches[left_out])))
     for j, shot in enumerate(capture.shots):
         where = f"shot {j + 1}: " if len(capture.shots) > 1 else ""
         light = ssf.lights[j] if ssf.lights else None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +17,8 @@ from camssf.recovery.misfit import KINDS, JudgedSignals, Misfit, errors_at_answe
 from camssf.recovery.sensitivity import Ssf
 from camssf.rules import rules
 from camssf.spectra import ChartTable, Lamp
+from camssf.verdict.cause_groups import Causes
+from camssf.verdict.lamp import Rival
 
 _NUMBER = rules().number
 GOODNESS_OF_FIT = _NUMBER("verdict.goodness_of_fit")
@@ -82,6 +84,8 @@ class VerdictInputs:
         means, poses, lamps: k of each.
         white_reflectance, white_tolerance: (681,) ρ and its relative error.
         gains: gain modes (k, g, n), and the part of them that is independent in each channel (`CaptureFit.gains`).
+        causes: weighs the causes of shot j (`camssf.verdict.cause`), given the rivals of all shots and the causes for
+            which another rule speaks; None where they cannot be weighed, on a basis without a prior.
     """
 
     signals: Signals
@@ -92,6 +96,7 @@ class VerdictInputs:
     white_reflectance: Floats
     white_tolerance: float
     gains: tuple[Floats, float] | None = None
+    causes: Callable[[int, Sequence[Rival], Collection[str]], Causes] | None = None
 
     def goodness_of_fit(self, answer: Ssf) -> GoodnessOfFit:
         """Rules 1 and 2 for all shots together."""
@@ -101,19 +106,20 @@ class VerdictInputs:
         """Rules 1 to 3 for shot j alone, by the answer to it; no explanations below `FEWEST` patches."""
         if int(self.signals.used[j].sum()) < FEWEST:
             return GoodnessOfFit(0.0, 0.0, FEWEST, ())
-        alone = replace(
+        return _goodness_of_fit(self.of_shot(j), answer, explain=True)
+
+    def of_shot(self, j: int) -> VerdictInputs:
+        """Shot j alone."""
+        return replace(
             self, signals=self.signals.of_shot(j), means=[self.means[j]], poses=[self.poses[j]],
             lamps=[self.lamps[j]],
             gains=None if self.gains is None else (self.gains[0][j : j + 1], self.gains[1]),
         )  # fmt: skip
-        return _goodness_of_fit(alone, answer, explain=True)
 
 
 def _goodness_of_fit(inputs: VerdictInputs, ssf: Ssf, *, explain: bool) -> GoodnessOfFit:
     """Rules 1 to 3; explanations are computed for inputs of one shot only."""
-    judged = judged_signals(inputs, ssf)
-    if explain:
-        judged = replace(judged, level=_level(inputs), fields=_fields(inputs))
+    judged = explained_signals(inputs, ssf) if explain else judged_signals(inputs, ssf)
     parts = misfit(judged, np.array(float(explain)))
     prior = float(parts.prior) if ssf.std is not None else 0.0
     return GoodnessOfFit(
@@ -162,6 +168,11 @@ def judged_signals(inputs: VerdictInputs, ssf: Ssf) -> JudgedSignals:
     )
 
 
+def explained_signals(inputs: VerdictInputs, ssf: Ssf) -> JudgedSignals:
+    """The arrays of `misfit` of one shot, with what its explanations need."""
+    return replace(judged_signals(inputs, ssf), level=_level(inputs), fields=_fields(inputs))
+
+
 def signal_covariance(inputs: VerdictInputs, ssf: Ssf) -> Floats:
     """Covariance Σ of rule 1, (3 rows, 3 rows): the used rows of red, then green, then blue."""
     used, k = inputs.signals.used, len(inputs.lamps)
@@ -180,7 +191,7 @@ def _level(inputs: VerdictInputs) -> Floats:
 
 def _fields(inputs: VerdictInputs) -> Floats:
     """Uneven light over the one shot's chart, (f, 1, n), and its level if the white patch is the reference."""
-    X, Y = _places(inputs.poses[0], inputs.signals.used[0]).T
+    X, Y = places(inputs.poses[0], inputs.signals.used[0]).T
     fields = _falls(X, Y, solved=_solved(inputs)) + ([np.ones_like(X)] if inputs.means[0].white is None else [])
     return np.stack(fields)[:, None, :]
 
@@ -195,7 +206,7 @@ def _falls(X: Floats, Y: Floats, *, solved: bool) -> list[Floats]:
     return [X**3, X**2 * Y, X * Y**2, Y**3] if solved else [X, Y, X**2 + Y**2]
 
 
-def _places(pose: Pose, used: NDArray[np.bool_]) -> Floats:
+def places(pose: Pose, used: NDArray[np.bool_]) -> Floats:
     """(n, 2) centres X, Y of the patches, about the mean of the used ones, divided by the larger range."""
     centres = pose.patches.mean(axis=1)
     return np.asarray((centres - centres[used].mean(axis=0)) / max(float(np.ptp(centres[used], axis=0).max()), 1.0))

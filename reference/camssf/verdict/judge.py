@@ -20,6 +20,7 @@ from camssf.recovery.unfamiliar_camera import code_length, longest_code
 from camssf.rules import rules
 from camssf.spectra import ChartTable
 from camssf.spectra.lights import kind_of
+from camssf.verdict.cause import BY_WHITE, NONE, blamed_shots, put_first
 from camssf.verdict.exposure_and_noise import (
     exposure,
     few,
@@ -27,6 +28,7 @@ from camssf.verdict.exposure_and_noise import (
 )
 from camssf.verdict.goodness_of_fit import (
     BLACK,
+    FEWEST,
     GOODNESS_OF_FIT,
     Explanation,
     GoodnessOfFit,
@@ -82,7 +84,7 @@ def judge(
         unnamed: for each shot, whether its light is unnamed; empty if all are named.
         drift: `drift_probability` of the new shots against those of a previous result; None if there is none.
     """
-    signals, table, lamps = inputs.signals, inputs.table, inputs.lamps
+    signals, table, lamps, causes = inputs.signals, inputs.table, inputs.lamps, inputs.causes
     together = inputs.goodness_of_fit(ssf)
     answers = [shot_answer(answer, j) for j, answer in enumerate(alone or [ssf] * len(lamps))]
     by_shot = [inputs.goodness_of_fit_of_shot(j, answer) for j, answer in enumerate(answers)]
@@ -102,18 +104,30 @@ def judge(
         for j, lamp in enumerate(lamps)
     ]
     reasons += [reason for white in whites for reason in white]
-    reasons += _faded(ssf, checks)
+    faded = _faded(ssf, checks)
+    reasons += faded
     reasons += _band_too_wide(ssf, checks)
     reasons += _other_makers(ssf, family, checks)
     alone_in_unnamed = any(unnamed) and drift is None  # a previous result says what camera it is
     reasons += _unnamed(ssf, family, checks) if alone_in_unnamed else []
     reasons += _typical(ssf, checks) if alone_in_unnamed or (drift is None and _of_some_kind(ssf)) else []
     fatal = any(isinstance(reason, Fatal) for reason in reasons)
+    tried: Sequence[Rival] = ()
+    if not fatal or causes is not None:
+        tried = rivals() if callable(rivals) else rivals
     if not fatal and (len(lamps) == 1 or not any(best_explanation(one) for one in by_shot)):
-        doubted = [j for j, white in enumerate(whites) if white]
-        reasons += rival_lamp(rivals() if callable(rivals) else rivals, lamps, doubted, checks)
+        reasons += rival_lamp(tried, lamps, [j for j, white in enumerate(whites) if white], checks)
     reasons += _unusual(ssf, unnamed, checks)
     reasons += [] if drift is None else _drifted(drift, any(unnamed) or bool(ssf.kinds), checks)
+    if reasons and causes is not None:
+        weighed = [
+            causes(j, tried, (*(BY_WHITE if whites[j] else ()), *(["table"] if faded else [])))
+            for j in blamed_shots(reasons, len(lamps))
+            if int(signals.used[j].sum()) >= FEWEST
+        ]
+        if weighed:
+            clearest = min(weighed, key=lambda each: each.probability[NONE])
+            reasons = put_first(reasons, clearest, by_shot[clearest.shot], inputs)
     if any(isinstance(reason, Fatal) for reason in reasons):  # first those that refuse: the error is the first one's
         reasons.sort(key=lambda reason: not isinstance(reason, Fatal))
         return Verdict("refused", tuple(reasons), tuple(checks))
@@ -208,7 +222,7 @@ def _other_makers(ssf: Ssf, family: str | None, checks: Checks) -> list[Reason]:
     checks.note("other_makers", other)
     if other <= OTHER_MAKERS:
         return []
-    return [because("other_makers", other, {"probability": other, "basis": ssf.basis})]
+    return [because("other_makers", other, {"basis": ssf.basis})]
 
 
 def _unnamed(ssf: Ssf, family: str | None, checks: Checks) -> list[Reason]:
@@ -227,7 +241,7 @@ def _unnamed(ssf: Ssf, family: str | None, checks: Checks) -> list[Reason]:
     checks.note("unnamed", phone)
     if phone >= UNNAMED:
         return []
-    return [because("unnamed", phone, {"probability": phone}, fatal=phone < UNNAMEABLE)]
+    return [because("unnamed", phone, {}, fatal=phone < UNNAMEABLE)]
 
 
 def _of_some_kind(ssf: Ssf) -> bool:

@@ -18,8 +18,6 @@ _NUMBER = rules().number
 RIVAL, OTHER_LAMP_REFUSES = _NUMBER("verdict.rival"), _NUMBER("verdict.other_lamp_refuses")
 RIVALS = rules().rivals
 """Lamps tried in place of the named one."""
-MISNAMED = _NUMBER("verdict.misnamed")
-"""Prior probability that a lamp is named wrongly."""
 MOST_SHOTS_COMPARED = rules().whole("verdict.most_shots_compared")
 WHITE_BALANCE_MISMATCH, WHITE_BALANCE_MISMATCH_UNNAMED = (
     _NUMBER("verdict.white_balance_mismatch"),
@@ -53,7 +51,7 @@ class Neutral:
 def rival_lamp(
     rivals: Sequence[Rival], lamps: Sequence[Lamp], tinted_shots: Collection[int], checks: Checks
 ) -> list[Reason]:
-    """Rule 4: find the best-fitting rival of all shots, and the probability that the named lamp is wrong.
+    """Rule 4: find the best-fitting rival of all shots.
 
     Args:
         rivals: of all shots.
@@ -68,15 +66,7 @@ def rival_lamp(
     checks.note("rival", best.gain, best.shot, refuses=RIVAL if by_white else None)
     if best.gain <= RIVAL:
         return []
-    own = np.array([rival.gain for rival in rivals if rival.shot == best.shot])
-    # The best gain is subtracted because e^gain overflows if a lamp is grossly wrong.
-    odds = best.gain + np.log(np.mean(np.exp(own - best.gain)) * MISNAMED / (1.0 - MISNAMED))
-    words: dict[str, str | float] = {
-        "shot": best.shot + 1,
-        "rival": best.lamp,
-        "lamp": lamps[best.shot].name,
-        "probability": float(1.0 / (1.0 + np.exp(-odds))),
-    }
+    words = {"shot": best.shot + 1, "lamp": lamps[best.shot].name}
     fatal = by_white or best.gain > OTHER_LAMP_REFUSES
     return [because("rival", best.gain, words, fatal=fatal, threshold=RIVAL if by_white else None)]
 

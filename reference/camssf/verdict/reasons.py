@@ -124,7 +124,7 @@ class Verdict:
 
 def because(
     name: str,
-    value: float,
+    value: float | None,
     arguments: Mapping[str, object],
     *,
     fatal: bool = False,
@@ -134,15 +134,16 @@ def because(
 
     Args:
         name: in data/rules.json.
-        value: the number that decided.
+        value: the number that decided; None if none did alone.
         arguments: values of the placeholders, as `camssf.messages.plain` takes them.
         fatal: whether the number passed the limit that refuses.
         threshold: the bound that was broken, if it is not the rule's own limit.
     """
     ground, values = rules().reasons[name], plain(arguments)
-    bound = rules().numbers[f"verdict.{ground.limits[-1 if fatal else 0]}"].value if threshold is None else threshold
+    if threshold is None and value is not None:
+        threshold = rules().numbers[f"verdict.{ground.limits[-1 if fatal else 0]}"].value
     said = ground.message
-    return (Fatal if fatal else Reason)(said.code, *said.say(values), value, bound, said.key, values)
+    return (Fatal if fatal else Reason)(said.code, *said.say(values), value, threshold, said.key, values)
 
 
 def refusal(verdict: Verdict) -> CalibrationError:

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 
 from camssf.fit.capture_fit import CaptureFit
+from camssf.fit.solutions import recover_fit
 from camssf.recovery.basis import basis_of, widened
 from camssf.recovery.evidence import log_evidences
 from camssf.recovery.hypotheses import AUTO, MAKERS_OF
 from camssf.recovery.observation import Observation
-from camssf.recovery.sensitivity import Ssf
+from camssf.recovery.sensitivity import EstimatedLamp, Ssf
 from camssf.rules import rules
 from camssf.spectra import Called, Lamp, read_lamp
 from camssf.spectra.lights import kind_of, plain_kind
-from camssf.verdict.goodness_of_fit import VerdictInputs
-from camssf.verdict.judge import judge
+from camssf.verdict.cause import tables_of_causes, weigh_causes, with_light
+from camssf.verdict.cause_groups import Causes
+from camssf.verdict.goodness_of_fit import VerdictInputs, shot_answer
+from camssf.verdict.judge import PHONES, judge
 from camssf.verdict.lamp import MOST_SHOTS_COMPARED, RIVALS, Neutral, Rival
 from camssf.verdict.reasons import Verdict
 from camssf.verdict.unit_drift import drift_probability
@@ -53,8 +56,21 @@ def weigh(fit: CaptureFit, ssf: Ssf, alone: Sequence[Ssf], new: int | None = Non
     if new is not None:
         basis = ssf.basis if fit.basis == AUTO else fit.basis
         drift = drift_probability(inputs, ssf, widened(basis_of(basis), ssf.prior_scale), new)
-    return judge(
-        inputs,
+    answers = [shot_answer(answer, j) for j, answer in enumerate(alone or [ssf])]
+    reflectances = np.stack([table.values for table in tables_of_causes(fit.capture.chart)])
+
+    def causes(j: int, tried: Sequence[Rival], witnesses: Collection[str]) -> Causes:
+        basis = widened(basis_of(answers[j].basis if fit.basis == AUTO else fit.basis), answers[j].prior_scale)
+        gains = [rival.gain for rival in tried if rival.shot == j]
+        return weigh_causes(inputs, j, answers[j], basis, gains, reflectances, witnesses)
+
+    def light(j: int) -> EstimatedLamp | None:
+        unnamed = fit.of_shot(j).with_light_unnamed()
+        found = recover_fit(unnamed, unnamed.signals.used, None)
+        return found.lights[0] if MAKERS_OF.get(found.basis) == PHONES else None
+
+    verdict = judge(
+        inputs if ssf.std is None else replace(inputs, causes=causes),
         ssf,
         rivals=lambda: weigh_rivals(fit, ssf, new),
         neutrals=[
@@ -66,6 +82,7 @@ def weigh(fit: CaptureFit, ssf: Ssf, alone: Sequence[Ssf], new: int | None = Non
         unnamed=fit.unnamed,
         drift=drift,
     )
+    return with_light(verdict, light)
 
 
 def weigh_rivals(fit: CaptureFit, ssf: Ssf, new: int | None = None) -> tuple[Rival, ...]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from camssf.recovery.basis import Basis
 from camssf.recovery.drift import UnitShots, drift_evidences
+from camssf.recovery.misfit import AnswerBasis
 from camssf.recovery.sensitivity import Ssf
 from camssf.verdict.goodness_of_fit import VerdictInputs, judged_signals
 from camssf.verdict.reasons import Check, Reason, because
@@ -29,8 +30,8 @@ def drift_probability(inputs: VerdictInputs, ssf: Ssf, basis: Basis, new: int) -
     nodes = basis.mean[:, ::10], basis.dictionary[:, ::10]
     k = len(inputs.lamps)
     whites = np.stack([inputs.signals.raw_white(j) for j in range(k)])
-    shots = UnitShots((np.arange(k) < new).astype(float), inputs.lamps[0].values, whites, *nodes)
-    nats = drift_evidences(judged_signals(inputs, ssf), shots)
+    shots = UnitShots((np.arange(k) < new).astype(float), whites)
+    nats = drift_evidences(judged_signals(inputs, ssf), AnswerBasis(inputs.lamps[0].values, *nodes), shots)
     return float(np.exp(-np.logaddexp(0.0, np.log(len(nats)) - np.logaddexp.reduce(nats))))
 
 

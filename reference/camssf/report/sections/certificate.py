@@ -31,7 +31,7 @@ _LAMP = (
 _WHITE = ("The white fits the colour matrix in the file.", "The white does not fit the colour matrix in the file.")
 _VEIL = ("The darkest patch is dark: little stray light.", "The darkest patch is too bright: stray light.")
 _RIVAL = ("No other lamp fits clearly better than the named one.", "Another lamp fits better than the named one.")
-_PHONE = ("By its signals this is a phone.", "By its signals this may be no phone.")
+_PHONE = ("By its signals this is a phone.", "The signals do not tell the light from the camera.")
 CHECK_SENTENCES = {
     "explanation": (
         "No single fault explains what the curves do not.",
@@ -66,6 +66,15 @@ CHECK_SENTENCES = {
     "unusual_phone_unnamed": _LIKE,
     "unusual_camera": _LIKE,
     "smooth": ("The noise is that of a sensor's own samples.", "There is less noise than in a sensor's own samples."),
+    "mixed": (
+        "Each colour's noise is that of its own photons.",
+        "A colour's noise follows the other colours' photons: a program has mixed them.",
+    ),
+    "demosaiced": (
+        "Neighbours of different colours share no noise.",
+        "Neighbours of different colours share noise: the samples were demosaiced.",
+    ),
+    "smoothed": ("Next samples share no noise.", "Next samples share noise: they were smoothed."),
     "rough": ("Each patch is even.", "A patch is uneven: texture, dirt or a reflection."),
     "rival": _RIVAL,
     "other_lamp_refuses": _RIVAL,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +14,7 @@ import numpy as np
 from camssf.grid import Floats
 from camssf.report.sections.patches import hexed
 from camssf.report.shots import ShownPatches, ShownShot
+from camssf.verdict.reasons import Reason
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,8 @@ class ShownPhoto:
         placed: whether the chart was found; if not, pixel coordinates are shown.
         view: SVG viewBox of the close-up.
         chart: the chart's outline.
-        outlines: name, outline and the table's colour of each patch.
+        outlines: name, outline and the table's colour of each patch, and whether the verdict blames it.
+        blamed: names of those that it blames.
         names, name_size: texts inside the outlines, and their size.
         step: distance of the numbered lines, px.
     """
@@ -49,7 +52,8 @@ class ShownPhoto:
     placed: bool
     view: str = ""
     chart: str = ""
-    outlines: tuple[tuple[str, str, str], ...] = ()
+    outlines: tuple[tuple[str, str, str, bool], ...] = ()
+    blamed: tuple[str, ...] = ()
     names: tuple[Name, ...] = ()
     name_size: float = 0.0
     step: int = 0
@@ -62,8 +66,12 @@ def media_type(image: bytes) -> str | None:
     return "image/png" if image.startswith(b"\x89PNG\r\n\x1a\n") else None
 
 
-def photo_of(shot: ShownShot, preview: bytes | None) -> ShownPhoto | None:
-    """The photo of a shot; None without a chart pose and without a picture."""
+def photo_of(shot: ShownShot, preview: bytes | None, reasons: Sequence[Reason]) -> ShownPhoto | None:
+    """The photo of a shot; None without a chart pose and without a picture.
+
+    Patches that one of the verdict's `reasons` names are marked.
+    """
+    blamed = {reason.arguments.get("patch") for reason in reasons if reason.arguments.get("shot") == shot.number}
     photo, pose, patches = shot.photo, shot.pose, shot.patches
     width, height, orientation = photo.width, photo.height, photo.orientation
     data = "" if preview is None else f"data:{media_type(preview)};base64,{base64.b64encode(preview).decode()}"
@@ -91,9 +99,10 @@ def photo_of(shot: ShownShot, preview: bytes | None) -> ShownPhoto | None:
         outlines=()
         if patches is None
         else tuple(
-            (name, ring(quad), hexed(colour))
+            (name, ring(quad), hexed(colour), name in blamed)
             for name, colour, quad in zip(patches.names, patches.reflectance_srgb, quads, strict=True)
         ),
+        blamed=() if patches is None else tuple(name for name in patches.names if name in blamed),
         names=names,
         name_size=size,
     )

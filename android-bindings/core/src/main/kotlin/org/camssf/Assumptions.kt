@@ -14,8 +14,12 @@ internal object Assumptions {
     /** Kinds of light less probable than this are not listed. */
     private const val SHOWN = 0.005
 
-    /** The answer's assumptions, apart from the fallbacks of Eq. (5); `level` is (k, n) 1 - ĥ. */
-    fun of(capture: MeasuredCapture, ssf: Ssf, level: DoubleArray): List<Assumption> {
+    /**
+     * The answer's assumptions, apart from the fallbacks of Eq. (5).
+     *
+     * @param level (k, n) 1 - ĥ. @param leftOut 0-based, the patch that was left out of the fit.
+     */
+    fun of(capture: MeasuredCapture, ssf: Ssf, level: DoubleArray, leftOut: Int?): List<Assumption> {
         val found = ArrayList<Assumption>()
         val table = capture.chart
         val k = capture.shots.size
@@ -23,6 +27,13 @@ internal object Assumptions {
         val public = "${table.source} (${table.table}), not measured on this chart."
         val own = "those of ${table.source}, taken for this chart's own."
         found += Assumption("chart_table", "the chart's reflectances are ${if (table.public) public else own}")
+        leftOut?.let {
+            found += Assumption(
+                "patch_left_out",
+                "patch ${table.patches[it]} was left out: it does not match the chart's table. " +
+                    "Look for dirt, a reflection or a finger on it.",
+            )
+        }
         for ((j, shot) in capture.shots.withIndex()) {
             val where = if (k > 1) "shot ${j + 1}: " else ""
             val light = ssf.lights.getOrNull(j)

@@ -135,6 +135,12 @@ internal class CaptureFit(
         return CaptureFit(engines, other, signals, settings, priorScale)
     }
 
+    /** The fit of shot j alone, as if its lamp had not been named. */
+    fun unnamed(j: Int): CaptureFit {
+        val own = capture.with(listOf(capture.shots[j].under(Lamp.auto())))
+        return CaptureFit(engines, own, signals.only(j), settings, priorScale).withRawWhite()
+    }
+
     private fun asSaid(): CaptureFit {
         val shots = capture.shots.map { if (it.lamp.unnamed) it else it.under(it.lamp.asSaid()) }
         return CaptureFit(engines, capture.with(shots), signals, settings, priorScale)

@@ -29,6 +29,9 @@ public class Reason internal constructor(
      */
     public fun inWords(template: String): String = Messages.fill(template, arguments)
 
+    /** The same where the result is refused. */
+    internal fun refusing(): Reason = Reason(code, message, advice, value, threshold, true, key, arguments)
+
     private fun parts() = listOf(code, message, advice, value, threshold, key, arguments)
 
     override fun equals(other: Any?): Boolean = other is Reason && parts() == other.parts()

@@ -14,7 +14,9 @@ import org.camssf.recovery.Engine
 import org.camssf.recovery.Ssf
 import org.camssf.verdict.CameraWhite
 import org.camssf.verdict.Case
+import org.camssf.verdict.Causes
 import org.camssf.verdict.Judge
+import org.camssf.verdict.Status
 import org.camssf.verdict.UnitDrift
 import org.camssf.verdict.VerdictInputs
 
@@ -22,6 +24,7 @@ import org.camssf.verdict.VerdictInputs
  * Computes curves, scores and verdict from measured patches, in the order of Python's `camssf.calibration.solve`.
  *
  * @param new number of new shots before those of a previous result; null if there is none.
+ * @param leftOut 0-based, the patch that is left out of the fit.
  */
 internal class Solve(
     private val engines: List<Engine>,
@@ -29,20 +32,22 @@ internal class Solve(
     private val settings: CalibrationOptions,
     private val reporter: ProgressReporter,
     private val new: Int? = null,
+    private val leftOut: Int? = null,
 ) {
     private val table = capture.chart
     private val n = table.patches.size
     private val k = capture.shots.size
 
     /**
-     * Runs all stages of solving.
+     * Runs all stages of solving. If one patch is the likeliest cause of a misfit, the capture is solved without it;
+     * that answer is taken unless it is refused, or another patch is blamed in turn.
      *
      * @throws CalibrationException a stage refuses, or the settings are invalid.
      */
     fun run(): Solution {
         val allowed = allowed()
-        val signals =
-            Normalise.all(capture.shots.map { it.means }, table.patches, table.white).restrictedTo(allowed)
+        val measured = Normalise.all(capture.shots.map { it.means }, table.patches, table.white)
+        val signals = measured.restrictedTo(BooleanArray(n) { allowed[it] && it != leftOut })
         val freeFit = CaptureFit(engines, capture, signals, settings).withRawWhite()
         if (freeFit.paper && settings.lightPerPatch != null) {
             throw InvalidArgument(
@@ -57,7 +62,7 @@ internal class Solve(
         val likeliest = freeFit.likeliestTable(ssf, used)
         if (likeliest !== table) {
             val other = capture.with(chart = likeliest)
-            return Solve(engines, other, settings, reporter, new).run()
+            return Solve(engines, other, settings, reporter, new, leftOut).run()
         }
         val fit = freeFit.conditionedOn(ssf)
         val explained = fit.explain(listOf(used), listOf(ssf))?.single()
@@ -71,13 +76,20 @@ internal class Solve(
         val family = freeFit.priorOdds.keys.firstOrNull().takeIf { engines.size > 1 }
         val unnamed = freeFit.lamps.map { it.unnamed }
         val drift = new?.let { UnitDrift.probability(inputs, ssf.basis, it) }
-        val verdict = Judge.judge(
+        val judged = Judge.judge(
             Case(inputs, capture.shots, alone, neutrals(), family, unnamed, drift) {
                 Rivals.of(freeFit.withChartOf(ssf), ssf, used, new ?: k) { reporter.begin(Stage.JUDGING) }
             },
         )
+        val verdict = Causes.withLight(judged) { j ->
+            val own = PatchMask(1, n, signals.only(j).sharedUsed)
+            curves(freeFit.withChartOf(ssf).unnamed(j), Stage.JUDGING, own, null)
+        }
+        val blamed = Causes.blamedPatch(verdict, table).takeIf { leftOut == null }
+        val rest = blamed?.let { withoutPatch(it) }
+        if (rest != null) return rest
         val level = fit.level(ssf)
-        val assumptions = signals.assumptions + Assumptions.of(capture, ssf, level)
+        val assumptions = signals.assumptions + Assumptions.of(capture, ssf, level, leftOut)
         fun rows(table: PatchTable) = Rows(table.values, k, n, 3)
         val predictions = Predictions(
             signals.sharedUsed, Rows(level, k, n), rows(predicted(ssf)), predictedStd?.let(::rows),
@@ -107,6 +119,15 @@ internal class Solve(
         val sizes = BudgetWords.sizes(fit, signals, settings.lightPerPatch)
         val budget = all.map { (source, share) -> UncertaintySource(source, sizes.getValue(source), share) }
         return Uncertainty(ssf.halfWidth, ssf.halfWidthWithoutPhoto, alone.map { it.halfWidth }, budget)
+    }
+
+    /** The answer without a patch; null if it is refused, or blames another patch. */
+    private fun withoutPatch(patch: Int): Solution? = try {
+        Solve(engines, capture, settings, reporter, new, patch).run().takeIf {
+            it.verdict.outcome != Status.REFUSED && Causes.blamedPatch(it.verdict, table) == null
+        }
+    } catch (_: CalibrationException) {
+        null
     }
 
     /** Mask (n) of the patches that may enter the fit. */

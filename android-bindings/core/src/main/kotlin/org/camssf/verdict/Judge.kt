@@ -5,6 +5,7 @@ import org.camssf.Rules
 import org.camssf.photo.Agreement
 import org.camssf.photo.MeasuredShot
 import org.camssf.photo.Signals
+import org.camssf.recovery.BasisConstants
 import org.camssf.recovery.Choice
 import org.camssf.recovery.Ssf
 import org.camssf.recovery.UnfamiliarCamera
@@ -35,6 +36,17 @@ internal class Case(
 ) {
     /** The inputs of each shot alone, with the answer to it. */
     val single: List<VerdictInputs> = shots.indices.map { j -> inputs.only(j, alone.getOrNull(j) ?: inputs.ssf) }
+
+    /** The causes of a shot; null on a basis without a prior, and with fewer than `verdict.fewest` used patches. */
+    fun causes(j: Int, rivals: List<Rival>, witnesses: Set<String>): Causes? {
+        val one = single[j]
+        val enough = one.signals.sharedUsed.count { it } >= Rules.shipped.whole("verdict.fewest")
+        if (!enough || !weighable) return null
+        return Causes.weigh(one, shots[j], j, rivals.filter { it.shot == j }.map { it.gain }, witnesses)
+    }
+
+    /** Whether causes can be weighed: on a learned basis. */
+    val weighable: Boolean get() = inputs.ssf.sharedStd != null && BasisConstants.of(inputs.ssf.basis) != null
 
     /**
      * Rules 1 to 3 for each shot alone. With fewer than `verdict.fewest` used patches T is 0 and there are no
@@ -80,12 +92,11 @@ internal object Judge {
         }
         val whites = case.shots.indices.map { j ->
             val unnamed = case.unnamed.getOrElse(j) { false }
-            val estimated = case.single[j].lamps[0].name
-            val lamp = if (unnamed) Lamp.kindOf(estimated) ?: estimated else case.shots[j].lamp.name
-            Light.whiteBalanceMismatch(j, lamp, unnamed, case.neutrals[j], case.single[j], checks)
+            Light.whiteBalanceMismatch(j, lampName(case, j), unnamed, case.neutrals[j], case.single[j], checks)
         }
         whites.forEach { reasons += it }
-        reasons += faded(inputs.ssf, checks)
+        val faded = faded(inputs.ssf, checks)
+        reasons += faded
         reasons += bandTooWide(inputs.ssf, checks)
         reasons += otherMakers(inputs.ssf, case.family, checks)
         // A previous result says what camera it is.
@@ -94,17 +105,35 @@ internal object Judge {
         // Likeliest some lamp of a kind: not named, or by its kind, or by a wrong name.
         val ofSomeKind = case.drift == null && inputs.ssf.kinds.any { Lamp.kindOf(it) != null }
         if (aloneInUnnamed || ofSomeKind) reasons += typical(inputs.ssf, checks)
+        val rivals = if (case.weighable || reasons.none { it.fatal }) case.rivals() else emptyList()
+        val doubted = whites.indices.filter { whites[it].isNotEmpty() }
         if (reasons.none { it.fatal } && (case.shots.size == 1 || each.none { it.bestExplanation() != null })) {
-            val doubted = whites.indices.filter { whites[it].isNotEmpty() }
-            reasons += Light.rivalLamp(case.rivals(), case.shots.map { it.lamp.name }, doubted, checks)
+            reasons += Light.rivalLamp(rivals, case.shots.map { it.lamp.name }, doubted, checks)
         }
         reasons += unusual(inputs.ssf, case.unnamed, checks)
         case.drift?.let {
             val uncertain = case.unnamed.any { each -> each } || inputs.ssf.kinds.isNotEmpty()
             reasons += drifted(it, uncertain, checks)
         }
+        val causes = if (reasons.isEmpty()) {
+            emptyList()
+        } else {
+            val ofTable = if (faded.isEmpty()) emptySet() else setOf("table")
+            Causes.blamedShots(reasons, case.shots.size).mapNotNull { j ->
+                case.causes(j, rivals, ofTable + if (j in doubted) Causes.BY_WHITE else emptySet())
+            }
+        }
+        val clearest = causes.minByOrNull { it.probability.getValue(Causes.NONE) }
+        val named = clearest?.run { putFirst(reasons, each[shot], inputs.table, lampName(case, shot)) } ?: reasons
         // First those that refuse: the error is the first one's, also in a stored result.
-        return Verdict(Status.of(reasons), reasons.sortedBy { !it.fatal }, checks.all)
+        return Verdict(Status.of(named), named.sortedBy { !it.fatal }, checks.all)
+    }
+
+    /** The lamp's name: of an unnamed light, the likeliest kind. */
+    private fun lampName(case: Case, j: Int): String {
+        val estimated = case.single[j].lamps[0].name
+        val unnamed = case.unnamed.getOrElse(j) { false }
+        return if (unnamed) Lamp.kindOf(estimated) ?: estimated else case.shots[j].lamp.name
     }
 
     /** Applies the thresholds of rules 2 and 3: reports each shot's best explanation, or that there is none. */
@@ -199,7 +228,7 @@ internal object Judge {
         val other = others.sumOf { it.probability }
         checks.note("other_makers", other)
         if (other <= OTHER_MAKERS) return emptyList()
-        return listOf(Reasons.because("other_makers", other, mapOf("probability" to other, "basis" to ssf.basis)))
+        return listOf(Reasons.because("other_makers", other, mapOf("basis" to ssf.basis)))
     }
 
     /** Checks whether the unit has changed since its previous result (rule 10). */

@@ -6,7 +6,6 @@ import org.camssf.Rules
 import org.camssf.recovery.Choice
 import org.camssf.recovery.Hypothesis
 import kotlin.math.abs
-import kotlin.math.exp
 import kotlin.math.expm1
 import kotlin.math.ln
 import kotlin.math.max
@@ -29,15 +28,12 @@ internal class CameraWhite(val light: DoubleArray, val white: DoubleArray)
  */
 internal object Light {
     /** The only cameras that are similar enough to each other to estimate a light. */
-    private const val PHONES = "phones"
+    const val PHONES = "phones"
 
     private val RIVAL get() = Rules.shipped.number("verdict.rival")
     private val OTHER_LAMP_REFUSES get() = Rules.shipped.number("verdict.other_lamp_refuses")
     private val WHITE_BALANCE_MISMATCH get() = Rules.shipped.number("verdict.white_balance_mismatch")
     private val WHITE_BALANCE_MISMATCH_UNNAMED get() = Rules.shipped.number("verdict.white_balance_mismatch_unnamed")
-
-    /** Prior probability that a lamp is named wrongly. */
-    private val MISNAMED get() = Rules.shipped.number("verdict.misnamed")
 
     /** Width of the prior for comparing lamps, relative to that of the answer: the basis was enlarged on purpose. */
     val NARROW get() = Rules.shipped.number("verdict.narrow")
@@ -49,7 +45,7 @@ internal object Light {
     val MOST_SHOTS_COMPARED: Int get() = Rules.shipped.whole("verdict.most_shots_compared")
 
     /**
-     * Rule 4: finds the best-fitting rival of all shots, and the probability that the named lamp is wrong.
+     * Rule 4: finds the best-fitting rival of all shots.
      *
      * @param tintedShots 0-based, shots whose raw white also contradicts the lamp; the rival then refuses above its
      *   limit.
@@ -65,15 +61,7 @@ internal object Light {
         val byWhite = best.shot in tintedShots && best.gain <= OTHER_LAMP_REFUSES
         checks.note("rival", best.gain, best.shot, refuses = RIVAL.takeIf { byWhite })
         if (best.gain <= RIVAL) return emptyList()
-        val own = rivals.filter { it.shot == best.shot }
-        // e^gain overflows above 709: compute the mean relative to the best one's.
-        val rest = own.sumOf { exp(it.gain - best.gain) } / own.size * MISNAMED / (1.0 - MISNAMED)
-        val words = mapOf(
-            "shot" to best.shot + 1,
-            "rival" to best.lamp,
-            "lamp" to lamps[best.shot],
-            "probability" to rest / (rest + exp(-best.gain)),
-        )
+        val words = mapOf("shot" to best.shot + 1, "lamp" to lamps[best.shot])
         val fatal = byWhite || best.gain > OTHER_LAMP_REFUSES
         return listOf(Reasons.because("rival", best.gain, words, fatal, RIVAL.takeIf { byWhite }))
     }
@@ -96,8 +84,7 @@ internal object Light {
         val number = Rules.shipped::number
         checks.note("unnamed", phone)
         if (phone >= number("verdict.unnamed")) return emptyList()
-        val words = mapOf("probability" to phone)
-        return listOf(Reasons.because("unnamed", phone, words, phone < number("verdict.unnameable")))
+        return listOf(Reasons.because("unnamed", phone, emptyMap(), phone < number("verdict.unnameable")))
     }
 
     /**

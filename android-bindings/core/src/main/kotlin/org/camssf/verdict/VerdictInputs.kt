@@ -70,7 +70,30 @@ internal class VerdictInputs(
         return engine.judge(arrays() + shots(constants, new), listOf(DRIFT)).getValue(DRIFT).values
     }
 
-    /** The model's inputs, without explanations and new shots: level 1 and no fields. */
+    /**
+     * ln of the evidence of each of [Causes.CAUSES] over that of none, and of an error of each patch; for inputs of one
+     * shot.
+     *
+     * @param tables other tables of the chart.
+     */
+    fun causeEvidences(shot: MeasuredShot, tables: List<ChartTable>): Pair<DoubleArray, DoubleArray> {
+        val (x, y) = places(shot.pose)
+        val reference = DoubleArray(n) { if (shot.means.white == null && it == table.white) 1.0 else 0.0 }
+        val reflectances = DoubleArray(tables.size * n * Grid.SIZE)
+        tables.forEachIndexed { i, other -> other.sharedValues.copyInto(reflectances, i * n * Grid.SIZE) }
+        val scene = mapOf(
+            "weigh" to Tensor.scalar(1.0),
+            "level" to level(shot),
+            "places" to Tensor(DoubleArray(2 * n) { if (it % 2 == 0) x[it / 2] else y[it / 2] }, n, 2),
+            "reference" to Tensor(reference, n),
+            "tables" to Tensor(reflectances, tables.size, n, Grid.SIZE),
+        )
+        val constants = checkNotNull(BasisConstants.of(ssf.basis)) { "${ssf.basis} is no learned basis" }
+        val of = engine.judge(arrays() + shots(constants, 0) + scene, CAUSE)
+        return of.getValue(CAUSE[0]).values to of.getValue(CAUSE[1]).values
+    }
+
+    /** The model's inputs, without explanations, causes and new shots: level 1 and no fields. */
     private fun arrays(): Map<String, Tensor> {
         val used = DoubleArray(k * n) { if (signals.sharedUsed[it]) 1.0 else 0.0 }
         return mapOf(
@@ -94,6 +117,10 @@ internal class VerdictInputs(
             "explain" to Tensor.scalar(0.0),
             "first_lamp" to Tensor(lamps[0].sharedValues, Grid.SIZE),
             "raw_white" to Tensor(DoubleArray(3 * k) { signals.rawWhite(it / 3)[it % 3] }, k, 3),
+            "weigh" to Tensor.scalar(0.0),
+            "places" to Tensor.full(0.0, n, 2),
+            "reference" to Tensor.full(0.0, n),
+            "tables" to Tensor.full(0.0, 1, n, Grid.SIZE),
         ) + shots(BasisConstants.of(BasisConstants.NAMES[0])!!, 0) // of no effect without new shots
     }
 
@@ -164,6 +191,7 @@ internal class VerdictInputs(
 
     private companion object {
         val MISFIT = listOf("residual", "prior", "count", "gain", "amount", "patch_gain")
+        val CAUSE = listOf("cause", "cause_patch")
         const val DRIFT = "drift"
 
         /** In the order of the model's output `gain`. */

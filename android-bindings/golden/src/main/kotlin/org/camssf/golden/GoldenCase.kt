@@ -151,7 +151,7 @@ internal class GoldenCase private constructor(val name: String, private val json
             "verdict" to
                 setOf(
                     "choice", "family", "family_test", "chart_fading", "code_variance", "unnamed", "new",
-                    "gain_modes", "gain_own",
+                    "gain_modes", "gain_own", "basis",
                 ),
         )
         private val STATISTICS =
@@ -219,6 +219,7 @@ internal class GoldenCase private constructor(val name: String, private val json
                 "advice",
                 "checks",
                 "checked",
+                "causes",
             ),
             "colour" to setOf(
                 "xyz", "lab", "xyz_covariance", "lab_covariance", "parts", "white", "lamps", "weights",

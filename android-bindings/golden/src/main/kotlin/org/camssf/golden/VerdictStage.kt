@@ -81,7 +81,8 @@ internal class VerdictStage(
             val (basis, probability) = entry.jsonArray.map { it.jsonPrimitive }
             Hypothesis(basis.content, 0.0, probability.double)
         }
-        val basis = choice.maxByOrNull { it.probability }?.basis ?: "golden"
+        val basis = choice.maxByOrNull { it.probability }?.basis
+            ?: inputs["basis"]?.jsonPrimitive?.content ?: "golden"
         val test = (inputs["family_test"] as? JsonArray)?.map { it.jsonPrimitive.doubleOrNull }
             ?.let { (length, residual, longest, largest) -> FamilyTest(length!!, residual, longest!!, largest!!) }
         val fading = inputs["chart_fading"]?.jsonPrimitive?.double ?: 0.0
@@ -167,6 +168,11 @@ internal class VerdictStage(
             "fatal" to JsonArray(verdict.reasons.map { JsonPrimitive(it.fatal) }),
             "values" to numbers(verdict.reasons.map { it.value ?: 0.0 }),
             "thresholds" to numbers(verdict.reasons.map { it.threshold ?: 0.0 }),
+            "causes" to numbers(
+                case.shots.indices.flatMap { j ->
+                    case.causes(j, case.rivals(), emptySet())?.probability?.values.orEmpty()
+                },
+            ),
             "named" to JsonArray(
                 each.map { one ->
                     val suspect = one.bestExplanation()

@@ -182,10 +182,10 @@ class ShrunkJarTest {
 
         /** kB; docs/android.md states them. Colour is about 80 of the first and 369 of the second. */
         const val CODE = 800
-        const val DATA = 820
+        const val DATA = 920
 
         /** kB: jar of core, jar of model, dex of the smallest app. */
-        val MOST = listOf(1070L, 320L, 465L)
+        val MOST = listOf(1130L, 320L, 490L)
 
         /** In dex Kotlin's library asks for classes of Android, which the JDK, the library given here, has not. */
         const val NO_ANDROID = "-dontwarn android.**"
