@@ -549,7 +549,9 @@ def test_every_check_of_the_verdict_is_listed_with_value_limit_and_margin() -> N
         (found,) = [each for what, each in shown.items() if rules().numbers[f"verdict.{name}"].what in what]
         broken = [c.value > c.limit if c.beyond == "above" else c.value < c.limit for c in own]
         assert found[0] == ("doubtful" if any(broken) else "held")
-        for check, value, limit, margin in zip(own, *found[1], strict=True):
+        values, limits, margins = found[1]
+        limits = limits * len(own) if len(limits) == 1 else limits  # the shots' own, or one for all
+        for check, value, limit, margin in zip(own, values, limits, margins, strict=True):
             assert float(value.replace("\u2212", "-")) == pytest.approx(check.value, rel=0.005)
             assert limit == ("\u2264 " if check.beyond == "above" else "\u2265 ") + f"{check.limit:g}"
             inside = (check.limit - check.value) * (1 if check.beyond == "above" else -1)

@@ -111,7 +111,7 @@ class Scene:
         return self.told(lamps or self.lamps).goodness_of_fit(ssf or self.ssf)
 
     def told(self, lamps: list[Lamp]) -> VerdictInputs:
-        return VerdictInputs(self.signals, TABLE, self.shots, self.poses, lamps, self.rho, 0.01)
+        return VerdictInputs(self.signals, TABLE, self.shots, self.poses, lamps, (self.rho, 0.01))
 
     def judged(self, **changes: Any) -> Verdict:
         given = {
@@ -119,7 +119,7 @@ class Scene:
         }
         table = TABLE.faded(given["ssf"].chart_fading)
         return judge(
-            VerdictInputs(given["signals"], table, given["shots"], given["poses"], given["lamps"], self.rho, 0.01),
+            VerdictInputs(given["signals"], table, given["shots"], given["poses"], given["lamps"], (self.rho, 0.01)),
             given["ssf"],
             rivals=self.rivals,
             neutrals=self.neutrals,
@@ -304,7 +304,7 @@ def test_surprise_is_chi_squared_when_all_is_as_told() -> None:
     for _ in range(80):
         scene = drawn(rng)
         found = VerdictInputs(
-            scene.signals, TABLE, scene.shots, scene.poses, scene.lamps, scene.rho, 0.01
+            scene.signals, TABLE, scene.shots, scene.poses, scene.lamps, (scene.rho, 0.01)
         ).goodness_of_fit_of_shot(0, drawn_answer(scene))
         z.append(found.z)
         strongest.append(max(explanation.gain for explanation in found.explanations))

@@ -234,9 +234,9 @@ def z_of(posed: Observation, found: Ssf, name: str) -> float:
     patches = tuple(np.array(whole.patches)[used].tolist())
     part = replace(whole, patches=patches, tolerance=posed.chart_tolerance, white=0).with_values(whole.values[used])
     lamp = Lamp("tungsten", light(), MEASURED_LAMP, np.zeros((0, WAVELENGTHS.size)), "measured")
-    rho = whole.values[capture.white]
+    white = whole.values[capture.white], posed.white_tolerance
     modes = posed.gain_modes, posed.gain_own
-    return VerdictInputs(signals, part, [], [], [lamp], rho, posed.white_tolerance, modes).goodness_of_fit(found).z
+    return VerdictInputs(signals, part, [], [], [lamp], white, modes).goodness_of_fit(found).z
 
 
 def attempt(

@@ -497,8 +497,8 @@ def run(call: Call) -> dict[str, Any]:
     if "gain_modes" in given:
         gains = np.array(given["gain_modes"], float), float(given["gain_own"])
     inputs = VerdictInputs(
-        signals=signals, table=table, means=shots, poses=poses, lamps=lamps, white_reflectance=rho,
-        white_tolerance=given["white_tolerance"], gains=gains,
+        signals=signals, table=table, means=shots, poses=poses, lamps=lamps,
+        white_reference=(rho, given["white_tolerance"]), gains=gains,
     )  # fmt: skip
     drift = drift_probability(inputs, ssf, read_basis(basis), given["new"]) if "new" in given else None
     answers = [shot_answer(a, j) for j, a in enumerate(alone or [ssf] * len(shots))]

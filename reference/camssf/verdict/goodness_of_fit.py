@@ -82,7 +82,7 @@ class VerdictInputs:
         signals: (k, n, 3).
         table: the chart's.
         means, poses, lamps: k of each.
-        white_reflectance, white_tolerance: (681,) ρ and its relative error.
+        white_reference: its reflectance ρ (681,), and the relative error of it.
         gains: gain modes (k, g, n), and the part of them that is independent in each channel (`CaptureFit.gains`).
         causes: weighs the causes of shot j (`camssf.verdict.cause`), given the rivals of all shots and the causes for
             which another rule speaks; None where they cannot be weighed, on a basis without a prior.
@@ -93,8 +93,7 @@ class VerdictInputs:
     means: Sequence[PatchMeans]
     poses: Sequence[Pose]
     lamps: Sequence[Lamp]
-    white_reflectance: Floats
-    white_tolerance: float
+    white_reference: tuple[Floats, float]
     gains: tuple[Floats, float] | None = None
     causes: Callable[[int, Sequence[Rival], Collection[str]], Causes] | None = None
 
@@ -161,8 +160,8 @@ def judged_signals(inputs: VerdictInputs, ssf: Ssf) -> JudgedSignals:
         lamp_modes=lamp_modes(lamps),
         reflectance=table.values,
         chart_tolerance=table.tolerance,
-        white_reflectance=inputs.white_reflectance,
-        white_tolerance=np.array(inputs.white_tolerance),
+        white_reflectance=inputs.white_reference[0],
+        white_tolerance=np.array(inputs.white_reference[1]),
         gain_modes=gain_modes,
         gain_own=np.array(own),
     )

@@ -38,7 +38,6 @@ def weigh(fit: CaptureFit, ssf: Ssf, alone: Sequence[Ssf], new: int | None = Non
     fit = fit.with_chart_of(ssf)
     answered = fit.with_kinds(ssf.kinds) if any(fit.uncertain) else fit
     shots = fit.capture.shots
-    rho, tolerance = fit.white_reference()
     inputs = VerdictInputs(
         fit.signals,
         fit.capture.chart,
@@ -48,8 +47,7 @@ def weigh(fit: CaptureFit, ssf: Ssf, alone: Sequence[Ssf], new: int | None = Non
             replace(lamp, name=shot.lamp.name if isinstance(shot.lamp, Called) else kind_of(lamp.name) or lamp.name)
             for lamp, shot in zip(answered.lamps, shots, strict=True)
         ],
-        rho,
-        tolerance,
+        fit.white_reference(),
         fit.gains,
     )
     drift = None
