@@ -116,14 +116,14 @@ def _differences(window: Whole, inside: Mask) -> tuple[Whole, Mask]:
         return noise, usable
     second = 2 * window[:, ALONG:-ALONG] - window[:, : -2 * ALONG] - window[:, 2 * ALONG :]
     whole = inside[:, ALONG:-ALONG] & inside[:, : -2 * ALONG] & inside[:, 2 * ALONG :]
-    noise[:-ACROSS, ALONG:-ALONG] = second[:-ACROSS] - second[ACROSS:]
     usable[:-ACROSS, ALONG:-ALONG] = whole[:-ACROSS] & whole[ACROSS:]
+    noise[:-ACROSS, ALONG:-ALONG] = (second[:-ACROSS] - second[ACROSS:]) * usable[:-ACROSS, ALONG:-ALONG]
     return noise, usable
 
 
 def _mean_square(noise: Whole, usable: Mask) -> float:
     count = int(usable.sum())
-    return float((noise[usable] ** 2).sum()) / count if count else 0.0
+    return float((noise * noise).sum()) / count if count else 0.0
 
 
 def _in_direction(
@@ -155,7 +155,7 @@ def _in_direction(
             yield _Pairs(
                 i == j,
                 count / (2.0 if diagonal else 1.0),
-                float(own[there].sum()) / count / deviation,
+                float(own.sum()) / count / deviation,
                 12.0 * means[i] * means[j] / deviation,
             )
 

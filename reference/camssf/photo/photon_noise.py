@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
-from scipy.optimize import nnls
 
 from camssf.grid import Floats
 
@@ -94,9 +94,20 @@ def _of_colour(own: Floats, others: Floats, variance: Floats, count: Floats, rou
 
 
 def _positive(matrix: Floats, target: Floats) -> Floats:
-    """Least squares with x ≥ 0, by columns of length 1, whose sizes differ by many orders."""
-    length = _lengths(matrix)
-    return np.asarray(nnls(matrix / length, target)[0] / length)
+    """Least squares with x ≥ 0, by columns of length 1, whose sizes differ by many orders.
+
+    All sets of the three columns are tried: SciPy's solver gives the same, and takes longer to load than all this.
+    """
+    length, best = _lengths(matrix), (float(target @ target), np.zeros(matrix.shape[1]))
+    for count in range(1, matrix.shape[1] + 1):
+        for kept in combinations(range(matrix.shape[1]), count):
+            columns = matrix[:, kept] / length[list(kept)]
+            x = np.linalg.lstsq(columns, target, rcond=None)[0]
+            rest = target - columns @ x
+            if (x >= 0.0).all() and float(rest @ rest) < best[0]:
+                best = float(rest @ rest), np.zeros(matrix.shape[1])
+                best[1][list(kept)] = x
+    return np.asarray(best[1] / length)
 
 
 def _least_squares(matrix: Floats, target: Floats) -> Floats:
