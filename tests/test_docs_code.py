@@ -71,6 +71,8 @@ def field(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     report(found, found.previews).save(folder / "out")
     (folder / "curves.csv").write_bytes(export(found, "colour"))
+    for name in ("a.dng", "b.dng"):
+        shutil.copy(folder / "photo.dng", folder / name)
     for name in ("a.json", "b.json", "result.json"):
         found.save(folder / name)
     return folder

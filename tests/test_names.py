@@ -135,7 +135,7 @@ def test_an_empty_path_is_refused_by_every_command() -> None:
             path = any(word in (option.metavar or "") for word in ("FILE", "FOLDER", "JSON", "DNG", "CSV", "PHOTO"))
             if path:
                 for empty in ("", " "):
-                    words = [*before, empty] if argument else [option.opts[-1], empty]
+                    words = [*before, empty] if argument else [option.opts[-1], *[empty] * option.nargs]
                     with pytest.raises(InvalidArgument, match="is empty"):
                         command.make_context("x", words)
                 tried += 1

@@ -499,8 +499,8 @@ def command() -> Any:
 def test_check_passes(command: Any, capsys: pytest.CaptureFixture[str]) -> None:
     assert command.main(["check"]) == 0
     out = capsys.readouterr().out
-    assert out.count("the same bytes") == 8  # three models of the calibration, four of surfaces, the bases
-    assert out.splitlines()[-1] == "8 passed, 0 failed"
+    assert out.count("the same bytes") == 10  # models: three of the calibration, five of surfaces; bases and spaces
+    assert out.splitlines()[-1] == "10 passed, 0 failed"
 
 
 @pytest.mark.full

@@ -15,6 +15,7 @@ from camssf.documents.document import Document
 from camssf.documents.schema import schema
 from camssf_app.orders import Orders
 from camssf_colour.document import ColourDocument
+from camssf_colour.picture_document import PictureDocument
 from camssf_colour.spectrum_document import SpectrumDocument
 from camssf_fleet.documents import (
     DeletionDocument,
@@ -33,6 +34,7 @@ DOCUMENTS: dict[str, type] = {
     "document": Document,
     "passport": Claims,
     "colour": ColourDocument,
+    "picture": PictureDocument,
     "spectrum": SpectrumDocument,
     "spread": SpreadDocument,
     "drift": DriftDocument,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import fields
 from hashlib import sha256
@@ -12,6 +13,7 @@ import onnx
 from onnx import helper
 
 from camssf import __version__
+from camssf.colorimetry import white_of
 from camssf.recovery.arrays import cond
 from camssf.recovery.basis import LEARNED, NODES, Basis, misfit_profile, read_basis
 from camssf.recovery.causes import CAUSES, ChartScene, cause_evidences
@@ -22,8 +24,13 @@ from camssf.recovery.misfit import AnswerBasis, JudgedSignals, misfit
 from camssf.recovery.model import M, learned_model, paper_model
 from camssf.recovery.onnx_model import VOCABULARY
 from camssf.recovery.pivoting import finish_steps
+from camssf.spectra import read_lamp
 from camssf.spectra.bundled import SURFACE_NODES
 from camssf_colour.light import LightInputs, condition
+from camssf_colour.picture import SPACES
+from camssf_colour.picture_file import profile_of
+from camssf_colour.picture_strip import StripInputs, picture_strip
+from camssf_colour.pixel_table import COVARIANCE_NODES, PAIRS, RATIO_NODES, PixelTable
 from camssf_colour.posterior import Components, LinearResponse, components_of, means_of, posterior_of
 from camssf_colour.response import SOURCES, Viewed, response_of
 from camssf_colour.surface_prior import SurfacePrior
@@ -89,6 +96,15 @@ OF_VERDICT: dict[str, list[str | int]] = {
     "tables": ["t", "n", M],
 }
 """Shapes of `JudgedSignals`, `explain`, `AnswerBasis`, `UnitShots`, `weigh` and `ChartScene`."""
+
+CELLS: list[str | int] = ["h", 2, "w", 2]
+OF_STRIP: dict[str, list[str | int]] = {
+    "mosaic": CELLS, "clipped": CELLS, "gains": CELLS, "photon_noise": [3], "matrix": [3, 3], "curved": [],
+}  # fmt: skip
+OF_TABLE: dict[str, list[str | int]] = {
+    "roots": [RATIO_NODES**2, 3], "covariance": [COVARIANCE_NODES**2, len(PAIRS)], "distance": [COVARIANCE_NODES**2],
+}  # fmt: skip
+"""Shapes of `StripInputs` and `PixelTable`."""
 
 
 def traced(
@@ -274,6 +290,17 @@ def build_means() -> onnx.ModelProto:
     return traced("surfaces-means", COMPONENTS | {"z": ["b", "m", "c"]}, function)
 
 
+def build_picture() -> onnx.ModelProto:
+    """The model of `picture_strip`: a strip of a mosaic."""
+
+    def function(inputs: dict[str, Array]) -> dict[str, Array]:
+        table = PixelTable(**{name: inputs[name] for name in OF_TABLE})
+        picture, uncertainty = picture_strip(StripInputs(**{name: inputs[name] for name in OF_STRIP}), table)
+        return {"picture": picture, "uncertainty": uncertainty}
+
+    return traced("surfaces-picture", OF_STRIP | OF_TABLE, function)
+
+
 def _components(inputs: dict[str, Array]) -> Components:
     arrays = {name: inputs[COMPONENT + name] for name in OF_COMPONENTS}
     return Components(errors={name: arrays.pop(name) for name in SOURCES}, **arrays)
@@ -306,6 +333,19 @@ def bases() -> bytes:
     return b"".join(np.asarray(array, "<f8").tobytes() for array in arrays)
 
 
+def picture_spaces() -> bytes:
+    """The colour spaces of pictures for Kotlin: matrices from XYZ over white, and ICC profiles in hexadecimal."""
+    spaces = {}
+    for space in SPACES.values():
+        profile = profile_of(space)
+        spaces[space.name] = {
+            "matrix": np.round(space.matrix(white_of(read_lamp(space.white).values)), 12).ravel().tolist(),
+            "curved": space.primaries is not None,
+            "profile": None if profile is None else profile.hex(),
+        }
+    return (json.dumps({"format": "camssf-picture-spaces/1", "spaces": spaces}) + "\n").encode()
+
+
 def files() -> dict[str, bytes]:
     """Content of each shipped file by name; the same sources give the same bytes."""
     models = {
@@ -316,6 +356,7 @@ def files() -> dict[str, bytes]:
         "surfaces-components": build_components(),
         "surfaces-posterior": build_posterior(),
         "surfaces-means": build_means(),
+        "surfaces-picture": build_picture(),
     }
     contents = {f"{name}.onnx": model.SerializeToString(deterministic=True) for name, model in models.items()}
-    return contents | {"bases.f64": bases()}
+    return contents | {"bases.f64": bases(), "picture-spaces.json": picture_spaces()}

@@ -298,6 +298,11 @@ class Tracer:
             name = self.graph.add("Unsqueeze", [name, self.graph.constant(new, "int64")])[0]
         return Array(self, name, shape, x.dtype)
 
+    def take(self, x: Array, indices: Array, axis: int) -> Array:
+        """The entries of an axis at whole numbers (n,)."""
+        shape = (*x.shape[:axis], *indices.shape, *x.shape[axis + 1 :])
+        return self.node("Gather", shape, x.name, indices.name, dtype=x.dtype, axis=axis)
+
     def sum(self, x: Array, axis: Any = None, keepdims: Any = False) -> Array:
         return self._reduced("ReduceSum", x, axis, keepdims)
 

@@ -10,6 +10,7 @@ from golden.stages import (
     light,
     mosaic,
     patches,
+    picture,
     pose,
     regions,
     rivals,
@@ -42,6 +43,7 @@ STAGES: dict[str, Stage] = {
         colour,
         spectrum,
         regions,
+        picture,
         finder,
     )
 }

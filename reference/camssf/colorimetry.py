@@ -153,20 +153,27 @@ def chromaticity(white: Floats, matrices: Sequence[tuple[float, Floats]]) -> Flo
     Two matrices are interpolated by the inverse of the white's own temperature (DNG 1.7, chapter 6), which iteration
     finds.
     """
+    balanced = white_and_matrix(white, matrices)
+    return None if balanced is None else uv(balanced[0])
+
+
+def white_and_matrix(white: Floats, matrices: Sequence[tuple[float, Floats]]) -> tuple[Floats, Floats] | None:
+    """XYZ (3,) of a raw white (3,), and the matrix (3, 3), XYZ to raw, that gives it; None as `chromaticity`."""
     if not matrices:
         return None
     (cool, first), (hot, second) = matrices[0], matrices[-1]
-    kelvin, xyz = 5000.0, np.zeros(3)
+    kelvin, xyz, matrix = 5000.0, np.zeros(3), first
     for _ in range(STEPS):
         share = 1.0 if cool == hot else np.clip((1.0 / kelvin - 1.0 / hot) / (1.0 / cool - 1.0 / hot), 0.0, 1.0)
+        matrix = share * first + (1.0 - share) * second
         try:
-            xyz = np.linalg.solve(share * first + (1.0 - share) * second, white)
+            xyz = np.linalg.solve(matrix, white)
         except np.linalg.LinAlgError:
             return None
         if not (np.isfinite(xyz).all() and (xyz > 0).all()):
             return None
         kelvin = float(np.clip(correlated_temperature(xyz), COOLEST, HOTTEST))
-    return uv(xyz)
+    return xyz, matrix
 
 
 def uv(xyz: Floats) -> Floats:

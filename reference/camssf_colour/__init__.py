@@ -26,9 +26,16 @@ if TYPE_CHECKING:
     from camssf_colour.camera import camera_of_ssf as camera_of_ssf
     from camssf_colour.indices import Quality as Quality
     from camssf_colour.indices import quality_of as quality_of
+    from camssf_colour.picture import StandardPicture as StandardPicture
+    from camssf_colour.picture import WhiteSignal as WhiteSignal
+    from camssf_colour.picture import standard_picture as standard_picture
+    from camssf_colour.picture import white_of_camera as white_of_camera
+    from camssf_colour.picture import white_of_region as white_of_region
+    from camssf_colour.picture_file import write_picture as write_picture
     from camssf_colour.reflectance import LitSurfaces as LitSurfaces
     from camssf_colour.reflectance import SurfaceSpectra as SurfaceSpectra
     from camssf_colour.reflectance import spectrum as spectrum
+    from camssf_colour.regions import measure_regions as measure_regions
     from camssf_colour.spread import Reference as Reference
     from camssf_colour.standard import PARTS as PARTS
     from camssf_colour.standard import Colours as Colours
@@ -50,10 +57,12 @@ _HOME = {
     "PARTS": "camssf_colour.standard",
     "Quality": "camssf_colour.indices",
     "Reference": "camssf_colour.spread",
+    "StandardPicture": "camssf_colour.picture",
     "SurfacePrior": "camssf_colour.surface_prior",
     "SurfaceSpectra": "camssf_colour.reflectance",
     "Transform": "camssf.colorimetry",
     "View": "camssf_colour.view",
+    "WhiteSignal": "camssf_colour.picture",
     "adapt": "camssf.colorimetry",
     "camera_of_result": "camssf_colour.camera",
     "camera_of_ssf": "camssf_colour.camera",
@@ -61,13 +70,18 @@ _HOME = {
     "convert": "camssf_colour.between",
     "fit": "camssf.colorimetry",
     "lab": "camssf.colorimetry",
+    "measure_regions": "camssf_colour.regions",
     "of_surfaces": "camssf_colour.standard",
     "prior_of": "camssf_colour.surface_prior",
     "quality_of": "camssf_colour.indices",
     "read_prior": "camssf_colour.surface_prior",
     "spectrum": "camssf_colour.reflectance",
     "standard_colour": "camssf_colour.standard",
+    "standard_picture": "camssf_colour.picture",
     "white_of": "camssf.colorimetry",
+    "white_of_camera": "camssf_colour.picture",
+    "white_of_region": "camssf_colour.picture",
+    "write_picture": "camssf_colour.picture_file",
 }
 
 __all__ = [
@@ -81,10 +95,12 @@ __all__ = [
     "LitSurfaces",
     "Quality",
     "Reference",
+    "StandardPicture",
     "SurfacePrior",
     "SurfaceSpectra",
     "Transform",
     "View",
+    "WhiteSignal",
     "adapt",
     "camera_of_result",
     "camera_of_ssf",
@@ -92,13 +108,18 @@ __all__ = [
     "convert",
     "fit",
     "lab",
+    "measure_regions",
     "of_surfaces",
     "prior_of",
     "quality_of",
     "read_prior",
     "spectrum",
     "standard_colour",
+    "standard_picture",
     "white_of",
+    "white_of_camera",
+    "white_of_region",
+    "write_picture",
 ]
 
 __getattr__, __dir__ = lazy_names(__name__, _HOME)

@@ -16,13 +16,16 @@ MOST = 64
 
 
 def distances(y: Floats, covariance: Floats, light: Light) -> Floats:
+    """As `surface_distances`; NaN if there are more than MOST colours, because so many are slow to compute."""
+    return np.full(len(y), np.nan) if len(y) > MOST else surface_distances(y, covariance, light)
+
+
+def surface_distances(y: Floats, covariance: Floats, light: Light) -> Floats:
     """(m,) distances, in standard deviations, of signals (m, 3) from the nearest ones of a reflectance from 0 to 1.
 
     min over 0 ≤ R ≤ 1 of ‖Σ^-½ (y - A R)‖, R linear between 5-nm nodes, A lamp times curves, scaled so that white
-    gives 1. NaN if there are more than MOST colours, because this is too slow for a live picture.
+    gives 1.
     """
-    if len(y) > MOST:
-        return np.full(len(y), np.nan)
     from scipy.optimize import lsq_linear
 
     seen = light.power[:, None] * light.curves

@@ -33,11 +33,13 @@ class Region:
         rectangle: its position.
         raw: (3,) DN above black.
         error: (3,) standard error of `raw`, DN.
+        deviation: (3,) standard deviation of its samples, DN.
     """
 
     rectangle: Rectangle
     raw: Floats
     error: Floats
+    deviation: Floats
 
 
 @dataclass(frozen=True)
@@ -108,14 +110,15 @@ def measure_regions(
     black = means.black if means.dark is None else means.dark.mean
     of_black = 0.0 if means.dark is None else means.dark.standard_error
     raw, spread = means.chart.mean - black, np.hypot(means.chart.standard_error, of_black)
-    return [Region(*fields) for fields in zip(rectangles, raw, spread, strict=True)]
+    deviation = means.chart.standard_error * np.sqrt(means.chart.count)
+    return [Region(*fields) for fields in zip(rectangles, raw, spread, deviation, strict=True)]
 
 
-def against(regions: Sequence[Region], white: Region, reflectance: float) -> tuple[Floats, Floats]:
-    """Signals and their standard errors (m, 3) in units of a perfect diffuser: regions divided by a reference.
+def check_reference(white: Region, reflectance: float) -> None:
+    """Check a reference and its reflectance.
 
     Raises:
-        InvalidArgument: a reference that is too dark, or a reflectance outside 0.02 to 1.2.
+        InvalidArgument: it is too dark, or its reflectance is outside 0.02 to 1.2.
     """
     if not 0.02 <= reflectance <= 1.2:
         raise InvalidArgument(
@@ -123,10 +126,33 @@ def against(regions: Sequence[Region], white: Region, reflectance: float) -> tup
         )
     if not (white.raw > 10.0 * white.error).all():
         raise InvalidArgument("The reference is too dark.", "Choose a lit white or grey surface.")
+
+
+def against(regions: Sequence[Region], white: Region, reflectance: float) -> tuple[Floats, Floats]:
+    """Signals and their standard errors (m, 3) in units of a perfect diffuser: regions divided by a reference.
+
+    Raises:
+        InvalidArgument: as `check_reference`.
+    """
+    check_reference(white, reflectance)
     raw, error = (np.stack([getattr(region, name) for region in regions]) for name in ("raw", "error"))
     y = raw / white.raw
     spread = np.hypot(error / white.raw, y * white.error / white.raw)
     return reflectance * y, reflectance * spread
+
+
+def read_photo_by(photo: str | Path, camera: tuple[str, str]) -> Mosaic:
+    """Read a RAW photo and check make and model of its camera; "" for any.
+
+    Raises:
+        FramesDiffer: a photo by another camera.
+    """
+    mosaic = read_raw(photo)
+    if Unit(mosaic.make, mosaic.model).differs(Unit(*camera)):
+        make, model = camera
+        name = model if model.casefold().startswith(make.casefold()) else f"{make} {model}"
+        raise fail("frames_differ.result_camera", file=photo, camera=f"{mosaic.make} {mosaic.model}", other=name)
+    return mosaic
 
 
 def measure_photo(
@@ -152,11 +178,7 @@ def measure_photo(
         FramesDiffer: a photo by another camera, or a dark frame with other settings.
         InvalidArgument, Overexposed: as `measure_regions` and `against`.
     """
-    mosaic = read_raw(photo)
-    if Unit(mosaic.make, mosaic.model).differs(Unit(*camera)):
-        make, model = camera
-        name = model if model.casefold().startswith(make.casefold()) else f"{make} {model}"
-        raise fail("frames_differ.result_camera", file=photo, camera=f"{mosaic.make} {mosaic.model}", other=name)
+    mosaic = read_photo_by(photo, camera)
     frame = None if dark is None else read_raw(dark)
     shading = lens_shading if mosaic.gain_maps else "as-stored"
     *regions, first = measure_regions(mosaic, [*rectangles, white], dark=frame, lens_shading=shading)

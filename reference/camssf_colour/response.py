@@ -50,7 +50,7 @@ def surface_response(
         ),
         first.of_lamp,
         Viewed(
-            np.array([given.tolerance for given in references]), smooth_errors(CHART_CORRELATION, WAVELENGTHS).T,
+            np.array([given.tolerance for given in references]), _reflectance_errors(references[0]),
             observer(view.observer), white_of(read_lamp(view.white).values, view.observer) if adapted else np.ones(3),
             np.array(float(adapted)),
         ),
@@ -63,6 +63,10 @@ def surface_response(
     joint, c = np.concatenate(list(reduced.values())), len(known.signals)
     asked = np.concatenate([np.eye(NODES), known.outputs]) if reflectance else known.outputs
     return LinearResponse(known.signals, joint[:, :c], asked, joint[:, c:], sources), known.white
+
+
+def _reflectance_errors(reference: Reference) -> Floats:
+    return smooth_errors(CHART_CORRELATION, WAVELENGTHS).T if reference.modes is None else reference.modes
 
 
 @dataclass(frozen=True)

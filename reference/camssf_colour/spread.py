@@ -30,11 +30,13 @@ class Reference:
         tolerance: relative error of its reflectance.
         raw: (3,) its raw signals, black subtracted, used to estimate the lamp; None if they shall not be used.
         error: relative error of `raw`.
+        modes: (s, 681) errors of its reflectance over `tolerance`; smooth ones unless given.
     """
 
     tolerance: float = REFERENCE_TOLERANCE
     raw: Floats | None = None
     error: float = 0.0
+    modes: Floats | None = None
 
 
 def checked_signals(signals: ArrayLike, standard_error: ArrayLike) -> tuple[Floats, Floats]:

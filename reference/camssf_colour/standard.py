@@ -112,13 +112,14 @@ def standard_colour(
         with np.errstate(all="ignore"):  # the results are checked below
             colour = _answer(lights(as_camera(camera), lamp, given), y, error, given, view)
     except np.linalg.LinAlgError as fault:
-        raise _no_colour() from fault
+        raise no_colour() from fault
     if not all(np.isfinite(values).all() for values in (colour.lab, colour.xyz_covariance, colour.lab_covariance)):
-        raise _no_colour()
+        raise no_colour()
     return colour
 
 
-def _no_colour() -> InvalidArgument:
+def no_colour() -> InvalidArgument:
+    """The error if a lamp and curves give no colour."""
     return InvalidArgument(
         "These curves are too uncertain to compute colour under this lamp.",
         "Check the curves and the lamp; calibrate with better photos.",
@@ -127,9 +128,14 @@ def _no_colour() -> InvalidArgument:
 
 def _answer(lights: Sequence[Light], y: Floats, error: Floats, given: Reference, view: View) -> Colours:
     """The answers under each light, mixed by their marginal likelihood."""
+    return _mixed([_colours(light, y, error, given, view) for light in lights], evidence_weights(lights))
+
+
+def evidence_weights(lights: Sequence[Light]) -> Floats:
+    """Weights of lights by their marginal likelihood; they add up to 1."""
     evidence = np.array([light.log_evidence for light in lights])
     weights = np.exp(evidence - evidence.max())
-    return _mixed([_colours(light, y, error, given, view) for light in lights], weights / weights.sum())
+    return np.asarray(weights / weights.sum())
 
 
 def lights(camera: Camera, lamp: LampLike, given: Reference) -> list[Light]:

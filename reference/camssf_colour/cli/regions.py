@@ -14,6 +14,7 @@ from camssf.libraries import RESULTS, extension
 
 if TYPE_CHECKING:
     from camssf.documents.excerpt import Excerpt
+    from camssf.photo.read.unit import Unit
     from camssf.result import Result
     from camssf_colour.regions import MeasuredRegions
 
@@ -45,7 +46,7 @@ def read_curves_of(source: str) -> Result | Excerpt:
     return result
 
 
-def _check_unit(result: Result | Excerpt, measured: MeasuredRegions) -> None:
+def check_unit(result: Result | Excerpt, unit: Unit, photo: str) -> None:
     """Refuse a photo of another unit than that of the result's passport; without a passport nothing is known of it.
 
     Raises:
@@ -55,9 +56,9 @@ def _check_unit(result: Result | Excerpt, measured: MeasuredRegions) -> None:
 
     if not isinstance(result, Excerpt):
         return
-    passport = extension(RESULTS, "passport").check_photo_of(result, measured.unit, measured.photo.name)
-    if passport.unit.serial and not measured.unit.serial:
-        words = f": {measured.photo.name} has no serial number, the passport is of {passport.unit.serial}"
+    passport = extension(RESULTS, "passport").check_photo_of(result, unit, photo)
+    if passport.unit.serial and not unit.serial:
+        words = f": {photo} has no serial number, the passport is of {passport.unit.serial}"
         say("[yellow]unit not checked[/]", words)
 
 
@@ -77,7 +78,6 @@ def measure(
         InvalidArgument: a region is missing or not a rectangle, or as `camssf_colour.regions.measure_photo`.
         UnitDiffers: the photo is of another unit than the passport.
     """
-    from camssf.documents.excerpt import Excerpt
     from camssf_colour.camera import make_and_model
     from camssf_colour.regions import measure_photo
 
@@ -87,9 +87,7 @@ def measure(
             "Add --region x,y,w,h and --white-region x,y,w,h; without a reference the amount of light on "
             "the surface is unknown.",
         )
-    white, reflectance = _parse_white_region(white_region)
-    shots = result.shots if isinstance(result, Excerpt) else result.capture.shots if result.capture else ()
-    applied = any(shot.lens_shading == "apply" for shot in shots)
+    white, reflectance = parse_white_region(white_region)
     measured = measure_photo(
         photo,
         make_and_model(result),
@@ -97,13 +95,21 @@ def measure(
         white,
         reflectance=reflectance,
         dark=dark,
-        lens_shading="apply" if applied else "as-stored",
+        lens_shading=lens_shading_of(result),
     )
-    _check_unit(result, measured)
+    check_unit(result, measured.unit, measured.photo.name)
     return measured
 
 
-def _parse_white_region(text: str) -> tuple[tuple[float, float, float, float], float]:
+def lens_shading_of(result: Result | Excerpt) -> str:
+    """How lens shading was treated in the photos of the result: "apply", its gain maps, or "as-stored"."""
+    from camssf.documents.excerpt import Excerpt
+
+    shots = result.shots if isinstance(result, Excerpt) else result.capture.shots if result.capture else ()
+    return "apply" if any(shot.lens_shading == "apply" for shot in shots) else "as-stored"
+
+
+def parse_white_region(text: str) -> tuple[tuple[float, float, float, float], float]:
     """A rectangle, and the reflectance that may follow it."""
     rectangle, share = (text.rpartition(",")[::2]) if text.count(",") == 4 else (text, "1")
     try:

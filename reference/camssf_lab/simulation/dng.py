@@ -51,7 +51,7 @@ def write_dng(
         (50713, 3, 2, (2, 2), True),
         (50714, 5, 4, _rationals(np.full(4, tags.black), 100), True),
         (50717, 4, 1, tags.white_level, True),
-        (50721, 10, 9, _rationals(_color_matrix(camera)), True),
+        (50721, 10, 9, _rationals(color_matrix(camera)), True),
         (50728, 5, 3, _rationals(neutral), True),
         (50778, 3, 1, 21, True),
         (50829, 4, 4, (0, 0, height, width), True),
@@ -100,9 +100,9 @@ def _ascii(text: str) -> str:
     return text.encode("ascii", "replace").decode()
 
 
-def _color_matrix(camera: CameraCurves) -> Floats:
-    """(3, 3) XYZ to camera under D65: the CIE 1931 observer fitted to the curves, rows scaled to keep white."""
-    observer, daylight = observer_1931(), illuminant("D65")
+def color_matrix(camera: CameraCurves, lamp: str = "D65") -> Floats:
+    """(3, 3) XYZ to camera under a lamp: the CIE 1931 observer fitted to the curves, rows scaled to keep white."""
+    observer, daylight = observer_1931(), illuminant(lamp)
     weights = np.sqrt(daylight)[:, None]
     matrix = np.linalg.lstsq(weights * observer, weights * camera.values, rcond=None)[0].T
     white = daylight @ observer / (daylight @ observer[:, 1])

@@ -139,6 +139,33 @@ def shading(mosaic: Mosaic, x: float, y: float) -> Floats:
     """
     height, width = mosaic.samples.shape
     factors = np.ones((2, 2))
+    for gains in _maps_to_apply(mosaic):
+        for row, column in np.ndindex(2, 2):
+            plane = _plane(mosaic, gains, row, column)
+            if gains.covers(x, y, row, column, plane):
+                factors[row, column] *= gains.at(x, y, width, height, plane)
+    return factors
+
+
+def shading_of_samples(mosaic: Mosaic, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Floats:
+    """The lens shading correction of the samples in these rows and columns, (rows, columns), as `shading`.
+
+    Raises:
+        UnsupportedRaw: as `shading`.
+    """
+    factors = np.ones((rows.size, columns.size))
+    for gains in _maps_to_apply(mosaic):
+        for row, column in np.ndindex(2, 2):
+            plane = _plane(mosaic, gains, row, column)
+            inside = (rows % 2 == row) & (rows >= gains.top) & (rows < gains.bottom)
+            across = (columns % 2 == column) & (columns >= gains.left) & (columns < gains.right)
+            if gains.covers(gains.left, gains.top, row, column, plane) and inside.any() and across.any():
+                over = gains.over(rows[inside], columns[across], mosaic.samples.shape, plane)
+                factors[np.ix_(inside, across)] *= over
+    return factors
+
+
+def _maps_to_apply(mosaic: Mosaic) -> Iterator[GainMap]:
     for gains in mosaic.gain_maps:
         if gains.stage == 1 or max(gains.row_pitch, gains.column_pitch) > 2:
             raise fail(
@@ -148,11 +175,11 @@ def shading(mosaic: Mosaic, x: float, y: float) -> Floats:
                 rows=gains.row_pitch,
                 columns=gains.column_pitch,
             )
-        for row, column in np.ndindex(2, 2):
-            plane = "RGB".index(mosaic.cfa[2 * row + column]) if gains.stage == 3 else 0
-            if gains.covers(x, y, row, column, plane):
-                factors[row, column] *= gains.at(x, y, width, height, plane)
-    return factors
+        yield gains
+
+
+def _plane(mosaic: Mosaic, gains: GainMap, row: int, column: int) -> int:
+    return "RGB".index(mosaic.cfa[2 * row + column]) if gains.stage == 3 else 0
 
 
 def _parse(tiff: Tiff, part: Area | None, rest: bool) -> Mosaic:

@@ -66,13 +66,19 @@ class GainMap:
 
     def at(self, x: float, y: float, width: int, height: int, plane: int) -> float:
         """The factor at (x, y) px of an active area of this size: bilinear, constant beyond the outer points."""
+        return float(self.over(np.array([y]), np.array([x]), (height, width), plane)[0, 0])
+
+    def over(self, rows: Floats, columns: Floats, size: tuple[int, int], plane: int) -> Floats:
+        """`at` for every pair of a row and a column, (rows, columns), of an active area of this height and width."""
         net = self.gains[:, :, min(plane, self.gains.shape[2] - 1)]
-        i, p = _place(((y + 0.5) / height - self.origin[0]) / self.spacing[0], net.shape[0])
-        j, q = _place(((x + 0.5) / width - self.origin[1]) / self.spacing[1], net.shape[1])
-        below, right = min(i + 1, net.shape[0] - 1), min(j + 1, net.shape[1] - 1)
-        first = net[i, j] * (1.0 - p) + net[below, j] * p
-        second = net[i, right] * (1.0 - p) + net[below, right] * p
-        return float(first * (1.0 - q) + second * q)
+        for axis, places in ((0, rows), (1, columns)):
+            along = ((places + 0.5) / size[axis] - self.origin[axis]) / self.spacing[axis]
+            along = np.clip(along, 0.0, net.shape[axis] - 1.0)
+            below = along.astype(np.int64)
+            above = np.minimum(below + 1, net.shape[axis] - 1)
+            share = np.expand_dims(along - below, 1 - axis)
+            net = np.take(net, below, axis) * (1.0 - share) + np.take(net, above, axis) * share
+        return net
 
 
 def read_opcodes(data: bytes) -> Iterator[tuple[int, bool, bytes]]:
@@ -121,12 +127,3 @@ def read_gain_map(data: bytes, stage: int) -> GainMap:
         stage, top, left, bottom, right, plane, planes, row_pitch, column_pitch, (step_v, step_h), (from_v, from_h),
         gains,
     )  # fmt: skip
-
-
-def _place(v: float, count: int) -> tuple[int, float]:
-    """Index of the point at or below v, among `count`, and the fraction beyond it; clamped to both ends."""
-    if not v > 0.0:
-        return 0, 0.0
-    if v >= count - 1:
-        return count - 1, 0.0
-    return int(v), v - int(v)

@@ -1,0 +1,219 @@
+"""Two phones, one scene: `python -m benchmarks.claims.pictures [--cameras 13] [--phones [phones.csv]]`
+
+Each camera is recovered with a basis learned without it, as in benchmarks.claims.colour, from two shots (D55, A)
+whose lamps are off by their 2 %. It then photographs 99 surfaces that neither prior nor chart knows (CIE 224:2017)
+and a white that is off by 1 %, with the noise of a phone, under D65, A, LED-B3 and FL2, off by 2 %, each named.
+Pixels away from the surfaces' borders, as
+
+- camssf: the picture in standard colour (`camssf picture`),
+- matrix: the same demosaiced and white-balanced signals through the colour matrix that LibRaw holds for the camera,
+  Adobe's; of phones, which it does not know, those that their true curves give for A and D65.
+
+ΔE00 between two cameras' pictures and from the truth, medians over pixels; and the share of the pixels' L*, a* and b*
+that lie within 1.96 of the stated standard deviations from the truth.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import rawpy
+import tifffile
+from numpy.typing import NDArray
+
+from benchmarks.claims.colour import SHOTS, WHITE, Case, calibrate, cases, drawn, unseen
+from benchmarks.shared import (
+    command_parser,
+    console,
+    lamp,
+    one_thread,
+    parse_with_phones,
+    progress,
+    save,
+    table,
+    versions,
+)
+from camssf.colorimetry import adaptation, delta_e00, lab, white_of
+from camssf.grid import WAVELENGTHS, Floats
+from camssf.photo.read.dng import Mosaic
+from camssf.recovery.covariance import CHART_CORRELATION, smooth_errors
+from camssf.spectra.bundled import correlated_temperature
+from camssf.spectra.cameras import CameraCurves
+from camssf_colour import View, of_surfaces
+from camssf_colour.demosaic import demosaic
+from camssf_colour.picture import XYZ_ONE, standard_picture, white_of_region
+from camssf_colour.picture_strip import PER_UNIT
+from camssf_colour.regions import measure_regions
+from camssf_lab.simulation.camera import Sensor, count
+from camssf_lab.simulation.dng import color_matrix
+
+LAMPS = ("D65", "A", "LED-B3", "FL2")
+BLOCK, INNER = 24, slice(6, 18)
+"""Pixels of a surface, and those that are judged."""
+COLUMNS = 10
+SEED = 31
+INSIDE = 1.96
+
+
+@dataclass(frozen=True)
+class Shown:
+    """The judged pixels of one camera's pictures in one light, Lab (99, n, 3).
+
+    Attributes:
+        camssf, matrix: by way.
+        truth: (99, 1, 3).
+        inside: whether it is within the intervals of `camssf`.
+    """
+
+    camssf: Floats
+    matrix: Floats
+    truth: Floats
+    inside: NDArray[np.bool_]
+
+
+WAYS = ("camssf", "matrix")
+
+
+def scene() -> Floats:
+    """(100, 681) the surfaces in rows of COLUMNS; the last is the white."""
+    return np.concatenate([unseen(), np.ones((1, WAVELENGTHS.size))])
+
+
+def photograph(case: Case, power: Floats, rng: np.random.Generator) -> Mosaic:
+    """The mosaic of the scene."""
+    smooth = smooth_errors(CHART_CORRELATION, WAVELENGTHS)
+    surfaces = scene()
+    surfaces[-1] *= 1.0 + WHITE * (smooth @ rng.normal(size=smooth.shape[1]))
+    raw = (surfaces * power) @ case.curves
+    sensor = Sensor()
+    raw *= sensor.exposure * (sensor.white_level - sensor.black) / raw[-1].max()
+    blocks = raw.reshape(-1, COLUMNS, 3).repeat(BLOCK, axis=0).repeat(BLOCK, axis=1)
+    light = np.empty(blocks.shape[:2], dtype=np.float32)
+    for row, column in np.ndindex(2, 2):
+        light[row::2, column::2] = blocks[row::2, column::2, row + column]
+    return Mosaic(
+        "scene", count(light, sensor, rng), "RGGB", np.full((2, 2), sensor.black), sensor.white_level, "", "", None,
+        None, 1, (), None, None, None, "",
+    )  # fmt: skip
+
+
+def judged(pixels: Floats) -> Floats:
+    """(99, n, 3) the inner pixels of each surface but the white."""
+    rows = pixels.shape[0] // BLOCK
+    blocks = pixels.reshape(rows, BLOCK, COLUMNS, BLOCK, 3)[:, INNER, :, INNER]
+    return np.asarray(blocks.transpose(0, 2, 1, 3, 4).reshape(rows * COLUMNS, -1, 3)[:-1])
+
+
+def show(case: Case, name: str, rng: np.random.Generator) -> Shown:
+    """One camera's pictures of the scene in a light near the named one."""
+    power = drawn(lamp(name), rng)
+    photo = photograph(case, power, rng)
+    last = len(scene()) // COLUMNS - 1
+    (white,) = measure_regions(photo, [((COLUMNS - 1) * BLOCK + 2.0, last * BLOCK + 2.0, BLOCK - 4.0, BLOCK - 4.0)])
+    camera = calibrate(case, SHOTS["two"], rng, off=True)
+    made = standard_picture(camera, name, photo, white=white_of_region(white, 1.0), space="xyz-d65")
+    pixels, layer = (np.concatenate(strips) for strips in zip(*made.strips(), strict=True))
+    white_xyz = of_surfaces(np.ones((1, WAVELENGTHS.size)), power, View(white="D65"))[0][0]
+    ours = lab(judged(pixels / XYZ_ONE), white_xyz)
+    deviation = judged(layer.repeat(2, axis=0).repeat(2, axis=1) / PER_UNIT)
+    truth = of_surfaces(unseen(), power, View(white="D65"))[1][:, None, :]
+    height, width = photo.samples.shape
+    padded = np.pad(photo.samples - 512.0, 2, mode="reflect").reshape(height // 2 + 2, 2, width // 2 + 2, 2)
+    signals = judged(np.moveaxis(demosaic(padded).reshape(3, height, width), 0, 2) / white.raw)
+    matrix, own = matrix_for(case, power), white_of(power)
+    to_xyz = adaptation(own, white_xyz) @ (np.linalg.inv(matrix) * (matrix @ own))
+    theirs = lab(signals @ to_xyz.T, white_xyz)
+    return Shown(ours, theirs, truth, np.abs(ours - truth) <= INSIDE * deviation)
+
+
+def numbers(shown: list[Shown]) -> dict[str, float]:
+    """The columns of the table for one light, over all pairs of neighbours in the list."""
+    pairs = list(zip(shown, [*shown[1:], shown[0]], strict=True))
+    between = {
+        way: float(np.median([delta_e00(getattr(one, way), getattr(other, way)) for one, other in pairs]))
+        for way in WAYS
+    }
+    averaged = {
+        way: float(
+            np.median([delta_e00(getattr(a, way).mean(axis=1), getattr(b, way).mean(axis=1)) for a, b in pairs])
+        )
+        for way in WAYS
+    }
+    off = {way: float(np.median([delta_e00(getattr(one, way), one.truth) for one in shown])) for way in WAYS}
+    return {
+        "two cameras": between["camssf"], "by matrix": between["matrix"],
+        "ratio": between["camssf"] / between["matrix"],
+        "averaged": averaged["camssf"], "matrix averaged": averaged["matrix"],
+        "ratio averaged": averaged["camssf"] / averaged["matrix"],
+        "from truth": off["camssf"], "matrix from truth": off["matrix"],
+        "inside 95 %": float(np.mean([one.inside for one in shown])),
+    }  # fmt: skip
+
+
+def matrix_for(case: Case, power: Floats) -> Floats:
+    """(3, 3) XYZ to camera: what LibRaw holds of the maker's or Adobe's for D65, or those that the curves give.
+
+    The latter, for A and D65, are interpolated by the light's temperature as DNG readers do.
+    """
+    known = stored_matrix(case.name)
+    if known is not None:
+        return known
+    bulb, daylight = (color_matrix(CameraCurves(case.name, case.curves, ""), name) for name in ("A", "D65"))
+    mired = np.array([1e6 / correlated_temperature(white_of(each)) for each in (lamp("A"), lamp("D65"), power)])
+    share = float(np.clip((mired[2] - mired[0]) / (mired[1] - mired[0]), 0.0, 1.0))
+    return np.asarray((1.0 - share) * bulb + share * daylight)
+
+
+@cache
+def stored_matrix(name: str) -> Floats | None:
+    """(3, 3) XYZ to camera in LibRaw's table; None if it does not know this make and model."""
+    make, _, model = name.partition(" ")
+    tags = [
+        (271, 2, 0, make, True), (272, 2, 0, model, True), (33421, 3, 2, (2, 2), True),
+        (33422, 1, 4, bytes((0, 1, 1, 2)), True),
+        (50706, 1, 4, bytes((1, 4, 0, 0)), True), (50708, 2, 0, name, True), (50717, 4, 1, 16383, True),
+    ]  # fmt: skip
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "plain.dng"
+        tifffile.imwrite(path, np.full((64, 64), 2000, np.uint16), photometric="cfa", metadata=None, extratags=tags)
+        with rawpy.imread(str(path)) as raw:
+            matrix = np.asarray(raw.rgb_xyz_matrix[:3], dtype=np.float64)
+    return matrix if matrix.any() else None
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command."""
+    parser = command_parser(__spec__, __doc__)
+    parser.add_argument("--cameras", type=int, default=13, help="of the 52, evenly over their list")
+    options = parse_with_phones(parser, arguments)
+    if options is None:
+        return 2
+    every = cases(52, None) if options.phones is None else cases(0, Path(options.phones))
+    known = [case for case in every if stored_matrix(case.name) is not None]
+    all_cases = known[:: max(1, len(known) // options.cameras)][: options.cameras] if known else every
+    shown: dict[str, list[Shown]] = {name: [] for name in LAMPS}
+    with progress() as bar:
+        task = bar.add_task("pictures", total=len(all_cases) * len(LAMPS))
+        for at, name in enumerate(LAMPS):
+            for number, case in enumerate(all_cases):
+                shown[name].append(show(case, name, np.random.default_rng([SEED, number, at])))
+                bar.advance(task)
+    content = {name: numbers(shown[name]) for name in LAMPS}
+    content["all"] = {key: float(np.mean([content[name][key] for name in LAMPS])) for key in content[LAMPS[0]]}
+    rows = [(name, *(f"{value:.3f}" for value in one.values())) for name, one in content.items()]
+    head = ("light", *content["all"])
+    console().print(table(f"median ΔE00 of pictures, {len(all_cases)} cameras", head, rows))
+    print(
+        save("pictures", {"cameras": [case.name for case in all_cases], "pictures": content, "versions": versions()})
+    )
+    return 0
+
+
+if __name__ == "__main__":
+    one_thread(__spec__)
+    sys.exit(main())

@@ -1,0 +1,89 @@
+"""Demosaics a Bayer mosaic by the linear filters of Malvar, He and Cutler (ICASSP 2004, III, 485).
+
+Each missing colour is the mean of its neighbours, corrected by the second derivative of the colour that is there. The
+filters are linear, so the noise of a colour follows from that of the samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+
+import numpy as np
+
+from camssf.grid import Floats
+from camssf.recovery.arrays import Array, namespace
+
+RED, GREEN, BLUE = range(3)
+CELL = ((RED, GREEN), (GREEN, BLUE))
+"""Colours of the 2 × 2 cell that `demosaic` takes."""
+GREEN_THERE = {
+    (0, 0): 4, (0, 1): 2, (1, 0): 2, (0, -1): 2, (-1, 0): 2, (0, 2): -1, (2, 0): -1, (0, -2): -1, (-2, 0): -1,
+}  # fmt: skip
+"""Eighths by (row, column) from the sample: green where red or blue was sampled."""
+ALONG_ROW = {
+    (0, 0): 5, (0, 1): 4, (0, -1): 4, (0, 2): -1, (0, -2): -1, (1, 1): -1, (1, -1): -1, (-1, 1): -1, (-1, -1): -1,
+    (2, 0): 0.5, (-2, 0): 0.5,
+}  # fmt: skip
+"""Where green was sampled: the colour that was sampled left and right of it."""
+ALONG_COLUMN = {(column, row): eighths for (row, column), eighths in ALONG_ROW.items()}
+"""The colour that was sampled above and below it."""
+OPPOSITE = {
+    (0, 0): 6, (1, 1): 2, (1, -1): 2, (-1, 1): 2, (-1, -1): 2,
+    (0, 2): -1.5, (2, 0): -1.5, (0, -2): -1.5, (-2, 0): -1.5,
+}  # fmt: skip
+"""Red where blue was sampled, and blue where red was."""
+ITSELF = {(0, 0): 8}
+Filter = Mapping[tuple[int, int], float]
+
+
+def _filter(row: int, column: int, colour: int) -> Filter:
+    """The filter that gives a colour at a place of the cell."""
+    sampled = CELL[row][column]
+    if colour == sampled:
+        return ITSELF
+    if colour == GREEN:
+        return GREEN_THERE
+    if sampled == GREEN:
+        return ALONG_ROW if colour in CELL[row] else ALONG_COLUMN
+    return OPPOSITE
+
+
+def demosaic(mosaic: Array) -> Array:
+    """Colours (3, h - 2, 2, w - 2, 2) of a mosaic (h, 2, w, 2) of cells red, green / green, blue.
+
+    The outermost cells are the margin of the others and have no colours themselves.
+    """
+    xp, (h, _, w, _) = namespace(mosaic), mosaic.shape
+
+    def sample(row: int, column: int) -> Array:
+        """(h - 2, w - 2) samples at this place, counted from the first of each cell."""
+        up, left = row // 2 + 1, column // 2 + 1
+        return mosaic[up : h - 2 + up, row % 2, left : w - 2 + left, column % 2]
+
+    def colour(row: int, column: int, name: int) -> Array:
+        terms = [
+            sample(row + down, column + right) * (eighths / 8.0)
+            for (down, right), eighths in _filter(row, column, name).items()
+        ]
+        return sum(terms[1:], terms[0])
+
+    def plane(name: int) -> Array:
+        rows = [xp.stack([colour(row, column, name) for column in range(2)], axis=2) for row in range(2)]
+        return xp.stack(rows, axis=1)
+
+    return xp.stack([plane(name) for name in range(3)], axis=0)
+
+
+@cache
+def noise_shares() -> Floats:
+    """(3, 3, 3) covariance of colours i and j, the mean over a cell, by the variance of samples of colour k."""
+    shares = np.zeros((3, 3, 3))
+    for row, column in np.ndindex(2, 2):
+        weights: dict[tuple[int, int], Floats] = {}
+        for name in range(3):
+            for place, eighths in _filter(row, column, name).items():
+                weights.setdefault(place, np.zeros(3))[name] += eighths / 8.0
+        for (down, right), weight in weights.items():
+            shares[..., CELL[(row + down) % 2][(column + right) % 2]] += np.outer(weight, weight) / 4.0
+    return shares
