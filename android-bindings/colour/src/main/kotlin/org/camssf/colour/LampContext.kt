@@ -2,7 +2,7 @@ package org.camssf.colour
 
 /** Colours under one lamp: the posterior of XYZ given signals, for the prior "general" of reflectance. */
 internal class LampContext(val response: SurfaceResponse) {
-    private val posterior = SurfacePosterior(SurfacePrior.read("general"), response, reflectance = false)
+    val posterior = SurfacePosterior(SurfacePrior.read("general"), response, reflectance = false)
 
     /** For pixels; made when it is first needed. */
     val table: PixelTable by lazy { PixelTable(posterior, response.white) }
@@ -19,5 +19,6 @@ internal class LampContext(val response: SurfaceResponse) {
         return StandardColour(surface.mean.copyOf(3), Spaces.lab(relative, ones), parts, reach)
     }
 
-    private fun block(of: DoubleArray, from: Int) = DoubleArray(9) { of[(from + it / 3) * 6 + from + it % 3] }
+    /** The block (3, 3) of a covariance (6, 6) that begins at a row. */
+    fun block(of: DoubleArray, from: Int) = DoubleArray(9) { of[(from + it / 3) * 6 + from + it % 3] }
 }

@@ -39,20 +39,32 @@ public class PhotoLight internal constructor(
             doubleArrayOf(ln(raw[0] / raw[1]), ln(raw[2] / raw[1]))
         }
         val noise = hypot(error, reference.tolerance / 2)
-        val light = lamp ?: Lamp.auto()
-        val kinds = light.lamps.mapNotNull { Lamp.kindOf(it.name) }.distinct()
-        val lamps = if (light.unnamed) kinds.map { Lamp.read(it) } else listOf(light)
-        if (lamps.size > 1 && ratios == null) {
-            throw InvalidArgument(
-                "The lamp is unknown, and nothing in the photo tells it.",
-                "Name the lamp; or measure a white or grey reference in the photo, and take a result that holds " +
-                    "the light of its first photo: the whole result.json, not a passport, and not of an older version.",
-            )
+        return lamps(lamp ?: Lamp.auto(), told = ratios != null).map {
+            ReferenceRatios(it, ratios, noise, reference.tolerance)
         }
-        return lamps.map { ReferenceRatios(it, ratios, noise, reference.tolerance) }
     }
 
     internal companion object {
+        /**
+         * The lamp, or the kinds of an unnamed one.
+         *
+         * @param told whether a reference's raw ratios tell the kinds apart.
+         * @throws InvalidArgument several kinds, and nothing that tells them apart.
+         */
+        fun lamps(light: Lamp, told: Boolean): List<Lamp> {
+            val kinds = light.lamps.mapNotNull { Lamp.kindOf(it.name) }.distinct()
+            val lamps = if (light.unnamed) kinds.map { Lamp.read(it) } else listOf(light)
+            if (lamps.size > 1 && !told) {
+                throw InvalidArgument(
+                    "The lamp is unknown, and nothing in the photo tells it.",
+                    "Name the lamp; or measure a white or grey reference in the photo, and take a result that " +
+                        "holds the light of its first photo: the whole result.json, not a passport, and not of an " +
+                        "older version.",
+                )
+            }
+            return lamps
+        }
+
         /**
          * The response under each combination of lamps, and the combinations' weights.
          *

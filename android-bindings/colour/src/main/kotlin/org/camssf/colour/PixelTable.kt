@@ -17,15 +17,7 @@ internal class PixelTable(posterior: SurfacePosterior, private val white: Double
     private val values = DoubleArray(NODES * NODES * 3)
 
     init {
-        val z = DoubleArray(values.size)
-        for (at in z.indices step 3) {
-            z[at] = exp(at / 3 / NODES * STEP - EDGE)
-            z[at + 1] = 1.0
-            z[at + 2] = exp(at / 3 % NODES * STEP - EDGE)
-            val level = (z[at] + z[at + 1] + z[at + 2]) / 3
-            for (c in at..at + 2) z[c] /= level
-        }
-        val means = posterior.means(Tensor(z, NODES, NODES, 3)).values
+        val means = posterior.means(Tensor(signals(NODES), NODES, NODES, 3)).values
         for (at in values.indices) values[at] = cbrt(means[at])
     }
 
@@ -82,12 +74,27 @@ internal class PixelTable(posterior: SurfacePosterior, private val white: Double
         private fun along(ratio: Double): Double = ((ratio + EDGE) / STEP).coerceIn(0.0, NODES - 1.0)
     }
 
-    private companion object {
+    companion object {
+        /** Along each ratio. */
         const val NODES = 129
-        const val EDGE = 3.0
-        const val STEP = 2 * EDGE / (NODES - 1)
+        private const val EDGE = 3.0
+        private const val STEP = 2 * EDGE / (NODES - 1)
 
         /** Signals below this share of the level have ratios beyond the edge. */
-        const val SMALL = 1e-6
+        private const val SMALL = 1e-6
+
+        /** (nodes, nodes, 3) signals of mean 1 at so many nodes of each ratio, row-major. */
+        fun signals(nodes: Int): DoubleArray {
+            val step = 2 * EDGE / (nodes - 1)
+            val z = DoubleArray(3 * nodes * nodes)
+            for (at in z.indices step 3) {
+                z[at] = exp(at / 3 / nodes * step - EDGE)
+                z[at + 1] = 1.0
+                z[at + 2] = exp(at / 3 % nodes * step - EDGE)
+                val level = (z[at] + z[at + 1] + z[at + 2]) / 3
+                for (c in at..at + 2) z[c] /= level
+            }
+            return z
+        }
     }
 }

@@ -14,6 +14,7 @@ import org.camssf.photo.PatchMeans
 import org.camssf.photo.Region
 import org.camssf.short
 import kotlin.math.hypot
+import kotlin.math.sqrt
 
 /**
  * A rectangle's raw signals, and the photo that they come from.
@@ -25,6 +26,8 @@ public class RawRegion internal constructor(
     internal val sharedRaw: DoubleArray,
     internal val sharedError: DoubleArray,
     internal val source: SignalSource,
+    /** (3) standard deviation of its samples, DN; null if it is not known. */
+    internal val sharedDeviation: DoubleArray? = null,
 ) {
     /** (3) R, G, B, DN above black or dark frame. */
     public val raw: Rows get() = Rows(sharedRaw, 3)
@@ -91,6 +94,9 @@ public class RawRegion internal constructor(
                         hypot(means.chart.sharedError[3 * i + it], night?.sharedError?.get(3 * i + it) ?: 0.0)
                     },
                     source,
+                    DoubleArray(3) {
+                        means.chart.sharedError[3 * i + it] * sqrt(means.chart.sharedCount[3 * i + it].toDouble())
+                    },
                 )
             }
         }

@@ -48,6 +48,14 @@ internal class SignalSource(val photo: Facts, val shading: LensShading) {
         return ratio(here.exposure, there.exposure, "exposure time", other) * ratio(here.iso, there.iso, "ISO", other)
     }
 
+    /**
+     * Exposure time of this photo over that of another one; 1 if it is the same photo.
+     *
+     * @throws FramesDiffer one of two photos does not state it.
+     */
+    fun timeOver(other: SignalSource): Double =
+        if (same(other)) 1.0 else ratio(photo.origin.exposure, other.photo.origin.exposure, "exposure time", other)
+
     private fun same(other: SignalSource): Boolean {
         val (here, there) = photo.origin to other.photo.origin
         return here === there || (here.sha256.isNotEmpty() && here.sha256 == there.sha256)

@@ -1,5 +1,6 @@
 package org.camssf.colour
 
+import org.camssf.CalibrationException
 import org.camssf.CalibrationResult
 import org.camssf.ColourOutOfReach
 import org.camssf.FramesDiffer
@@ -10,9 +11,11 @@ import org.camssf.Refusal
 import org.camssf.Rows
 import org.camssf.RuntimeUnfit
 import org.camssf.UnitDiffers
+import org.camssf.UnsupportedRaw
 import org.camssf.frozen
 import org.camssf.photo.LensShading
 import org.camssf.photo.Mosaic
+import org.camssf.photo.PhotoSource
 import org.camssf.spectra.Lamp
 
 /** The colour space that [Standardiser.standardise] writes. */
@@ -47,12 +50,22 @@ public enum class Space {
 public class Standardiser private constructor(
     private val contexts: List<LampContext>,
     private val weights: DoubleArray,
-    private val reference: Reference,
-    private val camera: CameraOfCurves,
+    private val light: PhotoLight,
+    private val camera: ColourCamera,
 
     /** How colours are stated. */
     public val view: View,
 ) {
+    private val reference: Reference get() = light.reference
+
+    /** Of pictures, by the white that they are adapted to; made when it is first needed. */
+    private val pictureLights = PictureSpace.values().map { it.white }.distinct().associateWith { white ->
+        lazy {
+            val (responses, weights) = PhotoLight.responses(camera, listOf(light), View(white = white))
+            PictureLights(responses, weights)
+        }
+    }
+
     override fun toString(): String = "Standardiser($lamps, $reference, $view)"
 
     /** The compared lamps with their weights; a named lamp is the only one. */
@@ -84,7 +97,7 @@ public class Standardiser private constructor(
     }
 
     private fun factor(source: SignalSource): Double {
-        camera.check(source)
+        camera.camera.check(source)
         return reference.source?.factor(source) ?: 1.0
     }
 
@@ -131,6 +144,46 @@ public class Standardiser private constructor(
         add(lamp.xyz, 1.0, covariance(xyz, weights))
         add(lamp.lab, 1.0, covariance(lab, weights))
         return StandardColour(mean(xyz, weights), mean(lab, weights), parts, answers.minOf { it.reach })
+    }
+
+    /**
+     * Creates the picture of a photo in the light of the reference, usually the reference's own photo. Signals of
+     * another exposure are scaled as in [colourOf]. The view does not matter, since the space states its own white.
+     *
+     * The first picture makes a table of colours for each lamp, in some seconds on a phone; it is kept.
+     *
+     * @param photo the whole photo, by the same camera.
+     * @param space of the picture's numbers.
+     * @param lensShading APPLY multiplies the samples by the file's gain maps; the same as for the reference.
+     * @throws InvalidArgument a photo of which only a part is there, another lens shading than the reference's, or
+     *   curves from which no colour can be computed.
+     * @throws FramesDiffer another camera than the result's or the reference's, or a photo of another exposure that
+     *   does not state it.
+     * @throws UnitDiffers another physical camera or lens.
+     * @throws UnsupportedRaw gain maps that cannot be applied.
+     */
+    @JvmOverloads
+    public fun picture(
+        photo: Mosaic,
+        space: PictureSpace = PictureSpace.SRGB,
+        lensShading: LensShading = LensShading.AS_STORED,
+    ): StandardPicture = picture(PhotoSource.of(photo), space, lensShading)
+
+    /**
+     * As the other `picture`, for a photo that is read in bands, since it is too large for memory.
+     *
+     * @throws CalibrationException as the other `picture`, or the photo cannot be read.
+     */
+    @JvmOverloads
+    public fun picture(
+        photo: PhotoSource,
+        space: PictureSpace = PictureSpace.SRGB,
+        lensShading: LensShading = LensShading.AS_STORED,
+    ): StandardPicture {
+        val parts = PictureParts.of(photo)
+        val source = SignalSource(parts.facts, lensShading)
+        val white = WhiteSignal.of(reference, factor(source), source)
+        return StandardPicture(parts, white, space, lensShading, pictureLights.getValue(space.white).value)
     }
 
     /**
@@ -264,7 +317,7 @@ public class Standardiser private constructor(
         public fun read(result: String, lamp: Lamp?, reference: Reference, view: View = View()): Standardiser =
             of(ColourCamera.parse(result), lamp, reference, view)
 
-        private fun of(camera: ColourCamera, lamp: Lamp?, reference: Reference, view: View): Standardiser {
+        internal fun of(camera: ColourCamera, lamp: Lamp?, reference: Reference, view: View): Standardiser {
             val error = (0..2).maxOf { reference.sharedError[it] / reference.sharedRaw[it] }
             return of(camera, lamp, reference, view, reference.sharedRaw, error)
         }
@@ -283,7 +336,7 @@ public class Standardiser private constructor(
         ): Standardiser {
             val photo = PhotoLight(lamp, reference, raw, error)
             val (responses, weights) = PhotoLight.responses(camera, listOf(photo), view)
-            return Standardiser(responses.map { LampContext(it) }, weights, reference, camera.camera, view)
+            return Standardiser(responses.map { LampContext(it) }, weights, photo, camera, view)
         }
     }
 }

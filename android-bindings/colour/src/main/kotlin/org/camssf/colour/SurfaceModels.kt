@@ -27,6 +27,9 @@ internal object SurfaceModels {
     /** The means of many surfaces of exact signals. */
     val means: OnnxModel by model("means")
 
+    /** A strip of a picture, and its uncertainty. */
+    val picture: OnnxModel by model("picture")
+
     private fun model(step: String) = lazy {
         val name = "surfaces-$step.onnx"
         withOnnxRuntime { OnnxModel(name, read(name), ADVICE) }

@@ -15,8 +15,15 @@ import kotlin.math.max
  * @property ratios (2) ln of the reference's raw red and blue over its green; null without a usable reference.
  * @property error one standard deviation of them.
  * @property tolerance relative error of the reference's reflectance.
+ * @property modes errors (681) of its reflectance over `tolerance`; null for smooth ones.
  */
-internal class ReferenceRatios(val lamp: Lamp, val ratios: DoubleArray?, val error: Double, val tolerance: Double)
+internal class ReferenceRatios(
+    val lamp: Lamp,
+    val ratios: DoubleArray?,
+    val error: Double,
+    val tolerance: Double,
+    val modes: List<DoubleArray>? = null,
+)
 
 /**
  * Signals, XYZ and XYZ over its white as functions of reflectance, under the lights of one or two photos; lamps and
@@ -62,6 +69,8 @@ internal class SurfaceResponse private constructor(
             val measured = DoubleArray(photos.size) { if (own != null && photos[it].ratios != null) 1.0 else 0.0 }
             val functions = Tables.observer(view.observer)
             val adapted = view.white != Adapted.LAMP
+            val ofReference = photos[0].modes
+                ?: Directions.of(Rules.shipped.number("covariance.chart_correlation")).columns
             val arrays = SurfaceModels.lights.run(
                 mapOf(
                     "curves" to columns(camera.values),
@@ -80,7 +89,7 @@ internal class SurfaceResponse private constructor(
                     "own_lamp" to Tensor(own?.lamp?.sharedValues ?: DoubleArray(Grid.SIZE) { 1.0 }, Grid.SIZE),
                     "own_modes" to tensor(own?.let { modes(it.lamp) } ?: listOf(NONE[0])),
                     "tolerance" to Tensor(DoubleArray(photos.size) { photos[it].tolerance }, photos.size),
-                    "smooth" to tensor(Directions.of(Rules.shipped.number("covariance.chart_correlation")).columns),
+                    "smooth" to tensor(ofReference),
                     "observer" to columns(functions),
                     "aim" to Tensor(if (adapted) white(view.white, functions) else DoubleArray(3) { 1.0 }, 3),
                     "adapted" to Tensor.scalar(if (adapted) 1.0 else 0.0),
@@ -106,7 +115,7 @@ internal class SurfaceResponse private constructor(
         }
 
         /** Error modes (681) of a lamp, relative to its power: its own, and its smooth error; zeros if it has none. */
-        private fun modes(lamp: Lamp): List<DoubleArray> {
+        fun modes(lamp: Lamp): List<DoubleArray> {
             val length = Rules.shipped.number("covariance.lamp_correlation")
             val smooth = if (lamp.tolerance > 0) Directions.of(length).columns else emptyList()
             return (lamp.sharedModes + smooth.map { it.times(lamp.tolerance) }).ifEmpty { listOf(NONE[0]) }

@@ -30,12 +30,15 @@ class ShadingTest {
         mapPlanes: Int = 1,
     ) = GainMap(list, area, plane, planes, rowPitch, columnPitch, net(mapPlanes))
 
-    private fun factors(x: Double, y: Double, vararg maps: GainMap): DoubleArray {
+    private fun facts(vararg maps: GainMap): Facts {
         val sensor = Mosaic.Sensor("GRBG", DoubleArray(4), 1000.0)
         val corrections = Mosaic.Corrections(maps.toList())
-        val facts = Facts(Mosaic.Origin("a.dng"), width, height, sensor, corrections, Mosaic.Colours())
+        return Facts(Mosaic.Origin("a.dng"), width, height, sensor, corrections, Mosaic.Colours())
+    }
+
+    private fun factors(x: Double, y: Double, vararg maps: GainMap): DoubleArray {
         val quad = doubleArrayOf(x - 3, y - 2, x + 3, y - 2, x + 3, y + 2, x - 3, y + 2)
-        return Shading.of(facts, quad)
+        return Shading.of(facts(*maps), quad)
     }
 
     /** Every point's gain times a hat over it, beyond the outer points as at them. */
@@ -113,11 +116,28 @@ class ShadingTest {
     }
 
     @Test
+    fun `samples have the gains of their own places`() {
+        val maps = arrayOf(
+            map(Region(10, 8, 60, 36)), map(Region(1, 0, width, height), rowPitch = 2, columnPitch = 2),
+            map(list = 3, plane = 1, planes = 2, mapPlanes = 2),
+        )
+        val (rows, columns) = intArrayOf(39, 2, 0, 1, 8, 7, 35, 36, 20) to intArrayOf(0, 9, 10, 11, 59, 60, 79, 3)
+        val all = Shading.ofSamples(facts(*maps), rows, columns)
+        for ((i, y) in rows.withIndex()) {
+            for ((j, x) in columns.withIndex()) {
+                val own = factors(x.toDouble(), y.toDouble(), *maps)[y % 2 * 2 + x % 2]
+                assertEquals(own, all[i * columns.size + j], "$x, $y")
+            }
+        }
+    }
+
+    @Test
     fun `a map of the stored picture, or of other steps, is refused`() {
         for (odd in listOf(map(list = 1), map(rowPitch = 3), map(columnPitch = 4))) {
             val error = assertThrows(UnsupportedRaw::class.java) { factors(22.0, 14.0, odd) }
             val words = "opcode list ${odd.list}, every ${odd.rowPitch} rows and ${odd.columnPitch} columns"
             assertTrue(words in error.message, error.message)
+            assertThrows(UnsupportedRaw::class.java) { Shading.ofSamples(facts(odd), intArrayOf(0), intArrayOf(0)) }
         }
     }
 }

@@ -142,8 +142,12 @@ internal class Colours(private val files: GoldenFiles, private val forms: Forms,
         )
     }
 
-    /** The camera of a case's result, which holds no more than the stage needs. */
-    private fun camera(result: JsonObject): ColourCamera {
+    /**
+     * The camera of a case's result, which holds no more than the stage needs.
+     *
+     * @param anonymous whether photos of any camera are taken for its own.
+     */
+    fun camera(result: JsonObject, anonymous: Boolean = false): ColourCamera {
         if ("ssf" !in result) {
             val reason = result.getValue("verdict").jsonObject.getValue("reasons").jsonArray[0].jsonObject
             throw InvalidArgument("This result was refused: it has no curves.", reason.text("advice"))
@@ -152,13 +156,14 @@ internal class Colours(private val files: GoldenFiles, private val forms: Forms,
             Array(3) { numbers(of.getValue(listOf("red", "green", "blue")[it])) }
         }
         val named = result.getValue("camera").jsonObject
+        val (make, model) = listOf("make", "model").map { if (anonymous) "" else named.text(it) }
         val values = curves("ssf")!!
         return ColourCamera.of(
             values,
             curves("ssf_std"),
             numbers(result.getValue("channel_gain")),
             lamp(result.getValue("shots").jsonArray[0].jsonObject),
-            CameraOfCurves(named.text("make"), named.text("model"), PhysicalCamera()),
+            CameraOfCurves(make, model, PhysicalCamera()),
         ) { own ->
             val basis = LearnedBasis.of(result.text("basis"), result.text("basis_sha256"))
             val scale = result.getValue("prior_scale").jsonPrimitive.double
@@ -187,7 +192,7 @@ internal class Colours(private val files: GoldenFiles, private val forms: Forms,
     private fun numbers(of: JsonElement): DoubleArray = of.jsonArray.map { it.jsonPrimitive.double }.toDoubleArray()
 
     /** A result, or that of another case, but for some fields. */
-    private fun result(given: JsonObject): JsonObject {
+    fun result(given: JsonObject): JsonObject {
         val other = given["case"] ?: return given
         val own = GoldenCase.read(other.jsonPrimitive.content, files).inputs.getValue("result").jsonObject
         return JsonObject(own + (given["but"] as? JsonObject).orEmpty())

@@ -178,6 +178,7 @@ internal class GoldenCase private constructor(val name: String, private val json
             "colour" to setOf("result", "lamp", "signals", "standard_error", "reference", "view"),
             "spectrum" to setOf("result", "photos", "prior", "view"),
             "regions" to setOf("photo", "areas", "dark", "lens_shading"),
+            "picture" to setOf("result", "lamp", "photo", "white", "space", "shading", "area"),
             "finder" to setOf("dng", "form"),
         )
         private val OUTPUTS = mapOf(
@@ -230,6 +231,7 @@ internal class GoldenCase private constructor(val name: String, private val json
                 "lab_covariance", "white", "distance", "from_photo", "lamps", "weights", "chi_squared",
             ),
             "regions" to setOf("raw", "standard_error"),
+            "picture" to setOf("picture", "uncertainty"),
             "finder" to setOf("findings", "kinds", "mirrored", "seen", "corners", "patches", "confidence"),
         )
         private val ORACLE = setOf("solver", "polished", "x", "objective", "gap", "ssf")

@@ -61,6 +61,7 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
     private val frames = Statistics(forms)
     private val captures = Captures(forms, frames)
     private val colours = Colours(files, forms, photos)
+    private val pictures = Pictures(colours, photos)
     private val finders = Finders(photos)
     private val engines = HashMap<String, Engine>()
 
@@ -172,6 +173,7 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         "colour" -> colours.colour(case)
         "spectrum" -> colours.spectrum(case)
         "regions" -> colours.regions(case)
+        "picture" -> pictures.picture(case)
         "finder" -> finders.finder(case)
         else -> throw GoldenError("${case.name}: the stage ${case.stage} has no runner")
     }

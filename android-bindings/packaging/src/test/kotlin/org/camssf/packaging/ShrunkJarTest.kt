@@ -180,9 +180,9 @@ class ShrunkJarTest {
     private companion object {
         const val NATIVE = "ai/onnxruntime/native/"
 
-        /** kB; docs/android.md states them. Colour is about 80 of the first and 369 of the second. */
+        /** kB; docs/android.md states them. Colour is about 80 of the first and 390 of the second. */
         const val CODE = 800
-        const val DATA = 920
+        const val DATA = 950
 
         /** kB: jar of core, jar of model, dex of the smallest app. */
         val MOST = listOf(1130L, 320L, 490L)
