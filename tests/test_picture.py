@@ -324,6 +324,8 @@ def test_the_command_says_what_is_missing(tmp_path: Path, capsys: pytest.Capture
     command = ["picture", str(tmp_path / "result.json"), str(tmp_path / "photo.jpg"), "-o", str(tmp_path / "out.png")]
     assert cli.main(command) == 2
     assert "--white-region" in capsys.readouterr().err
+    assert cli.main([*command, "--lamp", "daylight", "--region", "1,1,20,20"]) == 2
+    assert "--compare" in capsys.readouterr().err
     assert cli.main([*command, "--lamp", "daylight"]) != 0
     assert "photo.jpg" in capsys.readouterr().err
     assert cli.main([*command, "--lamp", "auto"]) != 0

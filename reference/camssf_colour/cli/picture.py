@@ -83,6 +83,11 @@ def picture(
         there = other_region or region or [], other_white_region or white_region
         _write_comparison(out, (document, photo, region or [], white_region), (*compare, *there), lamp)
         return
+    if region or other_region or other_white_region:
+        raise InvalidArgument(
+            "Regions are for --compare: a picture shows the whole photo.",
+            "Add --compare RESULT PHOTO; or take `camssf colour` for the colours of regions.",
+        )
     if white_region is None and lamp is None:
         raise InvalidArgument(
             "Nothing says what light the photo was taken in, or what is white in it.",
