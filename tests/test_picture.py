@@ -29,6 +29,7 @@ from camssf.grid import WAVELENGTHS, Floats
 from camssf.photo.read.colour_matrix import ColourMatrix
 from camssf.photo.read.dng import Mosaic
 from camssf.recovery.basis import read_basis
+from camssf.recovery.onnx_model import onnx_runtime
 from camssf.result import Result
 from camssf.spectra import read_chart, read_lamp
 from camssf.spectra.bundled import observer
@@ -299,8 +300,6 @@ def test_a_file_s_matrices_give_the_colours_of_its_camera() -> None:
 
 
 def test_the_model_computes_the_same_strip() -> None:
-    import onnxruntime
-
     photo = scene(sensor=Sensor())
     made = standard_picture(camera(), LAMP, photo, white=white(photo))
     rng = np.random.default_rng(4)
@@ -308,7 +307,7 @@ def test_the_model_computes_the_same_strip() -> None:
         rng.uniform(-0.01, 1.1, (5, 2, 7, 2)), (rng.uniform(size=(5, 2, 7, 2)) > 0.95).astype(float),
         rng.uniform(1.0, 2.0, (5, 2, 7, 2)), np.full(3, 1e-3), made.matrix, np.array(1.0),
     )  # fmt: skip
-    session = onnxruntime.InferenceSession(files("camssf").joinpath("data", "surfaces-picture.onnx").read_bytes())
+    session = onnx_runtime().InferenceSession(files("camssf").joinpath("data", "surfaces-picture.onnx").read_bytes())
     theirs = session.run(["picture", "uncertainty"], vars(strip) | vars(made.table))
     for ours, other in zip(picture_strip(strip, made.table), theirs, strict=True):
         assert np.abs(ours - other).max() < 1e-6

@@ -195,6 +195,7 @@ import androidx.camera.core.Preview
 import androidx.camera.lifecycle.ProcessCameraProvider
 import androidx.lifecycle.LifecycleOwner
 import java.io.File
+import java.io.OutputStream
 {imports}
 
 class Screen(private val contentResolver: ContentResolver, private val filesDir: File) {{

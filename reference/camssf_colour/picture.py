@@ -128,7 +128,7 @@ def white_of_camera(camera: Camera, lamp: LampLike, photo: Mosaic) -> WhiteSigna
         raise InvalidArgument(
             "This result does not hold the light of its first photo, so the white balance of a photo without a "
             "reference is unknown.",
-            "Measure a white or grey surface in the photo (--white-region), or take the whole result.json.",
+            "Measure a white or grey surface in the photo, or take the whole result.json.",
         )
     (light,), own = lamps_of(lamp, None), camera.own
     ratios = own.raw * (light.values @ camera.values) / (own.lamp.values @ camera.values)

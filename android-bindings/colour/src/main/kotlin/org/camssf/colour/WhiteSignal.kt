@@ -46,7 +46,7 @@ internal class WhiteSignal(val raw: DoubleArray, val fromReference: Boolean, val
             val own = camera.ownWhite ?: throw InvalidArgument(
                 "This result does not hold the light of its first photo, so the white balance of a photo without a " +
                     "reference is unknown.",
-                "Measure a white or grey surface in the photo (--white-region), or take the whole result.json.",
+                "Measure a white or grey surface in the photo, or take the whole result.json.",
             )
             val light = PhotoLight.lamps(lamp, told = false).single()
             val ratios = DoubleArray(3) {
