@@ -195,7 +195,6 @@ import androidx.camera.core.Preview
 import androidx.camera.lifecycle.ProcessCameraProvider
 import androidx.lifecycle.LifecycleOwner
 import java.io.File
-import java.io.OutputStream
 {imports}
 
 class Screen(private val contentResolver: ContentResolver, private val filesDir: File) {{
@@ -273,7 +272,10 @@ class ScreenTest {{
 
 
 MODULES = ["core", "colour", "finder", "camera2", "camerax", "passport", "testing"]
-OF_JAVA = ["java.io.File", "java.nio.ByteBuffer", "java.security.KeyPair", "java.security.PublicKey"]
+OF_JAVA = [
+    f"java.{name}"
+    for name in ("io.File", "io.OutputStream", "nio.ByteBuffer", "security.KeyPair", "security.PublicKey")
+]
 OF_ANDROID = ["hardware.camera2.CameraCharacteristics", "hardware.camera2.TotalCaptureResult", "media.Image"]
 
 
