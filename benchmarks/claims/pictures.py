@@ -27,6 +27,7 @@ import tifffile
 from numpy.typing import NDArray
 
 from benchmarks.claims.colour import SHOTS, WHITE, Case, calibrate, cases, drawn, unseen
+from benchmarks.claims.processed import malvar
 from benchmarks.shared import (
     command_parser,
     console,
@@ -45,7 +46,6 @@ from camssf.recovery.covariance import CHART_CORRELATION, smooth_errors
 from camssf.spectra.bundled import correlated_temperature
 from camssf.spectra.cameras import CameraCurves
 from camssf_colour import View, of_surfaces
-from camssf_colour.demosaic import demosaic
 from camssf_colour.picture import XYZ_ONE, standard_picture, white_of_region
 from camssf_colour.picture_strip import PER_UNIT
 from camssf_colour.regions import measure_regions
@@ -122,9 +122,7 @@ def show(case: Case, name: str, rng: np.random.Generator) -> Shown:
     ours = lab(judged(pixels / XYZ_ONE), white_xyz)
     deviation = judged(layer.repeat(2, axis=0).repeat(2, axis=1) / PER_UNIT)
     truth = of_surfaces(unseen(), power, View(white="D65"))[1][:, None, :]
-    height, width = photo.samples.shape
-    padded = np.pad(photo.samples - 512.0, 2, mode="reflect").reshape(height // 2 + 2, 2, width // 2 + 2, 2)
-    signals = judged(np.moveaxis(demosaic(padded).reshape(3, height, width), 0, 2) / white.raw)
+    signals = judged(malvar(photo.samples - 512.0) / white.raw)
     matrix, own = matrix_for(case, power), white_of(power)
     to_xyz = adaptation(own, white_xyz) @ (np.linalg.inv(matrix) * (matrix @ own))
     theirs = lab(signals @ to_xyz.T, white_xyz)

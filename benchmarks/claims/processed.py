@@ -32,6 +32,7 @@ from camssf.photo.read.dng import Mosaic
 from camssf.spectra import read_camera, read_chart, read_lamp
 from camssf.verdict.processed import processed
 from camssf.verdict.reasons import Checks
+from camssf_colour.demosaic import demosaic
 from camssf_lab.simulation.camera import Sensor
 from camssf_lab.simulation.scene import Scene
 from camssf_lab.simulation.shot import photograph
@@ -64,10 +65,6 @@ CLEAN_SCENES = (
     Scene(size=(1600, 1200), glare=0.03, blur=3.0),
     Scene(size=(1600, 1200), fill=0.35, tilt=25.0),
 )
-GREEN = [[0, 0, -2, 0, 0], [0, 0, 4, 0, 0], [-2, 4, 8, 4, -2], [0, 0, 4, 0, 0], [0, 0, -2, 0, 0]]
-ALONG = [[0, 0, 1, 0, 0], [0, -2, 0, -2, 0], [-2, 8, 10, 8, -2], [0, -2, 0, -2, 0], [0, 0, 1, 0, 0]]
-OPPOSITE = [[0, 0, -3, 0, 0], [0, 4, 0, 4, 0], [-3, 0, 12, 0, -3], [0, 4, 0, 4, 0], [0, 0, -3, 0, 0]]
-"""Filters of Malvar, He and Cutler (ICASSP 2004), in sixteenths: green; red or blue along a row of it; opposite."""
 SATURATION = np.array([[1.5, -0.35, -0.15], [-0.25, 1.4, -0.15], [-0.05, -0.45, 1.5]])
 
 Change = Callable[[Floats], Floats]
@@ -88,15 +85,9 @@ def bilinear(light: Floats) -> Floats:
 
 def malvar(light: Floats) -> Floats:
     """(h, w, 3)."""
-    own = colours(light.shape)
-    row, column, cross, corner = (
-        convolve(light, np.array(kernel) / 16.0) for kernel in (ALONG, np.transpose(ALONG), GREEN, OPPOSITE)
-    )
-    even = np.arange(light.shape[0])[:, None] % 2 == 0  # the rows of red
-    green = np.where(own == 1, light, cross)
-    red = np.select([own == 0, (own == 1) & even, own == 1], [light, row, column], corner)
-    blue = np.select([own == 2, (own == 1) & ~even, own == 1], [light, row, column], corner)
-    return np.stack([red, green, blue], axis=2)
+    height, width = light.shape
+    cells = np.pad(light, 2, mode="reflect").reshape(height // 2 + 2, 2, width // 2 + 2, 2)
+    return np.moveaxis(demosaic(cells).reshape(3, height, width), 0, 2)
 
 
 def mosaicked(full: Floats) -> Floats:

@@ -28,8 +28,8 @@ from camssf_colour.demosaic import CELL
 from camssf_colour.light import OWN_WHITE, lamp_modes
 from camssf_colour.picture_strip import FULL, StripInputs, picture_strip
 from camssf_colour.pixel_table import PixelTable, tabulate
-from camssf_colour.regions import Region, check_reference
-from camssf_colour.spread import REFERENCE_TOLERANCE, Reference
+from camssf_colour.regions import Region, check_reference, reference_of
+from camssf_colour.spread import Reference
 from camssf_colour.standard import PRIOR, evidence_weights, lamps_of, lights, no_colour
 from camssf_colour.view import View
 
@@ -112,8 +112,7 @@ def white_of_region(white: Region, reflectance: float) -> WhiteSignal:
     """
     check_reference(white, reflectance)
     raw = white.raw / reflectance
-    reference = Reference(REFERENCE_TOLERANCE, white.raw, float((white.error / white.raw).max()))
-    return WhiteSignal(raw, True, reference, white.deviation**2 / white.raw / raw)
+    return WhiteSignal(raw, True, reference_of(white), white.deviation**2 / white.raw / raw)
 
 
 def white_of_camera(camera: Camera, lamp: LampLike, photo: Mosaic) -> WhiteSignal:

@@ -13,9 +13,10 @@ from camssf.errors import InvalidArgument
 from camssf.grid import Floats
 from camssf.photo.read.dng import Mosaic
 from camssf.report.page import render, style
+from camssf.report.sections.photos import upright
 from camssf.spectra import LampLike, read_lamp
 from camssf_colour.camera import ColourCamera
-from camssf_colour.picture import StandardPicture, standard_picture, upright, white_of_region
+from camssf_colour.picture import StandardPicture, standard_picture, white_of_region
 from camssf_colour.pixel_table import COVARIANCE_NODES, PAIRS, RATIO_NODES, PixelTable, node_signals
 from camssf_colour.regions import Rectangle, against, measure_regions
 from camssf_colour.standard import standard_colour
@@ -168,9 +169,8 @@ def _frame(scene: ScenePhoto) -> tuple[int, int, list[tuple[int, float, float, f
     height, width = scene.photo.samples.shape
     marks = []
     for number, (x, y, w, h) in enumerate(scene.regions, 1):
-        mask = np.zeros((height, width), np.uint8)
-        mask[round(y) : round(y + h), round(x) : round(x + w)] = 1
-        rows, columns = (np.flatnonzero(upright(mask, scene.photo.orientation).any(axis=axis)) for axis in (1, 0))
-        marks.append((number, float(columns[0]), float(rows[0]), float(np.ptp(columns) + 1), float(np.ptp(rows) + 1)))
+        corners = np.array([[x, y], [x + w, y + h]]) - 0.5  # pixel borders lie half a pixel outside the centres
+        ends = upright(corners, width, height, scene.photo.orientation)
+        marks.append((number, *ends.min(axis=0).tolist(), *np.ptp(ends, axis=0).tolist()))
     turned = scene.photo.orientation > 4
     return (height, width, marks) if turned else (width, height, marks)

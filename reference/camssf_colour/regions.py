@@ -128,6 +128,11 @@ def check_reference(white: Region, reflectance: float) -> None:
         raise InvalidArgument("The reference is too dark.", "Choose a lit white or grey surface.")
 
 
+def reference_of(white: Region) -> Reference:
+    """The reference that a measured white or grey surface is."""
+    return Reference(REFERENCE_TOLERANCE, white.raw, float((white.error / white.raw).max()))
+
+
 def against(regions: Sequence[Region], white: Region, reflectance: float) -> tuple[Floats, Floats]:
     """Signals and their standard errors (m, 3) in units of a perfect diffuser: regions divided by a reference.
 
@@ -183,6 +188,5 @@ def measure_photo(
     shading = lens_shading if mosaic.gain_maps else "as-stored"
     *regions, first = measure_regions(mosaic, [*rectangles, white], dark=frame, lens_shading=shading)
     y, error = against(regions, first, reflectance)
-    reference = Reference(REFERENCE_TOLERANCE, first.raw, float((first.error / first.raw).max()))
     about = PhotoName(Path(photo).name, mosaic.sha256)
-    return MeasuredRegions(y, error, regions, first, reference, reflectance, about, mosaic.unit)
+    return MeasuredRegions(y, error, regions, first, reference_of(first), reflectance, about, mosaic.unit)

@@ -33,7 +33,7 @@ BUG = 70
 """Exit statuses in addition to those of `camssf.errors`: a batch with failures, or two results that differ; an
 undecided drift because the newest result was left out; Ctrl-C; and sysexits' EX_SOFTWARE."""
 
-TOLD = {"previous_result": "previous result: ", "patch_left_out": ""}
+PRINTED = {"previous_result": "previous result: ", "patch_left_out": ""}
 """Assumptions that are printed, and what stands before them."""
 PROGRESS_AFTER = 2.0
 """Seconds before a progress bar appears."""
@@ -149,8 +149,8 @@ def summarise(result: Result, page: Path | None, *, other: Result | None = None,
     for reason in verdict.reasons:
         say(f"  [bold]{reason.code}[/]: ", f"{reason.message} {reason.advice}")
     for assumption in result.assumptions:
-        if assumption.code in TOLD:
-            say(TOLD[assumption.code], assumption.message)
+        if assumption.code in PRINTED:
+            say(PRINTED[assumption.code], assumption.message)
     if answer is not None:
         if expected := extension(REPORT, "colour").expected_error(result):
             say("", expected.in_words())
