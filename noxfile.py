@@ -1,7 +1,7 @@
 """The chores: `nox -s quick` while working, `nox -l` for all of them, `.ci/run` before a change goes in.
 
     nox -s quick                       the README's tests, three minutes
-    nox -s quick -- tests/test_ssf.py  one stage's
+    nox -s quick -- tests/recovery/test_ssf.py  one stage's
     nox -s tests-3.13                  every test, on one Python
     nox -s benchmarks -- certify       one or more benchmarks, by name
 

@@ -118,7 +118,7 @@ def _named(node: ast.expr) -> list[str]:
 
 def python_markers(text: str, place: str) -> Iterator[Marked]:
     """The markers in one Python test file."""
-    group = Path(place).stem
+    group = place.removesuffix(".py").replace("/", ".")
     for node in ast.parse(text).body:
         if isinstance(node, ast.Assign) and [ast.unparse(target) for target in node.targets] == ["pytestmark"]:
             yield from (Marked(name, place, group, None) for name in _named(node.value))
@@ -145,7 +145,7 @@ def kotlin_markers(text: str, place: str) -> Iterator[Marked]:
 @cache
 def markers(root: Path = ROOT) -> tuple[Marked, ...]:
     """The markers of all tests in both languages."""
-    python = sorted((root / "tests").glob("test_*.py"))
+    python = sorted((root / "tests").glob("**/test_*.py"))
     kotlin = sorted((root / "android-bindings").glob("*/src/test/kotlin/**/*.kt"))
     found = [marker for path in python for marker in python_markers(path.read_text("utf-8"), _place(path, root))]
     found += [marker for path in kotlin for marker in kotlin_markers(path.read_text("utf-8"), _place(path, root))]
@@ -173,7 +173,7 @@ def read_results(paths: Sequence[Path]) -> Results:
                 failed=bool(said & {"failure", "error"}),
                 skipped="skipped" in said,
             )
-            group = case.get("classname", "").removeprefix("tests.")
+            group = case.get("classname", "")
             key = (group, _bare(case.get("name", "")))
             found[key] = found.get(key, Counts()) + one
     return found

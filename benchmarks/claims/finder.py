@@ -1,7 +1,7 @@
 """Compares camssf's own chart finder with OpenCV's. `python -m benchmarks.claims.finder [--docs] [--kotlin]`
 
-The pictures are the 18 rendered scenes of tests/test_chart.py, those of `finder_drawings`, and the real photo. A
-chart is found if every patch centre lies within a quarter of a pitch of the truth and the mirror image is recognised;
+The pictures are the 18 rendered scenes of tests/photo/test_chart.py, those of `finder_drawings`, and the real photo.
+A chart is found if every patch centre lies within a quarter of a pitch of the truth and the mirror is recognised;
 any other pose is wrong. "Refined" is the pose moved to the borders on the mosaic; "search" is what `find_chart`
 makes of both. Bars: the finder and the search find at least as many charts as cv2.mcc, the finder has no wrong pose
 and the search no more than cv2.mcc, and the two refined poses agree within 0.1 pitch. `--kotlin` also searches the
@@ -60,7 +60,7 @@ def off(found: Floats, real: Floats) -> float:
 
 def scenes() -> Iterator[tuple[str, str, Mosaic, Floats | None, bool]]:
     """Name, layout, photo, true centres (none where no whole chart is in view), mirrored."""
-    from tests.test_chart import DNG, SCENES, photo_of
+    from tests.photo.test_chart import DNG, SCENES, photo_of
 
     for name, (scene, sensor, lamp) in SCENES.items():
         frames, photo = photo_of(scene, sensor, lamp)

@@ -30,11 +30,9 @@ from camssf_fleet.drift import drift_of
 from camssf_fleet.records import Row
 from camssf_fleet.registry import Registry, Wanted
 from camssf_fleet.verification import verify
+from tests.support.registries import START, bells, made
 
 ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT / "tests"))
-
-from registries import START, bells, made  # noqa: E402
 
 MODELS, UNITS = 200, 10
 COVARIANCE = 72 * 73 // 2
@@ -57,7 +55,8 @@ def questions(registry: Registry, out: Path) -> dict[str, Callable[[], object]]:
 def killed_on_s3(kills: int, rows: int) -> tuple[int, int, int, int]:
     """As `killed`, on an S3 server of our own."""
     from boto3 import client
-    from stores import environment, served
+
+    from tests.support.stores import environment, served
 
     with served() as (address, _):
         os.environ.update(environment(address))
@@ -67,7 +66,7 @@ def killed_on_s3(kills: int, rows: int) -> tuple[int, int, int, int]:
 
 def killed(folder: Path | str, kills: int, rows: int, task: int) -> tuple[int, int, int, int]:
     """(acknowledged, of these missing, doubled, never acknowledged and there) with so many writers killed."""
-    code = [sys.executable, str(ROOT / "tests" / "registries.py"), str(folder)]
+    code = [sys.executable, "-m", "tests.support.registries", str(folder)]
     dice, added = random.Random(0), set()
     begun = 0
 

@@ -18,7 +18,7 @@ form from A, Σ and λ₂; nothing is trained.
   skip, its weights not learned.
 
 ALISTA (Liu et al. 2019) computes its weights from A alone by a coherence criterion, and seeks the sparsest code of
-exact rows, not this problem's optimum. tests/test_layers.py tests what `splitting` and `ista` are.
+exact rows, not this problem's optimum. tests/recovery/test_layers.py tests what `splitting` and `ista` are.
 """
 
 from __future__ import annotations

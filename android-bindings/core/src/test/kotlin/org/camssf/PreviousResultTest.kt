@@ -24,7 +24,7 @@ import org.junit.jupiter.api.Test
 import org.junit.jupiter.api.TestInstance
 import java.io.File
 
-/** A previous result of the same unit: what it may be, and what it adds. Python's numbers: tests/test_kotlin.py. */
+/** A previous result of the same unit: what it may be, and what it adds. Python's numbers: tests/kotlin/test_kotlin.py. */
 @TestInstance(TestInstance.Lifecycle.PER_CLASS)
 class PreviousResultTest {
     private val photo = File(System.getProperty("camssf.root"), "golden/dng/chart-turned-0.dng")

@@ -82,7 +82,7 @@ class SavedResultTest {
     /** The same content, however Python spells its numbers. */
     @Test
     fun `results that Python wrote`() {
-        val file = File(folder.parentFile.parentFile, "tests/passports/python.json.gz")
+        val file = File(folder.parentFile.parentFile, "tests/support/passports/python.json.gz")
         val texts = members(JsonText.parse(GZIPInputStream(file.inputStream()).reader().use { it.readText() }))
         for (name in listOf("result", "small")) {
             val (known, read) = listOf(texts.text(name), SavedResult.read(texts.text(name)).toJson())

@@ -19,7 +19,7 @@ import org.junit.jupiter.api.Test
 import org.junit.jupiter.api.TestFactory
 import java.io.File
 
-/** tests/broken_documents.json: Kotlin refuses what Python refuses, with the same place and words. */
+/** tests/documents/broken_documents.json: Kotlin refuses what Python refuses, with the same place and words. */
 class BrokenDocumentsTest {
     private val root = File(System.getProperty("camssf.root"))
     private val text by lazy {
@@ -50,7 +50,7 @@ class BrokenDocumentsTest {
         }
     }
 
-    /** The text of a broken document; Python's tests/test_forms.py says what the file's words mean. */
+    /** The text of a broken document; Python's tests/documents/test_forms.py says what the file's words mean. */
     private fun broken(case: Map<*, *>): String {
         case["whole"]?.let { return it as String }
         val document = JsonText.parse(text)
@@ -85,7 +85,7 @@ class BrokenDocumentsTest {
 
     @TestFactory
     fun `a broken document is refused with its place`(): List<DynamicTest> {
-        val cases = JsonText.parse(File(root, "tests/broken_documents.json").readText()) as List<*>
+        val cases = JsonText.parse(File(root, "tests/documents/broken_documents.json").readText()) as List<*>
         assertTrue(cases.size > 80)
         return cases.map { it as Map<*, *> }.map { case ->
             dynamicTest(case["name"] as String) {

@@ -16,7 +16,7 @@ import org.junit.jupiter.api.Assertions.assertTrue
 import org.junit.jupiter.api.Test
 import java.io.File
 
-/** Photos of two physical cameras or lenses are refused, as far as both sides say: Python's tests/test_unit.py. */
+/** Photos of two physical cameras or lenses are refused, as far as both sides say: Python's tests/calibration/test_unit.py. */
 class PhysicalCameraTest {
     private val area = Region(0, 0, 4000, 3000)
     private val wide = wide()
@@ -65,7 +65,7 @@ class PhysicalCameraTest {
         assertEquals(PhysicalCamera("", "S2", "", null, null, Region(0, 0, 20, 16)), other)
     }
 
-    /** The cases of Python's tests/test_passport.py, and a day that a year lacks. */
+    /** The cases of Python's tests/fleet/test_passport.py, and a day that a year lacks. */
     @Test
     fun `a DNG says when it was taken`() {
         fun said(time: String, offset: String? = null): String {

@@ -8,7 +8,7 @@ import org.junit.jupiter.api.Assertions.assertThrows
 import org.junit.jupiter.api.Assertions.assertTrue
 import org.junit.jupiter.api.Test
 
-/** Layouts of the user's own; tests/test_layouts.py has the same list for Python. */
+/** Layouts of the user's own; tests/spectra/test_layouts.py has the same list for Python. */
 class ChartLayoutTest {
     private val fields = mapOf(
         "format" to "\"camssf-layout/1\"", "name" to "\"garden card\"", "columns" to "7", "rows" to "5",

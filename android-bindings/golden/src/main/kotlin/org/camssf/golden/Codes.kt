@@ -11,7 +11,7 @@ import java.security.MessageDigest
 /**
  * What becomes of the files that are named on stdin, a line each: of a DNG "read", levels and the samples' SHA-256
  * (as golden cases give it); of a table, named behind "lamp" or "chart" and a tab, "read" and the values' mean
- * square; or the error's code and words. tests/test_kotlin.py holds Python's readers beside it.
+ * square; or the error's code and words. tests/kotlin/test_kotlin.py holds Python's readers beside it.
  */
 internal object Codes {
     @JvmStatic

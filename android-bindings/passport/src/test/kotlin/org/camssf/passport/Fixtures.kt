@@ -25,7 +25,7 @@ import java.security.spec.ECGenParameterSpec
 import java.util.zip.GZIPInputStream
 import kotlin.time.Instant
 
-/** What `python tests/signed_passports.py` wrote, and keys of this run. */
+/** What `python -m tests.support.signed_passports` wrote, and keys of this run. */
 internal object Fixtures {
     /** A passport, or what is none, and what Python says of it. */
     class Case(of: JsonObject) {
@@ -39,7 +39,7 @@ internal object Fixtures {
         val read = of.getValue("read")
     }
 
-    val FOLDER = File(System.getProperty("camssf.root"), "tests/passports")
+    val FOLDER = File(System.getProperty("camssf.root"), "tests/support/passports")
     private val content = GZIPInputStream(File(FOLDER, "python.json.gz").inputStream()).reader().use {
         Json.parseToJsonElement(it.readText()).jsonObject
     }

@@ -1,0 +1,247 @@
+"""The benchmarks run, count every miss, and their own yardsticks are right; tiny sizes, no speed is judged here."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks import shared
+from benchmarks.claims import certify
+from benchmarks.kernels import arm, arm_jvm, capture, solver
+from camssf.calibration import solve
+from camssf.options import Options
+from camssf.photo.capture import Capture
+from camssf.recovery.basis import read_basis
+from camssf.spectra import read_chart, read_lamp
+
+pytestmark = pytest.mark.full
+
+
+@pytest.fixture(autouse=True)
+def results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Nothing here overwrites a real result."""
+    folder = tmp_path / "results"
+    monkeypatch.setattr(shared, "RESULTS", folder)
+    return folder
+
+
+@pytest.mark.requirement("R-OPTIMUM")
+def test_certify_reports_what_it_measured(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("cvxpy")
+    status = certify.main(["--count", "6", "--defaults", "3", "--oracle-every", "3"])
+    said = capsys.readouterr().out
+    kept = json.loads((results / "certify.json").read_text())
+    assert kept["problems"] >= 6
+    assert sum(row["problems"] for row in kept["by_gamma"]) == kept["groups"][-1]["problems"] == kept["problems"]
+    assert [row["calls"] for row in kept["defaults"] if row["basis"] == "all"] == [3, 3]
+    assert status == ("MISSED" in said)
+    assert "all" in said
+    assert str(results) not in said
+
+
+@pytest.mark.parametrize("index", range(3))
+def test_a_call_of_the_product_is_judged_by_both_engines(index: int) -> None:
+    problem = certify.draw_default(0, index)
+    assert (problem.l2, problem.gamma, problem.nonnegative) == (1.0, 0.05, False)
+    found = certify.judge_default(problem)
+    assert found["exact_gap"] < 1e-18
+    for engine in certify.ENGINES:
+        assert found[f"{engine}_steps"] == 0
+        assert found[f"{engine}_gap"] <= 1e-10
+        assert found[f"{engine}_off"] <= certify.ALONE_BAR
+
+
+@pytest.mark.full
+def test_a_contest_is_printed_with_every_contender(capsys: pytest.CaptureFixture[str], results: Path) -> None:
+    rows, _ = solver.contest(solver.problem_of("cameras", 9), 2, ("Clarabel, called directly",))
+    names = [row["contender"] for row in rows]
+    assert names == [solver.ONNX, solver.REFERENCE, "Clarabel, called directly", solver.ROWS]
+    assert all(row["ms"] > 0 for row in rows)
+    assert rows[0]["gap"] < 1e-9
+    assert rows[0]["times_onnx"] == 1.0
+
+
+RAN = (
+    "on {0}, Java 17\n"
+    "golden: 3 of 4 cases ran, {1} failed, 1 skipped (1 needs reference); curves within {2} of the peak of Python's"
+)
+
+
+@pytest.mark.requirement("R-ARM")
+@pytest.mark.parametrize(
+    ("said", "status"),
+    [
+        (("aarch64", 0, 1e-12), 0),
+        (("aarch64", 0, 1e-8), 1),
+        (("aarch64", 1, 1e-12), 1),
+        (("x86_64", 0, 1e-12), 1),  # not emulated after all
+    ],
+)
+def test_arm_jvm_holds_its_bar(
+    said: tuple[object, ...], status: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def ran(command: list[str], **_: object) -> subprocess.CompletedProcess[str]:
+        line = RAN.format(*(said if "qemu" in command[0] else ("x86_64", 0, 1e-13)))
+        return subprocess.CompletedProcess(command, 0, stdout=line, stderr="")
+
+    monkeypatch.setattr(arm_jvm, "tools", lambda: None)
+    monkeypatch.setattr(arm_jvm, "root_folder", lambda *_: tmp_path)
+    monkeypatch.setattr(arm_jvm, "java_of", lambda root: root / "java")
+    monkeypatch.setattr(arm_jvm, "class_path", lambda: "a.jar")
+    monkeypatch.setattr(arm_jvm.subprocess, "run", ran)
+    assert arm_jvm.main([]) == status
+
+
+@pytest.mark.requirement("R-ARM")
+def test_arm_compares_norm_wise() -> None:
+    ours = {
+        "cameras/a/code": np.array([1.0, -4.0]),
+        "cameras/a/gap": np.zeros(3),
+        "cameras/a/ssf_std": np.array([np.nan]),
+    }
+    theirs = {
+        "cameras/a/code": np.array([1.0 + 4e-9, -4.0]),
+        "cameras/a/gap": np.array([0.0, 3e-9, 0.0]),
+        "cameras/a/ssf_std": np.array([np.nan]),
+    }
+    (row,), gap = arm.compare(ours, theirs)
+    assert row["worst"] == pytest.approx(1e-9)
+    assert gap == 3e-9
+    layers = {"cameras/a/layers_gap": np.ones(1), "cameras/a/finish_steps": np.ones(1)}
+    assert len(arm.compare(ours | layers, theirs | {name: 0.0 * value for name, value in layers.items()})[0]) == 1
+    (row,), _ = arm.compare(ours, theirs | {"cameras/a/code": np.array([np.nan, 1.0])})
+    assert not row["worst"] <= arm.BAR
+
+
+@pytest.mark.requirement("R-SPEED")
+@pytest.mark.parametrize(
+    ("ratio", "peak", "status"),
+    [(1.9, 3.9, 0), (2.0, 4.0, 0), (2.01, 3.9, 1), (1.9, 4.01, 1), (float("nan"), 1.0, 1)],
+)
+def test_capture_ends_with_1_where_a_bar_is_missed(
+    ratio: float, peak: float, status: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    measured = {"file_megabytes": 1.0, "decode_seconds": 1.0, "calibrate_seconds": 1.0, "ratio_range": [1.0, 3.0]}
+    measured |= {"ratio": ratio, "peak_over_mosaic": peak}
+    monkeypatch.setattr(capture, "measure", lambda runs, basis: measured)
+    assert capture.main([]) == status
+    assert ("MISSED" in capsys.readouterr().out) == bool(status)
+
+
+def test_lamps_by_name_and_by_kind_are_solved(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Whether a bar holds for one camera is chance; that every setting has both its numbers is not."""
+    from benchmarks.claims import lamps
+
+    status = lamps.main(["--every", "60", "--draws", "1"])
+    kept = json.loads((results / "lamps.json").read_text())
+    assert [row["lamps"] for row in kept["rows"]] == [" + ".join(kinds) for kinds in lamps.SETTINGS]
+    for row in kept["rows"]:
+        for how in ("known", "kind"):
+            assert 0.0 < row[how]["rmse"] < 0.2
+            assert row[how]["coverage"] > 0.4
+    assert status == ("MISSED" in capsys.readouterr().out)
+
+
+@pytest.mark.requirement("R-FIELD")
+@pytest.mark.parametrize("row", ["any light", "framed", "field", "a fault's clean capture"])
+def test_simulated_captures_are_solved_and_not_refused_as_files(row: str) -> None:
+    """A benchmark that counts refusals must not count those of its own files: a chart and a frame that are one."""
+    from benchmarks.claims import any_light, faults, field
+    from benchmarks.claims.phones import CAMERAS, Device
+    from tests.support.problems import measured_cameras
+
+    name = "Nikon D5100"
+    device = Device(name, measured_cameras()[name], {CAMERAS: read_basis("cameras")})
+    light = read_lamp("D55")
+    if row == "any light":
+        simulated = any_light.capture(device, {"D55": light.values}, [light], "nikon", 3)
+    elif row.startswith("a fault"):
+        staged = faults.stage(3, name, device.curves, "D55")
+        simulated = Capture((faults.shoot(staged, staged.setup, search=False),), read_chart("classic24"), None)
+    else:
+        place = field.place(np.random.default_rng(3), row)
+        simulated = field.photographed(device, "D55", light, place, row, "nikon", 3)
+    assert solve(simulated, options=Options(engine="reference")).verdict.status == "accepted"
+
+
+def test_what_an_unnamed_light_costs(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """No speed is judged; each call is counted, and a kind's is dearer than a name's."""
+    from benchmarks.kernels import any_light_cost
+
+    status = any_light_cost.main(["--rounds", "1"])
+    kept = json.loads((results / "any_light_cost.json").read_text())
+    assert len(kept["rows"]) == 24  # one lamp, all, two a lamp that is possible of a kind
+    assert kept["kinds"] > 1.0
+    assert status == ("MISSED" in capsys.readouterr().out)
+
+
+def test_what_judging_costs(results: Path) -> None:
+    """No speed is judged; the status says whether every bar was held."""
+    from benchmarks.kernels import judging
+
+    status = judging.main(["--runs", "1"])
+    rows = json.loads((results / "judging.json").read_text())["rows"]
+    assert [row[0] for row in rows] == ["cameras", "auto"]
+    assert status == any(ratio > bar for *_, ratio, bar, _ in rows)
+
+
+@pytest.mark.repository
+def test_the_pictures_of_colour_and_their_numbers_on_the_page(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As docs/colour.md tells them; another kernel of the linear algebra may move a last digit."""
+    from tools import colour_story
+
+    monkeypatch.setattr(shared, "RESULTS", tmp_path)
+    assert colour_story.main(["-o", str(tmp_path)]) == 0
+    capsys.readouterr()
+    found = json.loads((tmp_path / "colour-story.json").read_text("utf-8"))
+    page = (Path(__file__).parents[2] / "docs" / "colour.md").read_text("utf-8")
+    for name in ("story", "skin"):
+        assert (tmp_path / f"colour-{name}.png").read_bytes().startswith(b"\x89PNG")
+        assert f"](images/colour-{name}.png)" in page
+    for name, row in found["ita"].items():
+        (cells,) = re.findall(
+            rf"^\| {name} \| ([\d.]+)° \| ([\d.]+)° \| ([\d.]+)° \| ([\d.]+)° \|$", page, re.MULTILINE
+        )
+        expected = [row[key] for key in ("matrix", "exact", "curves", "half_width")]
+        assert [float(cell) for cell in cells] == pytest.approx(expected, abs=0.11)
+        assert row["held"] == 1.0
+        assert f"{row['range_curves']:.1f}°" in page
+    raw, matrix, curves = found["chart"].values()
+    (sentence,) = re.findall(
+        r"White-balanced only: ([\d.]+) to ([\d.]+) and ([\d.]+)\. Through a 3 × 3 matrix of a chart "
+        r"under D55: ([\d.]+) to ([\d.]+) and ([\d.]+)\. Through the curves: ([\d.]+) and ([\d.]+)\.",
+        page,
+    )
+    expected = [
+        *(f(row["cameras"]) for row in (raw, matrix) for f in (min, max)), raw["between"], matrix["between"],
+        float(np.mean(curves["cameras"])), curves["between"],
+    ]  # fmt: skip
+    order = [sentence[i] for i in (0, 1, 3, 4, 2, 5, 6, 7)]
+    assert [float(each) for each in order] == pytest.approx(expected, abs=0.06)
+
+
+@pytest.mark.requirement("R-COLOUR")
+def test_colour_through_recovered_curves_is_nearly_as_through_true_ones(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two cameras, their makers left out: far looser than the benchmark's bars, which need many."""
+    from benchmarks.claims import colour
+
+    monkeypatch.setattr(shared, "RESULTS", tmp_path)
+    assert colour.main(["--cameras", "2"]) == 0
+    found = json.loads((tmp_path / "colour.json").read_text("utf-8"))
+    for rows in found["delta_e00"].values():
+        assert 0.3 < rows["mean"]["true"] < rows["mean"]["elsewhere"]
+        assert rows["mean"]["two"] < 1.3 * rows["mean"]["true"]
+        assert rows["mean"]["two"] < rows["mean"]["chart"]
+    assert found["converted"]["after"] < 0.7 * found["converted"]["before"]
+    assert 0.85 < found["converted"]["inside"] < 0.995
+    assert {row[-1] for row in colour.bars(found["delta_e00"])} <= {"yes", "no"}
+    assert "inside 95 %" in capsys.readouterr().out

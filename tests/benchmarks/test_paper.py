@@ -1,0 +1,153 @@
+"""The paper's page: its numbers are in the JSON of the run, its words agree with them, and the bench counts."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.paper import captures, gathering
+from benchmarks.paper import experiments as paper
+from benchmarks.paper.rivals import TABLE_1, method
+from tools.paper_page import JIANG, NOISES, PAPER, PINV, PRODUCT, QR, THE_PAPERS, TUNED, WIENER, page
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+@pytest.fixture(scope="module")
+def found() -> dict[str, Any]:
+    return dict(json.loads((DOCS / "paper.json").read_text("utf-8")))
+
+
+@pytest.fixture(scope="module")
+def text() -> str:
+    return (DOCS / "paper.md").read_text("utf-8")
+
+
+def numbers(content: Any) -> Iterator[float]:
+    if isinstance(content, dict):
+        for value in content.values():
+            yield from numbers(value)
+    elif isinstance(content, list):
+        for value in content:
+            yield from numbers(value)
+    elif isinstance(content, int | float) and not isinstance(content, bool):
+        yield float(content)
+
+
+@pytest.mark.repository
+def test_the_page_is_written_from_the_json(found: dict[str, Any], text: str) -> None:
+    assert text == page(found)
+
+
+@pytest.mark.repository
+@pytest.mark.requirement("R-PAPER")
+def test_each_number_in_a_table_is_in_the_json(found: dict[str, Any], text: str) -> None:
+    """Rounded as the page rounds; not by the page's own code."""
+    known = list(numbers(found))
+    shown = {
+        number
+        for line in text.splitlines()
+        if line.startswith("|")
+        for number in re.findall(r"(?<![\w.])\d+\.\d+(?:e-\d+)?(?![\w.]*\d)", line.partition("|")[2])
+    }
+    assert len(shown) > 150
+    for number in shown:
+        digits = len(number.partition("e")[0].partition(".")[2])
+        form = f"{{:.{digits}{'e' if 'e' in number else 'f'}}}"
+        allowed = {form.format(value) for value in known} | {form.format(value) for value in THE_PAPERS}
+        assert number in allowed, number
+
+
+@pytest.mark.repository
+@pytest.mark.requirement("R-PAPER")
+def test_what_the_page_says_in_words_holds(found: dict[str, Any]) -> None:
+    rows = found["figure_4"]
+    for noise in NOISES[1:]:
+        qr, pinv = (rows[f"{name}: wavelengths, clipped"][noise] for name in (QR, PINV))
+        assert qr > pinv > 2 * rows[PAPER][noise]
+        assert rows[f"{QR}: Gaussians, NNLS"][noise] <= 1.05 * rows[PAPER][noise]
+        assert rows[TUNED][noise] <= rows[PAPER][noise]
+        assert rows[PRODUCT][noise] == min(row[noise] for row in rows.values())
+    quiet = rows[f"{PINV}: wavelengths, NNLS"]["0.0"]
+    assert quiet < rows[PAPER]["0.0"]
+    families = found["rivals"]
+    for noise in NOISES[1:]:
+        for light in families[PRODUCT][noise]:
+            ours, theirs = (families[name][noise][light]["rmse"] for name in (PRODUCT, WIENER))
+            assert ours < theirs
+            assert theirs < families[JIANG][noise][light]["rmse"]
+            assert theirs == min(families[method(name).NAME][noise][light]["rmse"] for name in TABLE_1)
+    foreign = found["charts"]["product"]["foreign"]
+    assert foreign["D55 + A + LED-B3"] < foreign["D55 + A"] < 0.9 * foreign["D55"]
+    assert foreign["D55 + D55"] == pytest.approx(foreign["D55"], rel=0.03)
+    assert found["charts"]["diagonal"]["foreign"]["D55 + A"] > 1.1 * foreign["D55 + A"]
+    atoms = found["atoms"]["0.005"]
+    assert min(row["rmse"] for row in atoms.values()) >= 0.97 * min(atoms["12"]["rmse"], atoms["18"]["rmse"])
+    for row in found["lamps"].values():
+        for light in ("A", "LED-B3", "LED-V1", "FL2"):
+            assert row["ignored"][light]["rmse"] > 1.5 * row["known"][light]["rmse"]
+            assert row["ignored"][light]["rmsre_percent"] < 2.0
+    means = {name: row["mean"] for name, row in found["correlation"]["tables"].items()}
+    assert means["BabelColor, 7 to 18"] < 0.579 < means["Ohta, 7 to 18"]
+    colours = found["colours"]["paper"]["0.0"]["mean"]
+    assert colours[0] > 3 * colours[6]
+    assert colours[9] < 1.15 * colours[15]
+
+
+@pytest.mark.repository
+@pytest.mark.requirement("R-PAPER")
+def test_the_bars_hold(found: dict[str, Any]) -> None:
+    for bar in found["bars"]:
+        right = bar["value"] >= bar["limit"] if bar["at_least"] else bar["value"] <= bar["limit"]
+        assert right == bar["met"]
+        assert bar["met"], bar["bar"]
+    assert found["every"] == 1
+    assert found["cameras"] == 54
+
+
+@pytest.mark.full
+def test_cameras_learn_nothing_of_their_maker() -> None:
+    every = paper.cameras()
+    assert len(every) == 54
+    for camera in every:
+        scaled = camera.curve[::10] / camera.curve[::10].max(axis=0)
+        assert np.abs(camera.training - scaled).max(axis=(1, 2)).min() > 0.01, camera.name
+    nikon = next(camera for camera in every if camera.name == "Nikon 5100 (NPL)")
+    assert nikon.maker == "nikon"
+    assert len(nikon.training) == 52 - sum(c.maker == "nikon" and not c.name.endswith("(NPL)") for c in every)
+
+
+@pytest.mark.full
+def test_one_camera_through_fig_4_and_the_charts() -> None:
+    index = 4
+    fig = gathering.gather_figure_4({i: paper.run("figure_4", i) for i in (index, 30)})
+    assert fig[f"{QR}: wavelengths, clipped"]["0.005"] > 2 * fig[PAPER]["0.005"]
+    charts = gathering.gather_charts({index: paper.run("charts", index)})
+    assert charts["product"]["same"]["D55"] < charts["product"]["foreign"]["D55"]
+    assert set(charts["paper"]["same"]) == {"D55"}
+    # No correlation, no difference: with an exact table Σ is diagonal anyway.
+    assert charts["diagonal"]["same"] == pytest.approx(charts["product"]["same"], rel=0.02)
+
+
+@pytest.mark.full
+def test_the_lamp_experiment_sees_what_rmsre_does_not() -> None:
+    (row,) = (gathering.gather_lamps({4: paper.run("lamps", 4)})[PAPER],)
+    assert row["ignored"]["A"]["rmse"] > 1.5 * row["known"]["A"]["rmse"]
+    assert row["ignored"]["A"]["rmsre_percent"] < 3.0
+
+
+@pytest.mark.full
+def test_a_phone_through_files() -> None:
+    camera = next(c for c in paper.cameras() if c.name in captures.PHONES)
+    made = captures.phone(camera.name, camera.curve, camera.basis, paper.samples(), 1)
+    exact = made["worlds"]["exact"]["cameras"]
+    assert max(exact["rmsre_percent"]) < 3.0
+    assert max(exact["truth_rmsre_percent"]) < 1.0
+    assert max(exact["rmse"]) < 0.08
+    assert np.shape(exact["synthetic_srgb"]) == (96, 3)

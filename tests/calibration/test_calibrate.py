@@ -1,0 +1,488 @@
+"""The stages joined: simulated captures with a known truth, the real photo, and refusals that keep their evidence."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+from unittest.mock import ANY
+
+import numpy as np
+import pytest
+
+from camssf.calibration import attempt, calibrate, solve
+from camssf.documents import forms
+from camssf.documents.document import document_bytes
+from camssf.documents.forms import to_plain
+from camssf.errors import (
+    ChartNotFound,
+    FramesDiffer,
+    InvalidArgument,
+    LampUnfit,
+    UnreadableRaw,
+)
+from camssf.grid import WAVELENGTHS
+from camssf.options import Options
+from camssf.photo.capture import Capture, measure
+from camssf.photo.shot import Shot
+from camssf.recovery.basis import NODES, misfit_profile, read_basis
+from camssf.recovery.rows import anchor
+from camssf.report.build import report
+from camssf.report.shots import shots_of
+from camssf.result import Result, refused
+from camssf.spectra import CameraCurves, Lamp, read_chart, read_lamp, with_tolerance
+from camssf_lab.simulation.frames import Simulation, simulate
+from camssf_lab.simulation.scene import Scene
+from tests.support.captures import capture_in, document_of
+from tests.support.problems import theory, toy_camera
+
+ROOT = Path(__file__).parents[2]
+PHOTO = ROOT / "data" / "dng" / "colorchart.dng"
+SIZE = (900, 675)
+
+
+@pytest.fixture(scope="module")
+def camera() -> CameraCurves:
+    return CameraCurves("toy", toy_camera(), "a formula")
+
+
+@pytest.fixture(scope="module")
+def two_lamps(tmp_path_factory: pytest.TempPathFactory, camera: CameraCurves) -> Simulation:
+    return simulate(
+        camera,
+        ["D55", "A"],
+        tmp_path_factory.mktemp("two"),
+        scene=Scene(size=SIZE, vignetting=0.5, rotation=8, tilt=10),
+    )
+
+
+@pytest.fixture(scope="module")
+def capture(two_lamps: Simulation) -> Capture:
+    shot = two_lamps.shots[0]
+    return measure(shot.shot)
+
+
+def test_signals_match_theory_under_vignetting(capture: Capture, camera: CameraCurves) -> None:
+    """50 % vignetting with a white frame: 0.5 % of theory, noise aside (four standard errors)."""
+    found = solve(capture, options=Options(basis="gaussian", gamma=1.0)).signals
+    truth = theory(read_chart("classic24").values, read_lamp("D55").values, camera.values)
+    assert (np.abs(found.values[0] - truth) <= 0.005 * truth + 4 * found.standard_error[0]).all()
+
+
+# The toy's bells are unlike any real filter, so the learned basis has no easy game; real cameras are scored in
+# benchmarks/.
+@pytest.mark.requirement("R-PIPELINE")
+@pytest.mark.parametrize(("basis", "bound"), [("gaussian", 0.08), ("cameras", 0.07)])
+def test_recovers_the_simulated_camera(capture: Capture, camera: CameraCurves, basis: str, bound: float) -> None:
+    result = solve(capture, options=Options(basis=basis), truth=camera)
+    assert result.scores.rmse is not None
+    assert result.scores.rmse.mean() < bound
+    assert (result.scores.rmsre_percent < 3.0).all()
+    assert (result.ssf.proof.gap < 1e-9).all()
+    assert result.verdict.status == "accepted"
+    assert (result.ssf.std is None) == (basis == "gaussian")
+
+
+def test_two_shots_join_and_know_more(two_lamps: Simulation, camera: CameraCurves, capture: Capture) -> None:
+    shots = two_lamps.shots
+    pair = calibrate(
+        [shot.shot for shot in shots],
+        options=Options(basis="cameras"),
+        truth=camera,
+    )
+    single = solve(capture, options=Options(basis="cameras"), truth=camera)
+    assert pair.ssf.predicted.shape == (2, 24, 3)
+    assert pair.ssf.std is not None
+    assert single.ssf.std is not None
+    assert pair.ssf.std.mean() < single.ssf.std.mean()
+    assert pair.uncertainty is not None
+    assert len(pair.uncertainty.alone) == 2
+    assert pair.uncertainty.half_width < min(pair.uncertainty.alone)
+    assert len(pair.capture.shots) == 2
+    with pytest.raises(InvalidArgument, match="one shot"):
+        calibrate([Shot(s.chart, s.lamp) for s in shots], options=Options(basis="gaussian"))
+
+
+@pytest.mark.requirement("R-TABLE")
+def test_the_chart_s_table_is_the_one_that_fits(tmp_path: Path, camera: CameraCurves) -> None:
+    """A chart like Ohta's table is solved with it, unless the caller fixes the table or the basis has no prior."""
+    (shot,) = simulate(camera, "D55", tmp_path, chart="classic24:ohta", scene=Scene(size=SIZE)).shots
+    found = {
+        (chart, basis): calibrate(shot.shot, chart=chart, options=Options(basis=basis), truth=camera)
+        for chart, basis in (("classic24", "auto"), ("classic24:babelcolor", "auto"), ("classic24", "gaussian"))
+    }
+    tables = [each.capture.chart.table for each in found.values()]
+    assert tables == ["ColorChecker N Ohta", "BabelColor Average", "BabelColor Average"]
+    chosen, fixed, _ = found.values()
+    assert np.mean(chosen.scores.rmsre_percent) < np.mean(fixed.scores.rmsre_percent)
+    measured_by_user = replace(read_chart("classic24"), table="mine.csv")
+    assert (read_chart("classic24:babelcolor").other_tables(), measured_by_user.other_tables()) == ((), ())
+
+
+def test_the_budget_is_of_the_whole_variance(capture: Capture) -> None:
+    found = solve(capture).uncertainty
+    assert found is not None
+    shares = {term.source: term.share for term in found.budget}
+    assert sum(shares.values()) == pytest.approx(np.ones(3))
+    assert (shares["lamp modes"] == 0).all()
+    assert all((share >= 0).all() for share in shares.values())
+
+
+def test_predicted_colours_carry_bands(capture: Capture) -> None:
+    """The chart has its table's reflectances and the lamp its spectrum: what is predicted unseen lies within."""
+    found = solve(capture)
+    answer = found.answer
+    assert answer.predicted_std is not None
+    assert answer.unseen_std is not None
+    seen, unseen = answer.predicted_std, answer.unseen_std
+    assert seen.shape == unseen.shape == (1, 24, 3)
+    assert np.median(unseen / seen) > 1.0
+    y = found.signals
+    off = np.abs(answer.unseen - y.values) / np.hypot(unseen, y.standard_error)
+    assert np.mean(off <= 1.96) > 0.9
+    document = json.loads(document_bytes(found))["answer"]
+    assert document["predicted_std"][0][3] == seen[0, 3].tolist()
+    assert document["unseen_std"][0][3] == unseen[0, 3].tolist()
+    left_out = solve(capture, options=Options(fit=range(7, 19))).answer
+    assert left_out.unseen_std is not None
+    assert np.isfinite(left_out.unseen_std[0]).all(axis=1).tolist() == [not 6 <= i < 18 for i in range(24)]
+    paper = solve(capture, options=Options(basis="gaussian"))
+    assert paper.answer.predicted_std is None
+    assert "predicted_std" not in json.loads(document_bytes(paper))["answer"]
+
+
+def test_engines_agree(capture: Capture) -> None:
+    for basis in ("gaussian", "cameras"):
+        one, other = (
+            to_plain(solve(capture, options=Options(basis=basis, engine=engine))) for engine in ("onnx", "reference")
+        )
+        one.pop("verdict"), other.pop("verdict")
+        x, y = one.pop("answer"), other.pop("answer")
+        assert one == other
+        assert x["model"] is not None
+        assert "model" not in y
+        assert x["basis_sha256"] == y["basis_sha256"] == read_basis(basis).sha256()
+        for colour in ("red", "green", "blue"):
+            assert x["curves"][colour] == pytest.approx(y["curves"][colour], abs=1e-9)
+        assert x.get("uncertainty") == y.get("uncertainty") or basis == "cameras"
+        steps = [each["proof"]["finish_steps"] for each in (x, y)]
+        assert steps[0] == steps[1] == ([0] if basis == "cameras" else [ANY] * 3)
+        # With λ₂ = 0 the layers only start the walk, from wherever they stand.
+        assert basis == "gaussian" or max(x["proof"]["layers_gap"] + y["proof"]["layers_gap"]) <= 1e-10
+        if basis == "cameras":
+            assert x["evidence"] == pytest.approx(y["evidence"], rel=1e-9)
+            assert x["code_covariance"] == pytest.approx(y["code_covariance"], abs=1e-9)
+        else:
+            assert not {"evidence", "code_covariance"} & (x.keys() | y.keys())
+        names = ("engine", "model", "curves", "std", "uncertainty", "proof", "scores", "evidence", "code_covariance")
+        by_patch = ("level", "predicted", "predicted_std", "unseen", "unseen_std")
+        same = [{key: value for key, value in each.items() if key not in names + by_patch} for each in (x, y)]
+        assert same[0] == same[1]
+
+
+def test_the_document_holds_the_covariance_of_the_codes(capture: Capture) -> None:
+    """From its triangle and the basis: the bands of the curves; and the file stays small."""
+    found = solve(capture)
+    lower = np.zeros((72, 72))
+    lower[np.tril_indices(72)] = json.loads(document_bytes(found))["answer"]["code_covariance"]
+    whole = lower + np.tril(lower, -1).T
+    assert np.array_equal(found.answer.covariance, whole)
+    basis = anchor(read_basis("cameras"), read_lamp("D55").values)
+    curves = (basis.mean + np.einsum("cmr,rc->cm", basis.dictionary, found.ssf.code)).T
+    std = found.ssf.std
+    assert std is not None
+    for c in range(3):
+        # Away from the peak, whose own error scales the curve, the band is that of s.
+        own = basis.dictionary[c] @ whole[24 * c : 24 * c + 24, 24 * c : 24 * c + 24] @ basis.dictionary[c].T
+        flank = np.abs(found.ssf.values[:, c] / found.ssf.values[:, c].max()) < 0.2
+        scale = curves[:, c].max() / found.ssf.values[:, c].max()
+        missed = np.interp(WAVELENGTHS, NODES, misfit_profile()[c]) * curves[:, c].max()
+        expected = np.hypot(np.sqrt(np.diag(own)), missed)[flank]
+        assert np.median(std[flank, c] * scale / expected) == pytest.approx(1.0, abs=0.2)
+    assert np.linalg.eigvalsh(whole)[0] > 0
+    assert np.abs(whole[:24, 24:48]).max() > 1e-6  # red and green hang together by the chart
+    assert len(report(found).result_json) < 250_000
+
+
+def test_fit_on_twelve_patches_validates_on_the_rest(capture: Capture) -> None:
+    result = solve(capture, options=Options(basis="cameras", fit=range(7, 19)))
+    assert result.signals.used[0].nonzero()[0].tolist() == list(range(6, 18))
+    assert np.isfinite(result.answer.unseen[0]).all(axis=1).nonzero()[0].tolist() == [*range(6), *range(18, 24)]
+    assert "12 patches" in result.scores.unseen
+    for bad in ([], [0], [25], ["7"]):
+        with pytest.raises(InvalidArgument, match="1 to 24"):
+            solve(capture, options=Options(fit=bad))
+
+
+def test_numpy_s_numbers_name_patches_too(capture: Capture) -> None:
+    assert solve(capture, options=Options(fit=np.arange(7, 19))).signals.used.sum() == 12
+
+
+def test_unseen_predictions_come_from_fits_without_the_patch(capture: Capture) -> None:
+    """Change one measured patch: its own unseen prediction stays, others move."""
+    shot = capture.shots[0]
+    mean = shot.means.chart.mean.copy()
+    mean[9] *= 1.05
+    bent = Capture(
+        (_replace(shot, means=_replace(shot.means, chart=_replace(shot.means.chart, mean=mean))),),
+        capture.chart,
+        None,
+    )
+    after, before = (solve(each).answer.unseen for each in (bent, capture))
+    assert after[0, 9] == pytest.approx(before[0, 9], rel=1e-12)
+    assert np.abs(after[0, 10] - before[0, 10]).max() > 1e-6
+
+
+def _replace(value: object, **changes: object) -> object:
+    from dataclasses import replace
+
+    return replace(value, **changes)  # type: ignore[type-var]
+
+
+def test_documents_pipe(capture: Capture) -> None:
+    again = capture_in(document_of(capture))
+    assert document_of(again) == document_of(capture)
+    result = solve(capture)
+    data = document_bytes(result)
+    assert document_bytes(solve(again)) == data
+    assert document_bytes(forms.read(data, Result, "it", "")) == data
+    assert report(result).result_json == data
+    lamp = with_tolerance(read_lamp("D55"), "200K")
+    (shot,) = capture_in(document_of(replace(capture, shots=(replace(capture.shots[0], lamp=lamp),)))).shots
+    assert isinstance(shot.lamp, Lamp)
+    assert shot.lamp.tolerance_kelvin == 200.0
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda d: d.clear(),
+        lambda d: d.pop("shots"),
+        lambda d: d.update(shots=5),
+        lambda d: d.update(shot=d["shots"]),
+        lambda d: d["shots"][0].pop("lamp"),
+        lambda d: d["shots"][0]["means"]["chart"].update(mean="x"),
+        lambda d: d["shots"][0]["means"]["chart"].pop("mean"),
+        lambda d: d["shots"][0]["means"].update(chart=None),
+        lambda d: d["shots"][0]["means"]["chart"]["mean"].pop(),
+        lambda d: d["shots"][0]["pose"].update(layout="square"),
+        lambda d: d["shots"][0]["pose"].update(corners=[1, 2]),
+        lambda d: d.update(white_reflectance="white"),
+        lambda d: d.update(white_reflectance=-3),
+        lambda d: d["shots"][0]["means"].update(saturation=float("nan")),
+        lambda d: d["shots"][0]["means"].update(saturation=100),
+        lambda d: d["shots"][0].update(saturation=16383.0),
+        lambda d: d["shots"][0]["pose"].update(patches=d["shots"][0]["pose"]["patches"][:5]),
+        lambda d: d["shots"][0]["means"]["chart"].update(standard_error=[[-1.0] * 3] * 24),
+        lambda d: d["shots"][0]["means"].update(white=None),
+        lambda d: d["shots"][0]["photo"].update(name=5),
+        lambda d: d["shots"][0]["photo"].update(sha256="x"),
+        lambda d: d["shots"][0].update(lamp="D55"),
+        lambda d: d["chart"].update(white=24),
+        lambda d: d["chart"].update(layout="square"),
+        lambda d: d.update(shots=[]),
+        lambda d: d["shots"][0]["means"]["chart"]["mean"][0].__setitem__(0, -1e308),
+        lambda d: d["shots"][0]["lamp"].update(name="no such lamp"),
+        lambda d: d["shots"][0]["lamp"].update(values=[1.0]),
+    ],
+)
+def test_damaged_documents_are_named(capture: Capture, damage: Callable[[dict[str, Any]], object]) -> None:
+    document = document_of(capture)
+    damage(document["capture"])
+    with pytest.raises(InvalidArgument):
+        solve(capture_in(document))
+
+
+def test_fallbacks_are_named(two_lamps: Simulation, camera: CameraCurves) -> None:
+    result = calibrate(two_lamps.shots[0].chart, "D55", options=Options(basis="cameras"), truth=camera)
+    codes = {assumption.code for assumption in result.assumptions}
+    assert {"white_from_patch", "dark_from_black_level", "chart_table", "lamp"} <= codes
+    assert not result.signals.used[0, 18]
+    assert result.ssf.values.T @ (
+        result.capture.chart.values[18] * read_lamp(result.capture.shots[0].lamp.name).values
+    ) * 0.5 == (pytest.approx(np.ones(3)))
+    assert {"uneven_light"} <= codes  # 50 % vignetting, no white frame: solved for
+    assert 0.6 < result.answer.level.min() < 0.9
+    assert "uneven_light" not in {reason.code for reason in result.verdict.reasons}
+
+
+@pytest.mark.requirement("R-REFUSAL")
+def test_refusals_keep_their_evidence(tmp_path: Path, two_lamps: Simulation, camera: CameraCurves) -> None:
+    shot = two_lamps.shots[0]
+    found = attempt(shot.white, "D55")
+    assert isinstance(found.error, ChartNotFound)
+    assert found.verdict.status == "refused"
+    assert found.verdict.reasons[0].code == "chart_not_found"
+    assert found.answer is None
+    made = report(found)
+    assert document_bytes(forms.read(made.result_json, Result, "it", "")) == made.result_json
+    with pytest.raises(UnreadableRaw):
+        calibrate(tmp_path / "nothing.dng", "D55")
+    other = CameraCurves("other", toy_camera(20), "a formula")
+    elsewhere = simulate(other, "A", tmp_path, scene=Scene(size=(600, 450)))
+    with pytest.raises(FramesDiffer, match="different cameras"):
+        calibrate([Shot(shot.chart, "D55"), Shot(elsewhere.shots[0].chart, "A")], options=Options(basis="cameras"))
+
+
+def test_a_refusal_shows_the_photo_and_what_is_known(tmp_path: Path, two_lamps: Simulation) -> None:
+    shot = two_lamps.shots[0]
+    found = attempt(shot.white, "D55")
+    assert isinstance(found.error, ChartNotFound)
+    last = found.capture.unfinished
+    assert last.photo is not None
+    assert last.photo.model
+    assert last.photo.unique_model == "camssf simulated camera"
+    assert last.pose is None
+    assert list(found.capture.hashes) == ["shot 1, chart: white-D55.dng"]
+    page = report(found, found.previews).html
+    assert "data:image/jpeg" in page
+    assert "pixels of the active area" in page
+    dark_lamp = tmp_path / "dark.csv"
+    dark_lamp.write_text("400,0\n500,0\n600,0\n700,0\n")
+    found = attempt(shot.chart, str(dark_lamp))
+    assert isinstance(found.error, LampUnfit)
+    assert list(found.capture.hashes) == ["shot 1, lamp: dark.csv"]
+    report(found, found.previews)
+
+
+def test_the_chart_as_its_own_white_is_refused(two_lamps: Simulation) -> None:
+    shot = two_lamps.shots[0]
+    with pytest.raises(InvalidArgument, match="are the same photo"):
+        attempt(Shot(shot.chart, "D55", white=shot.chart))
+
+
+def test_files_of_one_name_keep_their_hashes(tmp_path: Path, two_lamps: Simulation) -> None:
+    shots = []
+    for shot in two_lamps.shots:
+        assert shot.white is not None
+        (tmp_path / shot.lamp).mkdir()
+        chart, white = (
+            shutil.copy(file, tmp_path / shot.lamp / name)
+            for file, name in ((shot.chart, "c.dng"), (shot.white, "w.dng"))
+        )
+        shots.append(Shot(chart, shot.lamp, white=white))
+    result = calibrate(shots, options=Options(basis="cameras"))
+    assert len(result.capture.hashes) == 4
+
+
+def test_the_document_of_a_capture_needs_no_other_file(tmp_path: Path, two_lamps: Simulation) -> None:
+    lamp = tmp_path / "mine.csv"
+    lamp.write_text("".join(f"{w},{1 + w / 1000}\n" for w in range(380, 731, 10)))
+    document = document_of(measure(two_lamps.shots[0].chart, str(lamp)))
+    lamp.unlink()
+    capture = capture_in(document)
+    assert "shot 1, lamp: mine.csv" in solve(capture).capture.hashes
+    assert capture.shots[0].photo.unique_model == "camssf simulated camera"
+    del document["capture"]["shots"][0]["photo"]["unique_model"]  # as of a file without the tag
+    silent = capture_in(document)
+    assert silent.shots[0].photo.unique_model == ""
+    assert "unique_model" not in document_of(silent)["capture"]["shots"][0]["photo"]
+    error = ChartNotFound("It is not there.", "Look again.")
+    error.capture = silent
+    made = report(refused(error)).result_json
+    assert document_bytes(forms.read(made, Result, "it", "")) == made
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"shots": 5, "lamp": None}, "5 is no shot"),
+        ({"shots": ["a.dng"], "lamp": None}, "'a.dng' is no Shot"),
+        ({"shots": Shot("a.dng")}, "in addition to shots"),
+        ({"shots": Shot(5), "lamp": None}, "5 is no path"),  # type: ignore[arg-type]
+        ({"shots": Shot("a.dng", white=3), "lamp": None}, "3 is no path"),  # type: ignore[arg-type]
+        ({"shots": [], "lamp": None}, "no photo"),
+        ({"shots": [Shot("a.dng")] * 65, "lamp": None}, "65 photos are too many"),
+        ({"lamp": 5}, "lamp"),
+        ({"lamp": []}, "lamp"),
+        ({"lamp": ["D55", "A"]}, "lamp"),
+        ({"lamp": "nonsense"}, "nonsense"),
+        ({"chart": "nonsense"}, "nonsense"),
+    ],
+)
+def test_bad_arguments_are_named(two_lamps: Simulation, change: dict[str, object], words: str) -> None:
+    arguments: dict[str, object] = {"shots": two_lamps.shots[0].chart, "lamp": "D55"}
+    with pytest.raises(InvalidArgument, match=words):
+        calibrate(**(arguments | change))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"fit": 5}, "no list"),
+        ({"basis": None}, "None"),
+        ({"gamma": "x"}, "gamma"),
+        ({"l2": "x"}, "l2"),
+        ({"white_reflectance": "a"}, "0.95"),
+        ({"white_reflectance": 0.9}, "no white frame"),
+        ({"white_reflectance": 95}, "0.95"),
+    ],
+)
+def test_bad_options_are_named(two_lamps: Simulation, change: dict[str, Any], words: str) -> None:
+    with pytest.raises(InvalidArgument, match=words):
+        calibrate(two_lamps.shots[0].chart, "D55", options=Options(**change))
+
+
+@pytest.mark.repository
+def test_every_option_is_one_that_the_product_uses() -> None:
+    """A misspelt or forgotten one would be taken and do nothing."""
+    files = ("photo/capture.py", "fit/capture_fit.py", "fit/solutions.py", "calibration.py")
+    source = "".join((ROOT / "reference" / "camssf" / path).read_text("utf-8") for path in files)
+    assert all(f"options.{field.name}" in source for field in fields(Options))
+
+
+def test_a_refusal_is_a_product(two_lamps: Simulation) -> None:
+    """What `calibrate` raises, `attempt` gives; its capture holds the shots that were measured."""
+    shots = two_lamps.shots
+    assert shots[1].white is not None
+    pair = [Shot(shots[0].chart, "D55"), Shot(shots[1].white, "A")]
+    found = attempt(pair)
+    assert isinstance(found.error, ChartNotFound)
+    assert [shot.lamp.name for shot in found.capture.shots] == ["D55"]
+    assert found.capture.unfinished.lamp.name == "A"
+    assert [shot.patches is not None for shot in shots_of(found)] == [True, False]
+    assert [preview is not None for preview in found.previews] == [True, True]
+    with pytest.raises(ChartNotFound) as raised:
+        calibrate(pair)
+    assert [shot.lamp.name for shot in raised.value.capture.shots] == ["D55"]
+    document = json.loads(document_bytes(found))
+    assert [len(shot["means"]["chart"]["mean"]) for shot in document["capture"]["shots"]] == [24]
+    assert document["capture"]["unfinished"]["photo"]["name"] == "white-A.dng"
+    with pytest.raises(InvalidArgument, match="Measure it anew"):
+        solve(found.capture)
+    with pytest.raises(InvalidArgument):
+        attempt(shots[0].chart, "nonsense")
+
+
+def test_white_frames_for_all_shots_or_none(two_lamps: Simulation) -> None:
+    shots = two_lamps.shots
+    with pytest.raises(InvalidArgument, match="for all shots"):
+        calibrate([shots[0].shot, Shot(shots[1].chart, "A")], options=Options(basis="cameras"))
+
+
+def test_grey_card_needs_its_reflectance(two_lamps: Simulation, camera: CameraCurves) -> None:
+    """The same frame declared as an 80 % card scales what the chart must have reflected: it no longer fits."""
+    shot = two_lamps.shots[0]
+    assert calibrate(shot.shot, truth=camera).verdict.status == "accepted"
+    wrong = calibrate(shot.shot, options=Options(white_reflectance=0.8), truth=camera).verdict
+    assert wrong.status == "doubtful"
+    assert wrong.reasons[0].code == FramesDiffer.code
+    assert "white frame" in wrong.reasons[0].message
+
+
+def test_the_real_photo_tells_warm_light_from_daylight() -> None:
+    """Taken under an unknown warm light: 3000 K stands, if doubtful; D65 is doubted, and a warmer light is said."""
+    warm = calibrate(PHOTO, "3000K", options=Options(basis="cameras"))
+    assert warm.verdict.status == "doubtful"
+    codes = {reason.code for reason in warm.verdict.reasons}
+    assert "lamp_unfit" not in codes
+    assert "underexposed" in codes
+    assert warm.capture.shots[0].pose.corners[:, 1].min() > 400  # the lower page
+    assert warm.ssf.std is not None
+    cold = calibrate(PHOTO, "D65", options=Options(basis="cameras"))
+    assert cold.verdict.status == "doubtful"
+    assert any("another than D65" in reason.message for reason in cold.verdict.reasons)
+    assert any("called D65; by the signals another daylight of 4," in one.message for one in cold.assumptions)

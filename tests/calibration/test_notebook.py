@@ -1,0 +1,395 @@
+"""Results in a notebook: a line, HTML, drawings, tables, files; objects and arrays wherever spectra are asked for."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from html import escape
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from camssf import Options
+from camssf.calibration import attempt, calibrate
+from camssf.documents.document import Document, document_bytes
+from camssf.documents.forms import to_plain
+from camssf.documents.scale import channel_scale
+from camssf.errors import CalibrationError, ChartUnfit, InvalidArgument, LampUnfit
+from camssf.exports import export
+from camssf.grid import WAVELENGTHS
+from camssf.report.build import report
+from camssf.report.shots import shots_of
+from camssf.result import Result
+from camssf.spectra import Lamp, read_camera, read_chart, read_lamp, read_light
+from camssf_colour import camera_of_result, standard_colour
+from camssf_lab.simulation.frames import Simulation
+from tests.support.captures import photos
+from tests.support.documents import changed, document, refused
+
+
+@pytest.fixture(scope="module")
+def shot() -> Simulation:
+    return photos()
+
+
+@pytest.fixture(scope="module")
+def result(shot: Simulation) -> Result:
+    only = shot.shots[0]
+    return calibrate(only.shot, options=Options(basis="cameras"))
+
+
+@pytest.fixture
+def no_figures_left() -> Iterator[None]:
+    plt = pytest.importorskip("matplotlib.pyplot")
+    yield
+    plt.close("all")
+
+
+# -- text and HTML -------------------------------------------------------------------------------------------------
+
+
+def test_a_result_is_one_line(result: Result) -> None:
+    said = repr(result)
+    assert "\n" not in said
+    assert len(said) < 300
+    for word in ("Result", "D55", result.verdict.status, "cameras", "RMSRE", "±"):
+        assert word in said, said
+
+
+def test_a_refusal_says_why(shot: Simulation) -> None:
+    only = shot.shots[0]
+    found = attempt(only.white, "D55")  # type: ignore[arg-type]
+    assert found.error is not None
+    assert "refused (chart_not_found)" in repr(found)
+    assert escape(found.error.advice) in found._repr_html_()
+    for ask in (found.plot, found.to_colour, found.to_xarray, found.to_pandas, lambda: found.curves):
+        with pytest.raises(InvalidArgument, match="refused"):
+            ask()
+
+
+def test_an_error_is_one_paragraph_in_a_notebook(shot: Simulation) -> None:
+    """IPython shows what `_render_traceback_` gives, in place of a traceback."""
+    with pytest.raises(CalibrationError) as caught:
+        calibrate(shot.shots[0].white, "D55")  # type: ignore[arg-type]
+    (text,) = caught.value._render_traceback_()
+    assert "\n" not in text
+    assert text == f"ChartNotFound (chart_not_found): {caught.value.message} {caught.value.advice}"
+
+
+class _Balance(HTMLParser):
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.seen: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: Any) -> None:
+        self.open.append(tag)
+        self.seen.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: Any) -> None:
+        self.seen.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+def test_the_html_is_balanced_and_holds_verdict_curves_and_scores(result: Result) -> None:
+    parser = _Balance()
+    parser.feed(text := result._repr_html_())
+    assert not parser.open
+    assert parser.seen.count("svg") == 1
+    assert [text.count(f'class="{kind} ') for kind in ("curve", "band")] == [3, 3]
+    assert result.verdict.status in text
+    assert "RMSRE" in text
+    assert "<script" not in text
+    assert len(text) < 40_000
+
+
+def test_hostile_names_stay_text() -> None:
+    found = changed(
+        document("D55"),
+        capture__shots__0__photo__make="<b>&",
+        capture__shots__0__photo__model="x\n\x1b[31m" + "y" * 500,
+        capture__shots__0__lamp__name="</p><script>alert(1)</script>",
+    )
+    assert "<script" not in found._repr_html_()
+    assert "\x1b" not in repr(found)
+    assert "\n" not in repr(found)
+    ElementTree.fromstring(found._repr_html_())
+
+
+def test_the_drawn_curve_is_the_document_s(result: Result) -> None:
+    root = ElementTree.fromstring(result._repr_html_())
+    paths = [each for each in root.iter() if each.tag.endswith("path")]
+    frame = next(each for each in root.iter() if each.tag.endswith("rect"))
+    red = next(path for path in paths if path.get("class") == "curve red")
+    pairs = np.array([[float(v) for v in pair.split(",")] for pair in str(red.get("d")).strip("M").split("L")])
+    left, width = (float(frame.get(name) or 0) for name in ("x", "width"))
+    peak = 380.0 + (pairs[pairs[:, 1].argmin(), 0] - left) / width * 340.0
+    assert peak == pytest.approx(WAVELENGTHS[result.curves[:, 0].argmax()], abs=2.5)
+
+
+def test_what_goes_into_a_calibration_is_short_to_look_at() -> None:
+    """A lamp was 9,266 characters, of which few said more than its name and source."""
+    camera = camera_of_result(document("D55"))
+    for each in (read_lamp("D55"), read_light("auto"), read_chart("classic24"), read_camera("Canon EOS 5D"), camera):
+        assert len(repr(each)) < 400, type(each)
+    assert "D55" in repr(read_lamp("D55"))
+
+
+# -- drawings ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("no_figures_left")
+def test_plots_hold_the_result_s_numbers(result: Result) -> None:
+    plt = pytest.importorskip("matplotlib.pyplot")
+    own = plt.subplots()[1]
+    axes = result.plot(ax=own)
+    assert axes is own
+    drawn, curve = axes.lines[1].get_ydata(), np.maximum(result.curves[:, 1], 0.0)
+    np.testing.assert_allclose(drawn[::20], curve[::20], atol=1e-12)  # between the basis' values it is smooth
+    np.testing.assert_allclose(drawn, curve, atol=0.02)
+    said = shots_of(result)[0].patches
+    assert said is not None
+    assert said.measured_srgb is not None
+    assert said.synthetic_srgb is not None
+    axes = result.plot("residuals")
+    assert axes is not own
+    green = dict(zip(np.rint(axes.lines[1].get_xdata()), axes.lines[1].get_ydata(), strict=True))
+    assert len(green) == said.used.sum()
+    for i in np.flatnonzero(said.used):
+        assert green[i + 1] == pytest.approx(100 * (said.unseen[i, 1] / said.signal[i, 1] - 1))
+    picture = result.plot("patches").images[0].get_array()
+    assert picture.shape == (4, 12, 3)
+    assert np.allclose(picture[1, 2], said.measured_srgb[7])
+    assert np.allclose(picture[1, 3], said.synthetic_srgb[7])
+    bars = result.plot("budget").patches
+    assert sum(bar.get_width() for bar in bars) == pytest.approx(300.0)
+
+
+@pytest.mark.usefixtures("no_figures_left")
+def test_no_band_is_drawn_below_zero(result: Result) -> None:
+    curves, std = result.curves, result.std
+    assert std is not None
+    assert (curves - 1.96 * std).min() < 0 <= curves.min()
+    for collection in result.plot().collections:
+        assert collection.get_paths()[0].vertices[:, 1].min() >= 0
+
+
+def test_plots_refuse_what_they_cannot_draw(result: Result) -> None:
+    for call, words in (
+        (lambda: result.plot("spectrum"), "no plot 'spectrum'"),  # type: ignore[arg-type]
+        (lambda: result.plot(shot=2), "no shot 2"),
+        (lambda: result.plot(shot=True), "no shot True"),
+        (lambda: result.plot(ax="axes"), "A str is not a matplotlib axes"),  # type: ignore[arg-type]
+        (lambda: result.to_pandas("all"), "no table 'all'"),  # type: ignore[arg-type]
+    ):
+        with pytest.raises(InvalidArgument, match=words):
+            call()
+
+
+# -- files and pickles ---------------------------------------------------------------------------------------------
+
+
+def test_saved_and_loaded_it_is_the_same_result(result: Result, tmp_path: Path) -> None:
+    path = result.save(tmp_path / "phone.json")
+    assert path.read_bytes() == document_bytes(result) == report(result).result_json
+    again = Result.load(path)
+    assert np.array_equal(again.curves, result.curves)
+    assert np.array_equal(again.std, result.std)  # type: ignore[arg-type]
+    assert again.verdict == result.verdict
+    assert again.assumptions == result.assumptions
+    assert again.scores.rmsre_percent.tolist() == result.scores.rmsre_percent.tolist()
+    assert repr(again) == repr(result)
+    assert again.save(tmp_path / "again.json").read_bytes() == path.read_bytes()
+
+
+def test_a_loaded_result_tells_what_was_checked_and_its_budget(result: Result, tmp_path: Path) -> None:
+    loaded = Result.load(result.save(tmp_path / "result.json"))
+    assert loaded.verdict.checks == result.verdict.checks != ()
+    assert to_plain(loaded.uncertainty) == to_plain(result.uncertainty) != {}
+    assert result == result
+    assert result != replace(result)  # its document tells whether two are alike
+
+
+def test_a_loaded_result_serves_for_colour_and_exports(result: Result, tmp_path: Path) -> None:
+    again = Result.load(result.save(tmp_path / "a.json"))
+    signals = [[0.4, 0.3, 0.2], [0.1, 0.2, 0.3]]
+    assert np.array_equal(*(standard_colour(each, "A", signals).lab for each in (result, again)))
+    assert export(again, "csv") == export(result, "csv")
+    with pytest.raises(InvalidArgument, match="A str cannot be used as a camera"):
+        standard_colour("result.json", "A", signals)  # type: ignore[arg-type]
+
+
+def test_what_is_no_result_is_not_loaded(tmp_path: Path) -> None:
+    measured = document_bytes(Document(format="camssf/2", version="1", capture=document().capture))
+    for data, words in (
+        (b'{"format": "camssf-result/1"}', r"x\.json: the document is camssf-result/1.*calibrate the photos anew"),
+        (measured, r"x\.json: the document is a capture that was not solved: `camssf solve`"),
+    ):
+        (tmp_path / "x.json").write_bytes(data)
+        with pytest.raises(InvalidArgument, match=words):
+            Result.load(tmp_path / "x.json")
+
+
+def test_a_loaded_refusal_has_no_curves(tmp_path: Path) -> None:
+    (tmp_path / "r.json").write_bytes(document_bytes(refused()))
+    found = Result.load(tmp_path / "r.json")
+    assert found.verdict.status == "refused"
+    for name in ("curves", "std", "scores", "uncertainty", "signals"):
+        with pytest.raises(InvalidArgument, match="refused"):
+            getattr(found, name)
+    with pytest.raises(InvalidArgument, match="refused"):
+        export(found, "csv")
+
+
+def test_a_pickle_is_small_and_whole_but_for_the_pictures(result: Result) -> None:
+    data = pickle.dumps(result)
+    assert len(data) < 1_000_000
+    again = pickle.loads(data)
+    assert document_bytes(again) == document_bytes(result)
+    assert result.previews[0] is not None
+    assert again.previews == (None,)
+    assert document_bytes(copy.copy(result)) == document_bytes(result)
+    assert result.capture is not None
+    assert result.capture.shots[0].thumbnail is not None
+
+
+# -- tables --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.full
+def test_pandas_has_curves_patches_and_budget(result: Result) -> None:
+    pytest.importorskip("pandas")
+    table = result.to_pandas()
+    assert table.index.name == "wavelength_nm"
+    assert np.array_equal(table[["red", "green", "blue"]].to_numpy(), result.curves)
+    assert np.array_equal(table[["red_std", "green_std", "blue_std"]].to_numpy(), result.std)  # type: ignore[arg-type]
+    patches = result.to_pandas("patches")
+    assert len(patches) == 24 * 3
+    row = patches[(patches.patch == patches.patch[21]) & (patches.channel == "green")].iloc[0]
+    assert row.signal == result.signals.values[0, 7, 1]
+    budget = result.to_pandas("budget")
+    assert budget.sum().to_numpy() == pytest.approx([1, 1, 1])
+    assert list(budget.columns) == ["red", "green", "blue"]
+
+
+@pytest.mark.full
+def test_xarray_has_names_for_every_axis(result: Result) -> None:
+    pytest.importorskip("xarray")
+    found = result.to_xarray()
+    assert found.ssf.dims == ("wavelength", "channel")
+    assert float(found.ssf.sel(wavelength=550, channel="green")) == result.curves[340, 1]
+    assert found.signal.shape == (1, 24, 3)
+    assert bool(np.array_equal(found.used.values, result.signals.used))
+    assert found.wavelength.attrs["units"] == "nm"
+
+
+def test_colour_science_takes_the_curves(result: Result) -> None:
+    found = result.to_colour()
+    assert type(found).__name__ == "RGB_CameraSensitivities"
+    assert np.array_equal(found.wavelengths, WAVELENGTHS)
+    own = result.curves * channel_scale(result)
+    assert np.allclose(found.values, own)
+    back = read_camera(found)
+    assert np.allclose(back.values, own)
+
+
+@pytest.mark.parametrize(("library", "method"), [("pandas", "to_pandas"), ("xarray", "to_xarray")])
+def test_a_missing_library_is_a_typed_error(
+    result: Result, library: str, method: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, library, None)
+    with pytest.raises(InvalidArgument, match=rf"library {library}, .*install -e .*\[notebook\]"):
+        getattr(result, method)()
+
+
+# -- objects and arrays --------------------------------------------------------------------------------------------
+
+
+def test_a_lamp_may_be_an_object_or_arrays() -> None:
+    colour = pytest.importorskip("colour")
+    named = read_lamp("D65").values
+    lamp = colour.SDS_ILLUMINANTS["D65"]
+    pair = (np.asarray(lamp.wavelengths), np.asarray(lamp.values))
+    for given in (lamp, pair, [list(each) for each in pair], np.array(pair)):
+        found = read_light(given)
+        assert found.name != "D65"  # a result that says D65 means the table
+        assert np.abs(found.values / named - 1).max() < 1e-12  # type: ignore[union-attr]
+        assert found.tolerance == 0.01  # type: ignore[union-attr]
+    assert "SpectralDistribution" in read_lamp(lamp).source
+    given = read_lamp("A")
+    assert read_lamp(given) is given
+    with pytest.raises(InvalidArgument, match="There is no file D65"):
+        read_lamp(Path("D65"))
+
+
+def test_a_lamp_that_is_none_is_a_typed_error() -> None:
+    nm = np.arange(380.0, 721.0, 5.0)
+    for given, kind, words in (
+        (5, InvalidArgument, "int is no lamp"),
+        ((nm, nm[:-1]), InvalidArgument, "shapes"),
+        ((nm, np.stack([nm, nm])), InvalidArgument, "holds 2 spectra"),
+        ((nm, -nm), LampUnfit, "no power"),
+        ((nm[:10], nm[:10]), LampUnfit, "covers only"),
+        ((nm, nm * np.nan), LampUnfit, "no number|not a number"),
+        ({}, InvalidArgument, "dict is no lamp"),
+    ):
+        with pytest.raises(kind, match=words) as caught:
+            read_lamp(given)  # type: ignore[arg-type]
+        assert caught.value.advice
+
+
+def test_a_chart_may_be_objects_or_arrays() -> None:
+    colour = pytest.importorskip("colour")
+    named = read_chart("classic24")
+    table = colour.SDS_COLOURCHECKERS["BabelColor Average"]
+    many = colour.colorimetry.sds_and_msds_to_msds(list(table.values()))
+    for given in (table, many, (many.wavelengths, np.asarray(many.values).T)):
+        found = read_chart(given)
+        assert np.abs(found.values - named.values).max() < 1e-12
+        assert (found.layout.name, found.white) == ("classic24", named.white)
+        assert found.tolerance[0] == 0.01
+    assert read_chart(table).patches == named.patches
+    assert read_chart(named) is named
+    with pytest.raises(InvalidArgument, match="23 patches"):
+        read_chart((many.wavelengths, np.asarray(many.values).T[:23]))
+    with pytest.raises(InvalidArgument, match="int is no chart"):
+        read_chart(24)  # type: ignore[arg-type]
+    with pytest.raises(ChartUnfit, match="upside down"):
+        read_chart((many.wavelengths, np.asarray(many.values).T[::-1]))
+
+
+def test_a_camera_may_be_arrays() -> None:
+    named = read_camera("Canon EOS 5D Mark II")
+    found = read_camera((WAVELENGTHS, named.values))
+    assert np.abs(found.values - named.values).max() < 1e-9
+    for given in ((WAVELENGTHS, named.values.T), ("a", "b"), 5):
+        with pytest.raises(InvalidArgument, match="is not a camera"):
+            read_camera(given)  # type: ignore[arg-type]
+
+
+def test_calibrate_takes_objects_and_arrays(shot: Simulation, result: Result) -> None:
+    """A pair of arrays is one lamp, not two."""
+    only, lamp, chart = shot.shots[0], read_lamp("D55"), read_chart("classic24")
+    found = calibrate(
+        replace(only.shot, lamp=(WAVELENGTHS, lamp.values)),
+        chart=(WAVELENGTHS, chart.values),
+        truth=(WAVELENGTHS, read_camera("Nikon 5100 (NPL)").values),
+        options=Options(basis="cameras"),
+    )
+    assert np.abs(found.curves - result.curves).max() < 0.05
+    assert found.capture is not None
+    stated = found.capture.shots[0].lamp
+    assert isinstance(stated, Lamp)
+    assert (stated.name, stated.tolerance, stated.source) == ("lamp (given)", 0.01, "given as arrays")
+    assert found.scores.rmse is not None
+    with pytest.raises(InvalidArgument, match="is no lamp"):
+        calibrate(only.chart, ["D55", (WAVELENGTHS, lamp.values)])  # type: ignore[arg-type]

@@ -1,0 +1,412 @@
+"""A previous result of the same unit: its shots read again, the drift by hand, the fallback, and wrong uses."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from camssf import cli
+from camssf.calibration import calibrate, read_previous, solve
+from camssf.documents.document import document_bytes
+from camssf.documents.previous import PreviousResult, evened
+from camssf.errors import CalibrationError, FramesDiffer, InvalidArgument, UnitDiffers
+from camssf.fit.capture_fit import prepare_fit
+from camssf.grid import Floats
+from camssf.options import Options
+from camssf.photo.capture import Capture, MeasuredShot, measure
+from camssf.photo.patches import FrameMeans, PatchMeans
+from camssf.photo.read.unit import Unit
+from camssf.photo.shot import Shot
+from camssf.photo.signals import normalise
+from camssf.recovery.drift import STEPS, moves
+from camssf.report.build import report
+from camssf.result import Result
+from camssf.rules import rules
+from camssf.spectra import read_chart, read_lamp
+from camssf.spectra.lamps import with_tolerance
+from camssf.spectra.lights import read_light, unnamed_light
+from golden.forms import resolve
+from golden.scenes import PHONE
+from tests.recovery.test_choice import SEEN, TABLE, capture
+from tests.support import captures
+from tests.support.problems import measured_cameras
+from tests.verdict.test_verdict import BLACK
+
+NEW = "1" * 64
+
+
+def later(lamp: str, named: bool = False, camera: Floats | None = None, frames: bool = True) -> Capture:
+    """A photo of the phone taken later, in this lamp."""
+    camera = resolve(PHONE) if camera is None else camera
+    given = in_light(capture(camera, (lamp,), make="Apple"), lamp, camera)
+    (shot,) = given.shots
+    shot = replace(
+        shot, photo=replace(shot.photo, name="later.dng", sha256=NEW), lamp=shot.lamp if named else unnamed_light()
+    )
+    if not frames:
+        shot = replace(shot, white=None, means=replace(shot.means, white=None))
+    return replace(given, shots=(shot,))
+
+
+def in_light(given: Capture, lamp: str, camera: Floats) -> Capture:
+    """The capture of one photo with the raw white that the camera sees under this lamp."""
+    (shot,) = given.shots
+    seen = read_lamp(lamp).values @ camera
+
+    def scaled(frame: FrameMeans | None) -> FrameMeans | None:
+        if frame is None:
+            return None
+        gain = seen / seen.max()
+        mean = BLACK + gain * (frame.mean - BLACK)
+        return replace(frame, mean=mean, standard_error=gain * frame.standard_error, greens=mean[:, [1, 1]])
+
+    means = replace(shot.means, **{role: scaled(getattr(shot.means, role)) for role in ("chart", "white", "dark")})
+    return replace(given, shots=(replace(shot, means=means),))
+
+
+@cache
+def previous(lamp: str = "D55") -> Result:
+    """The phone's calibration under a named lamp."""
+    return solve(in_light(capture(resolve(PHONE), (lamp,), make="Apple"), lamp, resolve(PHONE)))
+
+
+def accepted(found: Result) -> Result:
+    return replace(found, verdict=replace(found.verdict, status="accepted", reasons=()))
+
+
+def moved(steps: int) -> Floats:
+    """The phone with its blue curve moved to the red."""
+    phone = resolve(PHONE).copy()
+    phone[:, 2] = np.roll(phone[:, 2], steps)
+    return phone
+
+
+def error(found: Result, camera: Floats) -> float:
+    off = (found.ssf.peak()[0] - camera / camera.max(axis=0))[SEEN]
+    return float(np.sqrt(np.mean(off**2)))
+
+
+def check(found: Result, name: str = "unit_drift") -> float:
+    (value,) = (each.value for each in found.verdict.checks if each.name == name)
+    return value
+
+
+# -- shots of a document -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("frames", [("white", "dark"), ("dark",), ("white",), ()])
+def test_shots_of_a_document_have_the_same_signals(frames: tuple[str, ...]) -> None:
+    """Relative to the white patch; errors to first order, since white frame and white patch are independent."""
+    given = later("A", named=True)
+    (shot,) = given.shots
+    dropped: dict[str, Any] = {role: None for role in ("white", "dark") if role not in frames}
+    shot = replace(shot, means=replace(shot.means, **dropped), **dropped)
+    stored = read_previous(accepted(solve(replace(given, shots=(shot,)), options=Options(basis="phones"))))
+    joint = stored.joined(capture(resolve(PHONE), ("D55",), make="Apple"))
+    again, direct = (normalise([each.means], TABLE) for each in (joint.shots[1], evened(shot, TABLE)))
+    for name in ("values", "standard_error", "used"):
+        assert np.array_equal(getattr(again, name), getattr(direct, name))
+    before = normalise([shot.means], TABLE).values
+    assert again.values == pytest.approx(before / before[:, [TABLE.white]], rel=1e-12, abs=1e-12)
+    assert joint.shots[1].lamp.name == "A"
+    assert (joint.shots[1].white is None) == ("white" not in frames)
+
+
+@pytest.mark.parametrize("name", ["D55", "daylight", "white-led"])
+@pytest.mark.parametrize("tolerance", ["", "300K,1%"])
+def test_lamps_of_a_document_are_those_that_were_named(name: str, tolerance: str) -> None:
+    if tolerance and name != "D55":
+        return  # a kind has no temperature of its own
+    lamp = with_tolerance(read_lamp(name), tolerance) if tolerance else read_lamp(name)
+    given = later("D55", named=True)
+    found = solve(replace(given, shots=(replace(given.shots[0], lamp=lamp),)))
+    again = read_previous(accepted(found)).joined(capture(resolve(PHONE), ("A",), make="Apple")).shots[1].lamp
+    assert np.array_equal(again.values, lamp.values)
+    assert np.array_equal(again.modes, lamp.modes)
+    assert (again.tolerance, again.source, again.tolerance_kelvin) == (
+        lamp.tolerance, lamp.source, lamp.tolerance_kelvin,
+    )  # fmt: skip
+
+
+def test_a_shot_with_a_white_frame_needs_no_gain_modes() -> None:
+    """A photo without a white frame has them, the previous one with a white frame has none."""
+    joint = read_previous(previous()).joined(later("A", frames=False))
+    modes, _ = prepare_fit(joint, Options()).gains
+    assert np.abs(modes[0]).max() > 0.1
+    assert (modes[1] == 0.0).all()
+
+
+# -- the common answer ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.requirement("R-PREVIOUS")
+@pytest.mark.parametrize("lamp", ["D65", "A"])
+def test_a_later_photo_in_any_light_is_solved_with_the_previous_result(lamp: str, tmp_path: Path) -> None:
+    first, new = previous(), later(lamp)
+    path = first.save(tmp_path / "first.json")
+    alone, found = solve(new), solve(new, previous=path)
+    assert found.verdict.status == "accepted"
+    assert [shot.photo.sha256 for shot in found.capture.shots] == [NEW, "0" * 64]
+    assert check(found) < rules().number("verdict.unit_drift_unnamed")
+    phone = resolve(PHONE)
+    # Two photos of the same chart share its error, so the second adds little; a thousandth is chance.
+    assert error(found, phone) < max(error(alone, phone), error(first, phone)) + 0.001
+    width, before = found.ssf.half_width, first.ssf.half_width
+    assert width is not None
+    assert before is not None
+    assert width < before
+    saved = Result.load(found.save(tmp_path / "found.json"))
+    assert saved.capture.hashes["previous result: first.json"] == read_previous(path).sha256
+    assert any(assumption.code == "previous_result" for assumption in saved.assumptions)
+
+
+@pytest.mark.requirement("R-PREVIOUS")
+def test_a_common_answer_is_a_previous_result_again() -> None:
+    """Its named shots are those of the first; the unnamed one does not enter."""
+    found = solve(later("D65"), previous=previous())
+    third = later("A")
+    third = replace(third, shots=(replace(third.shots[0], photo=replace(third.shots[0].photo, sha256="2" * 64)),))
+    by_first, by_second = (solve(third, previous=each) for each in (previous(), found))
+    assert len(by_second.capture.shots) == 2
+    assert by_second.ssf.values == pytest.approx(by_first.ssf.values, rel=1e-6, abs=1e-9)
+
+
+# -- drift ---------------------------------------------------------------------------------------------------------
+
+
+def test_the_table_that_a_previous_result_chose_is_that_of_the_same_chart() -> None:
+    """The new photo's chart states no table; a table that the user named differently is another chart."""
+    given = capture(resolve(PHONE), ("D55",), make="Apple")
+    chosen = replace(given, chart=read_chart("classic24:ohta"))
+    result = accepted(solve(chosen))
+    assert result.capture.chart.name == "classic24:ohta"
+    first = PreviousResult("first.json", "0" * 64, result)
+    assert first.joined(later("A")).chart.name == "classic24:ohta"
+    with pytest.raises(InvalidArgument, match="on the chart classic24:ohta, not on classic24:babelcolor"):
+        first.joined(replace(later("A"), chart=read_chart("classic24:babelcolor")))
+
+
+def test_moves_by_hand() -> None:
+    curve = np.interp(np.arange(681), [0, 200, 300, 680], [0.0, 0.0, 1.0, 0.0])
+    whole, long, short = moves(curve)
+    assert whole[250] == pytest.approx(-STEPS / 100.0)
+    assert whole[400] == long[400] == pytest.approx(STEPS / 380.0)
+    assert short[250] == whole[250]
+    assert (long[:301] == 0.0).all()
+    assert (short[300:] == 0.0).all()
+
+
+@pytest.mark.requirement("R-PREVIOUS")
+@pytest.mark.parametrize(("named", "steps"), [(True, -10), (True, 10), (False, 10)])
+def test_a_drift_is_noticed_and_the_previous_answer_stays(named: bool, steps: int) -> None:
+    first = previous()
+    found = solve(later("D65", named=named, camera=moved(steps)), previous=first)
+    assert found.verdict.status == "doubtful"
+    assert [reason.code for reason in found.verdict.reasons] == ["unit_differs"]
+    assert found.verdict.reasons[0].value == check(found)
+    assert (found.curves == first.curves).all()
+    assert [shot.photo for shot in found.capture.shots] == [shot.photo for shot in first.capture.shots]
+    assert found.capture.hashes[f"not used: later.dng, {NEW[:8]}"] == NEW
+    assert "previous result: (given)" in found.capture.hashes
+    with pytest.raises(InvalidArgument, match="was doubtful"):
+        solve(later("A"), previous=found)
+
+
+def test_another_camera_contradicts_and_does_no_harm() -> None:
+    """So different that both together are refused: the previous answer, with a reason."""
+    first = previous()
+    found = solve(later("D65", named=True, camera=measured_cameras()["Nikon D5100"]), previous=first)
+    assert found.verdict.status == "doubtful"
+    assert (found.curves == first.curves).all()
+
+
+@pytest.mark.parametrize(("lamp", "name"), [("LED-B3", "fluorescent"), ("LED-B3", "daylight"), ("A", "white-led")])
+def test_a_wrong_name_of_the_new_lamp_does_not_touch_the_previous_answer(lamp: str, name: str) -> None:
+    """The blue curve seems to have moved, but another lamp explains more."""
+    first, new = previous(), later(lamp)
+    found = solve(replace(new, shots=(replace(new.shots[0], lamp=read_light(name)),)), previous=first)
+    assert (found.verdict.status, found.verdict.reasons) == ("accepted", ())
+    assert (found.curves == first.curves).all()
+    assert "(shot 1: later.dng) did not enter: " in found.assumptions[-1].message
+
+
+@pytest.mark.requirement("R-PREVIOUS")
+def test_a_photo_that_adds_nothing_leaves_the_previous_result_as_it_is(tmp_path: Path) -> None:
+    """In this light no kind explains the signals well, which says nothing of the unit."""
+    first = previous()
+    found = solve(later("FL1"), previous=first)
+    assert found.verdict.status == "accepted"
+    assert (found.curves == first.curves).all()
+    assert check(found) < rules().number("verdict.unit_drift_unnamed")
+    assert "the new photos (shot 1: later.dng) did not enter: " in found.assumptions[-1].message
+    again = Result.load(found.save(tmp_path / "again.json"))
+    assert solve(later("A"), previous=again).verdict.status == "accepted"
+
+
+# -- wrong uses ----------------------------------------------------------------------------------------------------
+
+
+def shot_in(document: dict[str, Any]) -> dict[str, Any]:
+    """The only shot of a document."""
+    (shot,) = document["capture"]["shots"]
+    return dict(shot)
+
+
+WRONG: list[tuple[Callable[[dict[str, Any]], Any], type[CalibrationError], str]] = [
+    (
+        lambda d: d["verdict"].update(
+            status="doubtful",
+            reasons=[{"code": "glare", "message": "a.", "advice": "b.", "value": 1.0, "threshold": 0.0}],
+        ),
+        InvalidArgument,
+        "was doubtful: a.",
+    ),
+    (
+        lambda d: d["capture"]["shots"][0].update(lamp={"kind": "unnamed", "name": "auto"}),
+        InvalidArgument,
+        "names no lamp",
+    ),
+    (lambda d: shot_in(d)["lamp"].pop("values"), InvalidArgument, r"capture\.shots\[0\]\.lamp lacks values"),
+    (lambda d: d["capture"]["chart"].update(name="nano24"), InvalidArgument, "on the chart nano24"),
+    (
+        lambda d: d["capture"].setdefault("files", {}).update({"chart table: mine.csv": "0" * 64}),
+        InvalidArgument,
+        "on the chart",
+    ),
+    (lambda d: shot_in(d)["photo"].update(make="Samsung"), UnitDiffers, "make Samsung against Apple"),
+    (lambda d: shot_in(d)["photo"].update(make=""), FramesDiffer, "different cameras"),
+    (lambda d: shot_in(d)["photo"].update(unit={"lens": "tele"}), UnitDiffers, "lens 'wide' against 'tele'"),
+    (lambda d: shot_in(d)["photo"].update(width=800), UnitDiffers, "800 × 400"),
+    (lambda d: shot_in(d)["photo"].update(sha256=NEW), InvalidArgument, "already in the previous result"),
+    (lambda d: shot_in(d)["means"]["chart"]["mean"].pop(), InvalidArgument, "must hold 24 rows"),
+    (lambda d: d.update(format="camssf-result/1"), InvalidArgument, "camssf-result/1, not camssf/2"),
+]
+
+
+@pytest.mark.parametrize(("change", "kind", "words"), WRONG, ids=[words for _, _, words in WRONG])
+def test_what_cannot_be_a_previous_result(
+    change: Callable[[dict[str, Any]], Any], kind: type[CalibrationError], words: str, tmp_path: Path
+) -> None:
+    document = json.loads(document_bytes(previous()))
+    del document["sha256"]
+    change(document)
+    path = tmp_path / "first.json"
+    path.write_text(json.dumps(document))
+    new = later("A")
+    (shot,) = new.shots
+    new = replace(new, shots=(replace(shot, photo=replace(shot.photo, unit=Unit(lens="wide"))),))
+    with pytest.raises(kind, match=words):
+        solve(new, previous=path)
+
+
+@pytest.mark.parametrize("options", [Options(basis="gaussian"), Options(light_per_patch=0.08)])
+def test_options_without_a_previous_result(options: Options) -> None:
+    new = later("A", named=True)
+    with pytest.raises(InvalidArgument, match="cannot be used"):
+        solve(new, options=options, previous=previous())
+
+
+# -- the command ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.requirement("R-PREVIOUS")
+def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Two photos of the demo's phone: named and framed before, unnamed and alone now."""
+    first = calibrate(captures.shot("D55", "Demo phone")).save(tmp_path / "first.json")
+    photo = str(captures.photos("A", "Demo phone", seed=4).shots[0].chart)
+    assert cli.main(["calibrate", photo, "--previous", str(first)]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["verdict"]["status"] == "accepted"
+    assert len(document["capture"]["shots"]) == 2
+    (tmp_path / "joint.json").write_text(json.dumps(document))
+    assert cli.main(["patches", photo]) == 0
+    (tmp_path / "patches.json").write_text(capsys.readouterr().out)
+    assert cli.main(["solve", str(tmp_path / "patches.json"), "--previous", str(first)]) == 0
+    assert json.loads(capsys.readouterr().out)["answer"]["curves"] == document["answer"]["curves"]
+    assert cli.main(["report", str(tmp_path / "joint.json"), "-o", str(tmp_path / "out")]) == 0
+    assert cli.main(["parity", str(tmp_path / "joint.json"), photo]) == 2
+    assert "previous one by itself" in capsys.readouterr().err
+    with pytest.raises(InvalidArgument, match="cannot be read"):
+        calibrate(Shot(photo), previous=tmp_path / "none.json")
+
+
+def test_the_folder_of_the_previous_result_is_not_written_over(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["calibrate", "new.dng", "--previous", "first/result.json", "-o", "first"]) == 2
+    assert "first holds the previous result. Name another folder" in " ".join(capsys.readouterr().err.split())
+
+
+# -- the torch -----------------------------------------------------------------------------------------------------
+
+
+def torch_shot(dark: bool = False) -> MeasuredShot:
+    """The chart under a LED torch and half as much fluorescent light, which the frame with the torch off subtracts.
+
+    With `dark`: by the torch alone, in a dark room. Noise of both frames: hypot(0.1 % of the signal, 0.0002).
+    """
+    phone, chart = resolve(PHONE), TABLE.values
+    torch, room = (read_lamp(name).values for name in ("LED-B3", "FL2"))
+    on = (chart * torch) @ phone
+    span, noise = on.max(), np.random.default_rng(3 + dark)
+    off = 0.0 * on if dark else 0.5 * (chart * room) @ phone * np.linspace(0.3, 1.0, 24)[:, None]  # uneven
+    (shot,) = later("A").shots
+
+    def frame(signal: Floats) -> FrameMeans:
+        y = signal / span
+        error = np.hypot(0.001 * y, 0.0002)
+        mean, still = 512.0 + 9000.0 * (y + error * noise.normal(size=y.shape)), np.zeros_like(y)
+        return FrameMeans(mean, 9000.0 * error, np.full(y.shape, 36), still, still, still, mean[:, [1, 1]])
+
+    means = PatchMeans(frame(on + off), None, frame(off), np.full(3, 512.0), 16383.0)
+    return replace(shot, lamp=read_light("torch"), white=None, means=means)
+
+
+def under_torch(shot: MeasuredShot) -> Capture:
+    return replace(later("A"), shots=(shot,))
+
+
+@pytest.mark.parametrize("frames", [{}, {"dark": "off.dng", "white": "white.dng"}])
+def test_the_torch_needs_a_photo_with_the_torch_off_and_no_white_frame(frames: dict[str, str]) -> None:
+    with pytest.raises(InvalidArgument, match="with the torch off"):
+        measure(Shot("on.dng", "torch", **frames))
+
+
+def test_on_minus_off_is_the_torch_alone() -> None:
+    """Whatever light was there as well: the signals agree within their errors, and the errors of both are in it."""
+    pair, alone = (normalise([torch_shot(dark).means], TABLE) for dark in (False, True))
+    off = (pair.values - alone.values)[pair.used] / np.hypot(pair.standard_error, alone.standard_error)[pair.used]
+    assert 0.6 < np.mean(off**2) < 1.5
+    assert (pair.standard_error > alone.standard_error)[pair.used].mean() > 0.95
+
+
+def test_the_torch_s_spectrum_is_measured_against_a_named_lamp() -> None:
+    """Together with a calibration in daylight: found within its band, and more certain than by the torch alone."""
+    true = read_lamp("LED-B3").values
+    alone, found = (solve(under_torch(torch_shot()), previous=each) for each in (None, previous()))
+    assert [shot.lamp.name for shot in found.capture.shots] == ["torch", "D55"]
+    light, other = (each.ssf.lights[0] for each in (found, alone))
+    assert light is not None
+    assert other is not None
+    assert light.kinds["white-led"] > 0.9
+    assert (np.abs(light.power - true / true.mean()) <= 1.96 * light.std)[SEEN].mean() >= 0.8  # one light
+    assert light.std[SEEN].mean() < other.std[SEEN].mean()
+    made = report(found)
+    assert json.loads(made.result_json)["answer"]["lights"][0]["power"] == light.power.tolist()
+    page = made.html
+    assert any("the light was the phone's torch" in assumption.message for assumption in found.assumptions)
+    assert "<dd>the phone&#39;s torch + D55</dd>" in page
+    assert "Shot 1: the phone&#39;s torch" in page
+    assert "not named" not in page
+    (shot,) = later("A").shots
+    new = replace(later("A"), shots=(replace(shot, photo=replace(shot.photo, sha256="2" * 64)),))
+    again = read_previous(accepted(found)).joined(new)
+    assert [shot.lamp.name for shot in again.shots] == ["auto", "D55"]  # the torch's shot identifies no curves

@@ -1,0 +1,104 @@
+"""Lab, sRGB, adaptation and CIEDE2000 against colour-science; and a calibration that does not load it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from camssf.colorimetry import D65, D65_XY, delta_e00, lab, srgb, under_d65
+from camssf.spectra import camera_names, colour_science
+from camssf.spectra.bundled import observer
+from camssf.spectra.cameras import LIBRARY
+from camssf.spectra.sampled import smooth
+from tests.support.captures import photos
+
+RNG = np.random.default_rng(3)
+XYZ = RNG.uniform(0.0, 1.0, (2000, 3)) ** 3
+WHITE = np.array([1.0985, 1.0, 0.3558])
+
+
+def test_lab_srgb_and_adaptation_are_the_library_s() -> None:
+    colour = colour_science()
+    adapted = colour.chromatic_adaptation(XYZ, WHITE, colour.xy_to_XYZ(np.array(D65_XY)), method="Von Kries")
+    assert np.abs(under_d65(XYZ, WHITE) - adapted).max() < 1e-13
+    d65 = colour.CCS_ILLUMINANTS["CIE 1931 2 Degree Standard Observer"]["D65"]
+    assert tuple(d65) == D65_XY
+    assert np.abs(lab(XYZ, D65) - colour.XYZ_to_Lab(XYZ, d65)).max() < 1e-11
+    assert np.abs(srgb(XYZ) - colour.XYZ_to_sRGB(XYZ, d65)).max() < 1e-12
+    assert np.abs(srgb(XYZ * 1e-3) - colour.XYZ_to_sRGB(XYZ * 1e-3, d65)).max() < 1e-12
+
+
+def test_the_difference_is_the_library_s() -> None:
+    colour = colour_science()
+    pairs = RNG.uniform(-1.0, 1.0, (2, 20_000, 3)) * np.array([50.0, 80.0, 80.0]) + np.array([50.0, 0.0, 0.0])
+    pairs[1, :10_000] = pairs[0, :10_000] + RNG.normal(0.0, 1.0, (10_000, 3))
+    pairs[:, :100, 1:] = 0.0  # greys
+    pairs[0, 100:200, 1:] = 0.0
+    found, expected = delta_e00(*pairs), colour.delta_E(*pairs, method="CIE 2000")
+    assert np.abs(found - expected).max() < 1e-10
+    assert (delta_e00(pairs[0], pairs[0]) == 0).all()
+
+
+SHARMA = (  # of the 34 pairs by which Sharma, Wu and Dalal tell wrong programs: greys, hues that wrap round, 180°
+    ((50.0, 2.6772, -79.7751), (50.0, 0.0, -82.7485), 2.0425),
+    ((50.0, 3.1571, -77.2803), (50.0, 0.0, -82.7485), 2.8615),
+    ((50.0, 0.0, 0.0), (50.0, -1.0, 2.0), 2.3669),
+    ((50.0, -1.0, 2.0), (50.0, 0.0, 0.0), 2.3669),
+    ((50.0, 2.49, -0.001), (50.0, -2.49, 0.0009), 7.1792),
+    ((50.0, 2.49, -0.001), (50.0, -2.49, 0.0010), 7.1792),
+    ((50.0, 2.49, -0.001), (50.0, -2.49, 0.0011), 7.2195),
+    ((50.0, -0.001, 2.49), (50.0, 0.0009, -2.49), 4.8045),
+    ((50.0, -0.001, 2.49), (50.0, 0.0011, -2.49), 4.7461),
+    ((50.0, 2.5, 0.0), (50.0, 0.0, -2.5), 4.3065),
+    ((50.0, 2.5, 0.0), (73.0, 25.0, -18.0), 27.1492),
+    ((60.2574, -34.0099, 36.2677), (60.4626, -34.1751, 39.4387), 1.2644),
+    ((22.7233, 20.0904, -46.6940), (23.0331, 14.9730, -42.5619), 2.0373),
+    ((2.0776, 0.0795, -1.1350), (0.9033, -0.0636, -0.5514), 0.9082),
+)
+
+
+@pytest.mark.parametrize(("one", "other", "difference"), SHARMA)
+def test_the_difference_is_the_published_one(
+    one: tuple[float, ...], other: tuple[float, ...], difference: float
+) -> None:
+    assert delta_e00(np.array(one), np.array(other)) == pytest.approx(difference, abs=5e-5)
+
+
+def test_shipped_tables_are_the_library_s() -> None:
+    colour = colour_science()
+    table = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
+    nm = np.linspace(380, 720, 681)
+    theirs = [np.interp(nm, table.wavelengths, each) for each in np.asarray(table.values).T]
+    assert np.abs(observer("1931").T - theirs).max() < 1e-15
+    assert set(LIBRARY) == set(colour.MSDS_CAMERA_SENSITIVITIES)
+    assert set(LIBRARY) < set(camera_names())
+    uneven = np.sort(RNG.uniform(380, 720, 60))
+    values = RNG.uniform(size=60)
+    theirs = colour.CubicSplineInterpolator(uneven, values)(np.clip(nm, uneven[0], uneven[-1]))
+    assert np.abs(smooth(uneven, values) - theirs).max() < 1e-9
+
+
+@pytest.mark.full
+def test_calibrating_loads_no_colour_science(tmp_path: Path) -> None:
+    """With a truth and a report, too; without a report no matplotlib either."""
+    made = photos()
+    code = (
+        "import json, sys\nfrom camssf.cli import main\n"
+        "call = ['calibrate', sys.argv[1], '--lamp', 'D55', '--white', sys.argv[2], '--basis', 'cameras']\n"
+        "for more in ([], ['--truth', sys.argv[3], '-o', 'out']):\n"
+        "    assert main([*call, *more]) == 0\n"
+        "    print(json.dumps(sorted({name.partition('.')[0] for name in sys.modules})), file=sys.stderr)"
+    )
+    files = [str(path) for path in (made.shots[0].chart, made.shots[0].white, made.truth)]
+    done = subprocess.run(
+        [sys.executable, "-c", code, *files], cwd=tmp_path, capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 0, done.stderr
+    plain, reported = (set(json.loads(line)) for line in done.stderr.splitlines() if line.startswith("["))
+    assert not {"colour", "matplotlib", "pandas", "xarray", "duckdb", "cryptography", "torch"} & plain
+    assert not {"colour", "pandas", "xarray"} & reported

@@ -1,0 +1,243 @@
+"""Between two cameras: limits that can be done by hand, drawing what is not known, the command."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from camssf.colorimetry import KINDS, signals_of
+from camssf.errors import InvalidArgument, LampUnfit
+from camssf.grid import WAVELENGTHS, Floats
+from camssf.spectra import read_chart, read_lamp
+from camssf.spectra.bundled import surfaces
+from camssf_colour import PARTS, Camera, Reference, convert
+from camssf_colour.camera import OwnWhite
+from camssf_colour.reach import MOST, REACH
+from tests.support.problems import bell, measured_cameras, toy_camera
+
+CHART = read_chart("classic24").values
+LAMP = "D55"
+
+
+def power(name: str = LAMP) -> Floats:
+    return read_lamp(name).values
+
+
+def exact(curves: Floats | None = None) -> Camera:
+    curves = toy_camera() if curves is None else curves
+    return Camera("toy", curves / curves.max(axis=0), np.zeros((0, *curves.shape)))
+
+
+def blurred(curves: Floats | None = None, size: float = 0.02) -> Camera:
+    """With two errors of its curves: red too far right, green too wide."""
+    one = exact(curves)
+    modes = np.zeros((2, *one.values.shape))
+    modes[0, :, 0] = size * np.gradient(one.values[:, 0], WAVELENGTHS) * 40
+    modes[1, :, 1] = size * bell(500, 15)
+    return replace(one, modes=modes)
+
+
+def other() -> Camera:
+    return exact(measured_cameras()["Canon EOS 5D"])
+
+
+def known(name: str = LAMP) -> Any:
+    return replace(read_lamp(name), tolerance=0.0)
+
+
+# -- limits that can be done by hand ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("lamp", [LAMP, "FL2", "bulb", "LED-B3"])
+@pytest.mark.parametrize("camera", [exact(), blurred()], ids=["exact", "uncertain"])
+def test_a_camera_to_itself_is_the_identity_without_error(camera: Camera, lamp: str) -> None:
+    """Whatever is not known of its curves and of the lamp: both sides err alike."""
+    y = signals_of(CHART, power("D65"), camera.values)
+    found = convert(camera, replace(camera, name="again"), lamp, y)
+    (conversion,) = found.conversions
+    assert conversion.kind == "matrix"
+    assert np.abs(conversion.coefficients - np.eye(3)).max() < 1e-11
+    assert np.abs(found.signals - y).max() < 1e-11
+    for name in ("curves", "lamp", "noise", "metamers"):
+        assert np.sqrt(np.abs(found.parts[name]).max()) < 1e-9, name
+    assert max(conversion.rms.values()) < 1e-9
+
+
+@pytest.mark.parametrize("lamp", [LAMP, "FL2", "A"])
+def test_curves_that_are_mixtures_give_the_very_matrix(lamp: str) -> None:
+    """s_B = s_A M: white-balanced, y_B = y_A · diag(white_A) M diag(1 / white_B)."""
+    mix = np.array([[0.9, 0.1, 0.0], [0.2, 1.0, 0.1], [0.05, 0.1, 0.8]])
+    source = exact()
+    target = Camera("mixed", source.values @ mix, np.zeros((0, 681, 3)))
+    whites = [power(lamp) @ camera.values for camera in (source, target)]
+    expected = whites[0][:, None] * mix / whites[1]
+    y = signals_of(CHART, power(lamp), source.values)
+    found = convert(source, target, known(lamp), y)
+    assert found.conversions[0].kind == "matrix"
+    assert np.abs(found.conversions[0].coefficients - expected).max() < 1e-10
+    assert np.abs(expected.sum(axis=0) - 1).max() < 1e-12
+    assert np.abs(found.signals - signals_of(CHART, power(lamp), target.values)).max() < 1e-11
+    for name in ("curves", "lamp", "noise", "metamers"):
+        assert np.sqrt(np.abs(found.parts[name]).max()) < 1e-9, name
+    # the reference's error remains: a white that is off by 1 % is so for both cameras
+    sizes = np.sqrt(np.diagonal(found.parts["reference"], axis1=1, axis2=2))
+    assert (sizes[18] > 0.005).all()
+
+
+def test_noise_goes_through_the_matrix() -> None:
+    mix = np.array([[0.9, 0.1, 0.0], [0.2, 1.0, 0.1], [0.05, 0.1, 0.8]])
+    source = exact()
+    target = Camera("mixed", source.values @ mix, np.zeros((0, 681, 3)))
+    y = signals_of(CHART, power(), source.values)
+    found = convert(source, target, known(), y, 0.002)
+    matrix = found.conversions[0].coefficients
+    assert np.abs(found.parts["noise"] - 0.002**2 * matrix.T @ matrix).max() < 1e-12
+
+
+# -- what is not known ------------------------------------------------------------------------------------------
+
+
+def test_white_stays_white_and_more_light_changes_nothing() -> None:
+    for kind in KINDS:
+        found = convert(exact(), other(), LAMP, np.ones(3), kind=kind)
+        conversion = found.conversions[0]
+        assert np.abs(found.signals - 1).max() < 1e-12
+        y = signals_of(CHART, power(), toy_camera())
+        assert np.abs(conversion.apply(0.1 * y) - 0.1 * conversion.apply(y)).max() < 1e-14
+
+
+def test_signals_of_unseen_surfaces_are_nearly_those_of_the_other_camera() -> None:
+    source, target = exact(), other()
+    y, truth = (signals_of(CHART, power(), camera.values) for camera in (source, target))
+    found = convert(source, target, known(), y)
+    before, after = (np.sqrt(np.mean((each - truth) ** 2)) for each in (y, found.signals))
+    assert after < 0.5 * before
+    off = found.signals - truth
+    # without the reference's part: this reference was exact
+    spread = found.covariance - found.parts["reference"]
+    chi = np.einsum("mc,mc->m", off[:18], np.linalg.solve(spread[:18], off[:18, :, None])[..., 0])
+    assert np.mean(chi < 7.815) > 0.85
+    conversion = found.conversions[0]
+    assert conversion.rms[conversion.kind] == min(conversion.rms.values())
+    assert conversion.rms["root-polynomial"] < conversion.rms["matrix"]
+
+
+def test_parts_add_up_and_are_covariances() -> None:
+    y = signals_of(CHART, power("A"), toy_camera())
+    found = convert(blurred(), blurred(other().values), "A", y, 0.01 * y)
+    assert tuple(found.parts) == PARTS
+    assert np.abs(found.covariance - sum(found.parts.values())).max() < 1e-15
+    assert (np.linalg.eigvalsh(found.covariance) > 0).all()
+
+
+@pytest.mark.parametrize("side", ["source", "target"])
+def test_the_curves_part_is_what_drawing_curves_gives(side: str) -> None:
+    """Of either camera."""
+    cameras = {"source": exact(), "target": other()}
+    true = cameras[side].values
+    y = signals_of(CHART[:6], power("LED-B3"), cameras["source"].values)
+    unsure = blurred(true, 0.01)
+    lamp = known("LED-B3")
+    found = convert(**(cameras | {side: unsure}), lamp=lamp, signals=y, kind="matrix")
+    assert not found.parts["lamp"].any()
+    rng = np.random.default_rng(5)
+    drawn = []
+    for _ in range(200):
+        values = true + np.einsum("q,qmc->mc", rng.normal(size=2), unsure.modes)
+        drawn.append(convert(**(cameras | {side: exact(values)}), lamp=lamp, signals=y, kind="matrix").signals)
+    ours, theirs = np.sqrt(np.diagonal(found.parts["curves"], axis1=1, axis2=2)), np.std(drawn, axis=0)
+    assert np.abs(ours - theirs).max() < 0.2 * theirs.max()
+
+
+def test_the_lamp_part_is_what_drawing_lamps_gives() -> None:
+    source, target = exact(), other()
+    lamp = replace(known("bulb"), modes=0.5 * read_lamp("bulb").modes)
+    y = signals_of(CHART[:6], lamp.values, source.values)
+    found = convert(source, target, lamp, y, kind="matrix")
+    rng = np.random.default_rng(5)
+    drawn = []
+    for _ in range(200):
+        values = lamp.values * (1 + rng.normal(size=len(lamp.modes)) @ lamp.modes)
+        drawn.append(
+            convert(source, target, replace(lamp, values=values, modes=lamp.modes[:0]), y, kind="matrix").signals
+        )
+    ours, theirs = np.sqrt(np.diagonal(found.parts["lamp"], axis1=1, axis2=2)), np.std(drawn, axis=0)
+    assert np.abs(ours - theirs).max() < 0.15 * theirs.max()
+
+
+def test_metamers_are_what_unseen_surfaces_miss() -> None:
+    source, target = exact(), other()
+    y, truth = (signals_of(surfaces(), power(), camera.values) for camera in (source, target))
+    chunks = [convert(source, target, known(), y[i : i + MOST]) for i in range(0, len(y), MOST)]
+    covariance = np.concatenate([chunk.parts["metamers"] for chunk in chunks])
+    conversion = chunks[0].conversions[0]
+    missed = conversion.residual * y.mean(axis=1, keepdims=True)
+    chi = np.einsum("mc,mc->m", missed, np.linalg.solve(covariance, missed[..., None])[..., 0])
+    assert 0.9 < np.mean(chi < 7.815) < 0.99
+    assert np.sqrt(np.mean((conversion.apply(y) - truth) ** 2)) < conversion.rms[conversion.kind]
+
+
+# -- lamps, white, reach ----------------------------------------------------------------------------------------
+
+
+def owned(camera: Camera, name: str = LAMP) -> Camera:
+    raw = power(name) @ camera.values
+    return replace(camera, own=OwnWhite(raw / raw[1], read_lamp(name)))
+
+
+def test_whites_balance_and_unbalance() -> None:
+    """Raw signals of A over A's white → converted → times B's white are B's raw signals."""
+    source, target = owned(exact(), "A"), owned(other(), "D65")
+    y = signals_of(CHART, power("FL2"), source.values)
+    conversion = convert(source, target, "FL2", y).conversions[0]
+    for white, camera in zip(conversion.whites, (source, target), strict=True):
+        raw = power("FL2") @ camera.values
+        assert np.abs(white / (raw / raw[1]) - 1).max() < 1e-12
+    lone = convert(source, other(), "FL2", y).conversions[0].whites
+    assert np.isnan(lone[1]).all()
+    assert np.isfinite(lone[0]).all()
+
+
+def test_auto_weighs_the_kinds() -> None:
+    source, target = owned(blurred(size=0.005)), other()
+    y, raw = signals_of(CHART[:18], power("D75"), source.values), power("D75") @ source.values
+    found = convert(source, target, "auto", y, reference=Reference(raw=raw))
+    assert [name for name, _ in found.lamps] == ["daylight", "bulb", "white-led", "fluorescent"]
+    assert sum(weight for _, weight in found.lamps) == pytest.approx(1)
+    named = convert(source, target, "D75", y, reference=Reference(raw=raw))
+    assert np.abs(found.signals - named.signals).max() < 0.03
+    assert np.trace(found.parts["lamp"].mean(axis=0)) > np.trace(named.parts["lamp"].mean(axis=0))
+    assert np.abs(found.covariance - sum(found.parts.values())).max() < 1e-15
+    with pytest.raises(InvalidArgument, match="lamp is unknown"):
+        convert(source, target, "auto", y)
+    with pytest.raises(LampUnfit, match="not white under A"):
+        convert(source, target, "A", y, reference=Reference(raw=raw))
+
+
+@pytest.mark.parametrize(("signal", "far"), [((0.4, 0.2, 0.1), False), ((0.02, 0.9, 0.02), True)])
+def test_signals_that_no_surface_gives_are_found_out(signal: tuple[float, ...], far: bool) -> None:
+    found = convert(blurred(size=0.005), other(), LAMP, np.array(signal), 0.002)
+    assert (found.reach[0] > REACH) == far
+
+
+@pytest.mark.parametrize("wrong", [np.ones(2), np.array([[1.0, np.nan, 1.0]]), np.ones((1, 1, 3))])
+def test_signals_that_are_none_are_refused(wrong: Floats) -> None:
+    with pytest.raises(InvalidArgument, match="Signals"):
+        convert(exact(), other(), LAMP, wrong)
+
+
+def test_what_cannot_be_converted_is_refused() -> None:
+    with pytest.raises(InvalidArgument, match="no transform"):
+        convert(exact(), other(), LAMP, np.ones(3), kind="cube")
+    with pytest.raises(InvalidArgument, match="standard error"):
+        convert(exact(), other(), LAMP, np.ones(3), -1.0)
+    twins = exact()
+    twins.values[:, 1] = twins.values[:, 0]
+    with pytest.raises(InvalidArgument, match="No conversion"):
+        convert(twins, other(), LAMP, np.ones(3))
+    ultraviolet = replace(read_lamp(LAMP), values=np.where(WAVELENGTHS < 381, 1.0, 0.0), tolerance=0.0)
+    blind = other()
+    blind.values[WAVELENGTHS < 400] = 0.0
+    with pytest.raises(InvalidArgument, match="no response"):
+        convert(exact(), blind, ultraviolet, np.ones(3))

@@ -1,0 +1,377 @@
+"""Pictures in standard colour: against LibRaw, Pillow and littleCMS, `standard_colour`, and the noise itself."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+from dataclasses import replace
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rawpy
+import tifffile
+from PIL import Image, ImageCms, ImageOps
+
+from camssf import cli
+from camssf.colorimetry import delta_e00, lab, signals_of, white_of
+from camssf.documents.document import document_bytes
+from camssf.documents.forms import from_plain, to_plain
+from camssf.documents.schema import schema
+from camssf.errors import InvalidArgument
+from camssf.grid import WAVELENGTHS, Floats
+from camssf.photo.read.colour_matrix import ColourMatrix
+from camssf.photo.read.dng import Mosaic
+from camssf.recovery.basis import read_basis
+from camssf.recovery.onnx_model import onnx_runtime
+from camssf.result import Result
+from camssf.spectra import read_chart, read_lamp
+from camssf.spectra.bundled import observer
+from camssf_colour import Camera, Reference, View, standard_colour
+from camssf_colour.camera import OwnWhite
+from camssf_colour.demosaic import demosaic, noise_shares
+from camssf_colour.picture import (
+    SPACES,
+    XYZ_ONE,
+    StandardPicture,
+    WhiteSignal,
+    standard_picture,
+    upright,
+    white_of_region,
+)
+from camssf_colour.picture_comparison import matrix_of_file
+from camssf_colour.picture_document import PictureDocument
+from camssf_colour.picture_file import write_picture
+from camssf_colour.picture_strip import CLIPPED, OUT_OF_REACH, PER_UNIT, StripInputs, picture_strip
+from camssf_colour.regions import measure_regions
+from camssf_colour.standard import of_surfaces
+from camssf_lab.simulation.camera import Sensor, count
+from camssf_lab.simulation.scene import Scene
+from tests.support.documents import document
+from tests.support.scenes import mosaic
+from tests.support.schemas import check_schema
+
+CHART = read_chart("classic24").values.copy()
+CHART[18] = 0.9  # the reference
+SENSOR = Sensor(full_well=1e9, read_noise=0.0)
+LAMP, SIDE = "D65", 16
+
+
+@cache
+def camera() -> Camera:
+    """A phone like the mean of those that the basis knows, with errors of 2 % over 15 nm, calibrated under D55."""
+    mean = read_basis("phones").mean.T
+    centres = np.arange(400.0, 700.0, 30.0)
+    bells = 0.02 * np.exp(-0.5 * ((WAVELENGTHS - centres[:, None]) / 15.0) ** 2)
+    modes = (bells[:, None, :, None] * np.eye(3)[:, None, :]).reshape(-1, WAVELENGTHS.size, 3)
+    return Camera("phone", mean / mean.max(axis=0), modes, OwnWhite(np.array([0.55, 1.0, 0.7]), read_lamp("D55")))
+
+
+def scene(cfa: str = "RGGB", sensor: Sensor = SENSOR, lamp: str = LAMP, **changes: Any) -> Mosaic:
+    """The 24 patches in rows of six, SIDE pixels each; patch 18 is the white."""
+    own = camera().own
+    assert own is not None
+    raw = (CHART * read_lamp(lamp).values) @ camera().values * own.raw / (own.lamp.values @ camera().values)
+    raw *= 0.8 * (sensor.white_level - sensor.black) / raw.max()
+    blocks = raw.reshape(4, 6, 3).repeat(SIDE, axis=0).repeat(SIDE, axis=1)
+    light = np.empty(blocks.shape[:2], dtype=np.float32)
+    for place, letter in enumerate(cfa):
+        rows, columns = slice(place // 2, None, 2), slice(place % 2, None, 2)
+        light[rows, columns] = blocks[rows, columns, "RGB".index(letter)]
+    return replace(mosaic(count(light, sensor, np.random.default_rng(1)), replace(sensor, cfa=cfa)), **changes)
+
+
+def white(photo: Mosaic) -> WhiteSignal:
+    (region,) = measure_regions(photo, [(1.0, 3.0 * SIDE + 1.0, SIDE - 2.0, SIDE - 2.0)])
+    return white_of_region(region, 0.9)
+
+
+def whole(made: StandardPicture) -> tuple[Floats, Floats]:
+    pixels, layer = (np.concatenate(strips) for strips in zip(*made.strips(), strict=True))
+    return pixels, layer
+
+
+def inner(pixels: Floats) -> Floats:
+    """(24, n, 3) the pixels of each patch that no neighbour reaches."""
+    side = pixels.shape[0] // 4
+    blocks = pixels.reshape(4, side, 6, side, 3)[:, side // 4 : -side // 4, :, side // 4 : -side // 4]
+    return blocks.transpose(0, 2, 1, 3, 4).reshape(24, -1, 3)
+
+
+# -- demosaicing --------------------------------------------------------------------------------------------------
+
+
+def test_a_smooth_picture_is_demosaiced_as_libraw_does_it(tmp_path: Path) -> None:
+    """By bilinear interpolation, with which the filters agree where nothing is sharp."""
+    y, x = np.mgrid[0:64, 0:96]
+    colours = 3000.0 + np.stack([20 * x + 10 * y, 15 * y + 5 * x, 1500 - 12 * x + 0 * y], axis=-1)
+    samples = np.empty(x.shape, np.uint16)
+    for place, letter in enumerate("RGGB"):
+        rows, columns = slice(place // 2, None, 2), slice(place % 2, None, 2)
+        samples[rows, columns] = colours[rows, columns, "RGB".index(letter)]
+    tags = [
+        (33421, 3, 2, (2, 2), True), (33422, 1, 4, bytes((0, 1, 1, 2)), True),
+        (50706, 1, 4, bytes((1, 4, 0, 0)), True), (50717, 4, 1, 65535, True),
+    ]  # fmt: skip
+    path = tmp_path / "smooth.dng"
+    tifffile.imwrite(path, samples, photometric="cfa", metadata=None, extratags=tags)
+    with rawpy.imread(str(path)) as raw:
+        theirs = raw.postprocess(
+            demosaic_algorithm=rawpy.DemosaicAlgorithm.LINEAR, output_color=rawpy.ColorSpace.raw, gamma=(1, 1),
+            no_auto_bright=True, no_auto_scale=True, user_wb=[1, 1, 1, 1], output_bps=16,
+        )  # fmt: skip
+    ours = np.moveaxis(demosaic(samples.astype(float).reshape(32, 2, 48, 2)).reshape(3, 60, 92), 0, 2)
+    assert np.abs(ours - theirs[2:-2, 2:-2]).max() < 12  # LibRaw's whole numbers, and its plain means of a slope
+
+
+def test_the_noise_of_colours_is_what_the_filters_make_of_the_samples() -> None:
+    samples = np.random.default_rng(2).normal(size=(300, 2, 300, 2)) * np.array([[1.0, 2.0], [2.0, 3.0]])[:, None, :]
+    assert np.cov(demosaic(samples).reshape(3, -1)) == pytest.approx(noise_shares() @ (1.0, 4.0, 9.0), rel=0.02)
+
+
+@pytest.mark.parametrize("cfa", ["GRBG", "GBRG", "BGGR"])
+def test_the_order_of_the_colours_does_not_change_the_picture(cfa: str) -> None:
+    plain, other = (
+        inner(whole(standard_picture(camera(), LAMP, photo, white=white(photo)))[0])
+        for photo in (scene(), scene(cfa))
+    )
+    assert np.abs(plain.astype(int) - other).max() < 100  # of 65,535: whole samples
+
+
+# -- colours ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.requirement("R-COLOUR")
+@pytest.mark.parametrize("space", SPACES)
+def test_patches_have_the_colours_of_standard_colour(space: str) -> None:
+    """And of the truth, by the curves' own camera."""
+    photo = scene()
+    made = standard_picture(camera(), LAMP, photo, white=white(photo), space=space)
+    numbers, own = inner(whole(made)[0]).mean(axis=1), made.space
+    xyz = numbers / XYZ_ONE if own.primaries is None else linear(numbers) @ own.to_xyz.T
+    against = white_of(read_lamp(own.white).values) if own.primaries is None else own.to_xyz.sum(axis=1)
+    y = signals_of(CHART, read_lamp(LAMP).values, camera().values)
+    theirs = standard_colour(camera(), LAMP, y, reference=Reference(), view=View(white=own.white)).lab
+    inside = np.ones(24, bool)
+    inside[17] = space != "srgb"  # cyan is none of its colours
+    assert delta_e00(lab(xyz, against), theirs)[inside].max() < 0.5
+
+
+def linear(numbers: Floats) -> Floats:
+    """RGB before the curve of sRGB (IEC 61966-2-1)."""
+    encoded = numbers / 65535.0
+    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+
+
+def test_the_uncertainty_is_that_of_standard_colour_with_the_noise_of_a_pixel() -> None:
+    sensor = Sensor()
+    photo = scene(sensor=sensor)
+    signal = white(photo)
+    layer = inner(whole(standard_picture(camera(), LAMP, photo, white=signal))[1]).mean(axis=1) / PER_UNIT
+    y = signals_of(CHART, read_lamp(LAMP).values, camera().values)
+    assert signal.photon_noise is not None
+    noise = np.sqrt(signal.photon_noise * y * np.diagonal(noise_shares().sum(axis=2)))
+    theirs = standard_colour(camera(), LAMP, y, noise, reference=signal.reference, view=View(white="D65"))
+    ratio = layer / np.sqrt(np.diagonal(theirs.lab_covariance, axis1=1, axis2=2))
+    assert np.abs(np.log(np.median(ratio, axis=0))).max() < 0.25
+    assert ratio.min() > 0.5
+    assert ratio.max() < 2.5
+
+
+def test_pixels_scatter_as_their_noise_says() -> None:
+    photo = scene(sensor=Sensor())
+    sure = replace(camera(), modes=camera().modes[:0])
+    made = standard_picture(sure, LAMP, photo, white=white(photo), space="xyz-d65")
+    pixels, layer = whole(made)
+    scattered = lab(inner(pixels) / XYZ_ONE, white_of(read_lamp("D65").values)).std(axis=1)
+    stated = inner(layer).mean(axis=1) / PER_UNIT
+    assert (scattered < 1.2 * stated).all()  # the rest of the stated one is the same for all pixels of a patch
+
+
+def test_without_a_reference_the_calibration_balances_and_is_less_sure() -> None:
+    photo = scene("RGGB")
+    known = standard_picture(camera(), "D55", photo, space="xyz-d65")
+    assert not known.white.from_reference
+    assert known.white.raw.max() == pytest.approx(photo.white - 512.0)
+    with_reference = standard_picture(camera(), LAMP, photo, white=white(photo), space="xyz-d65")
+    assert np.median(whole(known)[1]) > np.median(whole(with_reference)[1])
+
+
+def test_clipped_samples_and_colours_of_no_surface_are_marked() -> None:
+    photo = scene()
+    photo.samples[20, 20] = int(photo.white)
+    photo.samples[40:48, 40:48] = 512
+    photo.samples[40:48:2, 41:48:2] = photo.samples[41:48:2, 40:48:2] = 9000  # green alone
+    pixels, layer = whole(standard_picture(camera(), LAMP, photo, white=white(photo)))
+    reached = (pixels == 65535).all(axis=2)
+    assert reached[18:23, 18:23].all()
+    assert reached.sum() == 25
+    assert (layer == CLIPPED).all(axis=2).sum() == 9
+    assert (layer[21:23, 21:23] == OUT_OF_REACH).all()
+
+
+# -- the file -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_the_picture_is_upright(orientation: int) -> None:
+    """As Pillow turns it."""
+    image = Image.fromarray(np.random.default_rng(3).integers(0, 255, (6, 10, 3), dtype=np.uint8))
+    exif = Image.Exif()
+    exif[274] = orientation
+    data = io.BytesIO()
+    image.save(data, "PNG", exif=exif)
+    theirs = ImageOps.exif_transpose(Image.open(data))
+    assert (upright(np.asarray(image), orientation) == np.asarray(theirs)).all()
+    photo = replace(scene(), orientation=orientation)
+    plain = standard_picture(camera(), LAMP, scene(), white=white(scene()))
+    turned = standard_picture(camera(), LAMP, photo, white=white(photo))
+    assert (whole(turned)[0] == upright(whole(plain)[0], orientation)).all()
+    assert whole(turned)[0].shape[:2] == turned.size
+
+
+@pytest.mark.parametrize("space", ["srgb", "display-p3"])
+@pytest.mark.parametrize("name", ["picture.png", "picture.tif"])
+def test_colour_management_reads_the_colours_that_are_meant(name: str, space: str, tmp_path: Path) -> None:
+    """littleCMS, from the file's own profile to Lab (D50)."""
+    photo = scene()
+    made = standard_picture(camera(), LAMP, photo, white=white(photo), space=space)
+    write_picture(made, tmp_path / name, "{}", 8 if name.endswith("png") else 16)
+    image = Image.open(tmp_path / name)
+    profile = ImageCms.ImageCmsProfile(io.BytesIO(image.info["icc_profile"]))
+    to_lab = ImageCms.buildTransform(profile, ImageCms.createProfile("LAB"), "RGB", "LAB", renderingIntent=1)
+    read = inner(np.asarray(ImageCms.applyTransform(image.convert("RGB"), to_lab)).astype(np.uint8))
+    numbers = np.stack([read[..., 0] / 2.55, *(read[..., k].astype(np.int8).astype(float) for k in (1, 2))], axis=-1)
+    y = signals_of(CHART, read_lamp(LAMP).values, camera().values)
+    theirs = standard_colour(camera(), LAMP, y, view=View(white="D50")).lab
+    inside = np.arange(24) != (17 if space == "srgb" else -1)
+    off = delta_e00(numbers.mean(axis=1), theirs)[inside]
+    assert np.median(off) < 1.0  # littleCMS's Lab has whole numbers here
+    assert off.max() < 2.5
+
+
+def test_png_and_tiff_hold_the_same_numbers_and_words(tmp_path: Path) -> None:
+    import cv2
+
+    photo = scene()
+    made = standard_picture(camera(), LAMP, photo, white=white(photo))
+    pixels, layer = whole(made)
+    for name in ("one.png", "two.tif"):
+        written = write_picture(made, tmp_path / name, json.dumps({"camera": "é"}))
+        for path, numbers in ((written.picture, pixels), (written.uncertainty, layer)):
+            assert (cv2.cvtColor(cv2.imread(str(path), cv2.IMREAD_UNCHANGED), cv2.COLOR_BGR2RGB) == numbers).all()
+    with tifffile.TiffFile(tmp_path / "two.tif") as tiff:
+        assert json.loads(tiff.pages[0].description) == {"camera": "é"}
+    assert json.loads(Image.open(tmp_path / "one.png").text["Description"]) == {"camera": "é"}
+    assert "no surface" in Image.open(tmp_path / "one.uncertainty.png").text["Description"]
+
+
+@pytest.mark.parametrize(
+    ("name", "space", "bits"),
+    [("picture.jpg", "srgb", 8), ("picture.tif", "srgb", 8), ("picture.png", "xyz-d50", 8),
+     ("picture.png", "srgb", 12), ("nowhere/picture.png", "srgb", 16)],
+)  # fmt: skip
+def test_what_cannot_be_written_leaves_nothing(name: str, space: str, bits: int, tmp_path: Path) -> None:
+    made = standard_picture(camera(), "D55", scene(), space=space)
+    with pytest.raises(InvalidArgument):
+        write_picture(made, tmp_path / name, "{}", bits)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_file_s_matrices_give_the_colours_of_its_camera() -> None:
+    """If the camera is an observer, and the matrix is its own."""
+    seen = observer("1931")
+    photo = replace(scene(), colour_matrices=(ColourMatrix("D65", tuple(np.eye(3).ravel())),))
+    y = signals_of(CHART, read_lamp("D65").values, seen)
+    white_xyz = white_of(read_lamp("D65").values)
+    relative = y @ matrix_of_file(photo, white_xyz).T
+    assert lab(relative, np.ones(3)) == pytest.approx(
+        of_surfaces(CHART, read_lamp("D65").values, View())[1], abs=0.05
+    )
+    with pytest.raises(InvalidArgument, match="colour matrix"):
+        matrix_of_file(scene(), white_xyz)
+
+
+# -- the model ----------------------------------------------------------------------------------------------------
+
+
+def test_the_model_computes_the_same_strip() -> None:
+    photo = scene(sensor=Sensor())
+    made = standard_picture(camera(), LAMP, photo, white=white(photo))
+    rng = np.random.default_rng(4)
+    strip = StripInputs(
+        rng.uniform(-0.01, 1.1, (5, 2, 7, 2)), (rng.uniform(size=(5, 2, 7, 2)) > 0.95).astype(float),
+        rng.uniform(1.0, 2.0, (5, 2, 7, 2)), np.full(3, 1e-3), made.matrix, np.array(1.0),
+    )  # fmt: skip
+    session = onnx_runtime().InferenceSession(files("camssf").joinpath("data", "surfaces-picture.onnx").read_bytes())
+    theirs = session.run(["picture", "uncertainty"], vars(strip) | vars(made.table))
+    for ours, other in zip(picture_strip(strip, made.table), theirs, strict=True):
+        assert np.abs(ours - other).max() < 1e-6
+
+
+# -- the command --------------------------------------------------------------------------------------------------
+
+
+def test_the_command_says_what_is_missing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "photo.jpg").write_bytes(b"\xff\xd8\xff\xe0 no raw")
+    (tmp_path / "result.json").write_bytes(document_bytes(document()))
+    command = ["picture", str(tmp_path / "result.json"), str(tmp_path / "photo.jpg"), "-o", str(tmp_path / "out.png")]
+    assert cli.main(command) == 2
+    assert "--white-region" in capsys.readouterr().err
+    assert cli.main([*command, "--lamp", "daylight", "--region", "1,1,20,20"]) == 2
+    assert "--compare" in capsys.readouterr().err
+    assert cli.main([*command, "--lamp", "daylight"]) != 0
+    assert "photo.jpg" in capsys.readouterr().err
+    assert cli.main([*command, "--lamp", "auto"]) != 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["photo.jpg", "result.json"]
+
+
+@pytest.mark.full
+def test_the_command_writes_the_picture_of_a_simulated_photo(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of another light than the calibration's, and refuses the photo of another camera."""
+    from camssf.calibration import attempt
+    from camssf_lab.simulation.frames import simulate
+
+    made = simulate("Nikon 5100 (NPL)", ["D55", "A"], tmp_path, scene=Scene(size=(900, 675)), seed=3)
+    result = attempt([made.shots[0].shot])
+    (tmp_path / "result.json").write_bytes(document_bytes(result))
+    outline = result.capture.shots[0].pose.patches[18]
+    x, y = outline.min(axis=0) + 12
+    command = ["picture", str(tmp_path / "result.json"), str(tmp_path / "chart-A.dng"), "-o", str(tmp_path / "a.png")]
+    assert cli.main([*command, "--lamp", "bulb", "--white-region", f"{x:.0f},{y:.0f},56,56,0.9"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert to_plain(from_plain(said, PictureDocument, "it", "")) == said
+    check_schema(schema(PictureDocument))
+    assert json.loads(Image.open(tmp_path / "a.png").text["Description"]) == said
+    assert said["white"]["source"] == "reference"
+    patch = outline_of(result, 14)
+    seen = np.asarray(Image.open(tmp_path / "a.png"))[patch].reshape(-1, 3).mean(axis=0)
+    assert seen[0] > 2 * max(seen[1:])  # the red one
+    other = tmp_path / "other"
+    twin = simulate("Canon EOS 5D Mark II", ["D55"], other, scene=Scene(size=(900, 675)), seed=3)
+    assert cli.main([*command[:2], str(other / "chart.dng"), *command[3:], "--lamp", "D55"]) != 0
+    assert "Canon" in capsys.readouterr().err
+    (other / "result.json").write_bytes(document_bytes(attempt([twin.shots[0].shot])))
+    pair = ["picture", str(tmp_path / "result.json"), str(tmp_path / "chart-D55.dng"), "--lamp", "D55", "-o"]
+    pair += [str(tmp_path / "scene.html"), "--compare", str(other / "result.json"), str(other / "chart.dng")]
+    white = ["--white-region", f"{x:.0f},{y:.0f},56,56,0.9"]
+    assert cli.main([*pair, *white]) == 2
+    assert "--region" in capsys.readouterr().err
+    low = result.capture.shots[0].pose.patches[1].min(axis=0) + 14
+    assert cli.main([*pair, *white, "--region", f"{low[0]:.0f},{low[1]:.0f},50,50"]) == 0
+    page = (tmp_path / "scene.html").read_text("utf-8")
+    assert page.count("data:image/jpeg") == 4
+    (row,) = re.findall(r'<tr><th scope="row">1</th><td>([\d.]+)</td><td>([\d.]+)</td>', page)
+    assert float(row[1]) < 2.0
+
+
+def outline_of(result: Result, patch: int) -> tuple[slice, slice]:
+    corners = result.capture.shots[0].pose.patches[patch]
+    low, high = corners.min(axis=0).astype(int) + 15, corners.max(axis=0).astype(int) - 15
+    return slice(low[1], high[1]), slice(low[0], high[0])

@@ -1,0 +1,346 @@
+"""The reader and the writer of documents, "camssf/2": nothing is lost, and every fault is named by its place."""
+
+import copy
+import json
+import re
+from collections.abc import Callable
+from dataclasses import fields, is_dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any, get_args, get_type_hints
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from camssf.documents import forms
+from camssf.documents.document import ADVICE, answer_in, document_bytes, read_document
+from camssf.documents.schema import described, schema
+from camssf.errors import InvalidArgument
+from camssf.report.build import report
+from camssf.result import Result
+from tests.support.documents import covariance, document, refused, unnamed, unplaced
+
+SYNTHETIC: dict[str, Callable[[], Result]] = {
+    "one shot": document,
+    "two shots": lambda: document("D55", "A"),
+    "an unnamed light": unnamed,
+    "refused": refused,
+    "refused, measured": lambda: refused(shots=True),
+    "refused, not placed": unplaced,
+}
+
+
+@cache
+def written(made: Result) -> bytes:
+    return document_bytes(made)
+
+
+def plain(made: Result) -> Any:
+    """The result as JSON, free to be changed: without the hash of its content."""
+    found = json.loads(written(made))
+    del found["sha256"]
+    return found
+
+
+def read(value: Any) -> Result:
+    """The result of JSON."""
+    return forms.from_plain(value, Result, "x.json", ADVICE)
+
+
+def shuffled(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: shuffled(value[key]) for key in sorted(value, reverse=True)}
+    return [shuffled(entry) for entry in value] if isinstance(value, list) else value
+
+
+@pytest.mark.parametrize("make", SYNTHETIC.values(), ids=SYNTHETIC)
+def test_what_is_written_is_read_back_and_written_to_the_same_bytes(
+    make: Callable[[], Result], tmp_path: Path
+) -> None:
+    data = document_bytes(make())
+    (tmp_path / "result.json").write_bytes(data)
+    again = read_document(tmp_path / "result.json", Result)
+    assert document_bytes(again) == data
+    assert document_bytes(read(shuffled(json.loads(data)))) == data  # its hash holds for whatever order of the keys
+    assert data.endswith(b"}\n")
+
+
+def test_a_result_that_was_read_gives_the_same_report() -> None:
+    assert report(read(plain(document()))) == report(document())
+
+
+def test_arrays_of_numbers_stand_on_one_line() -> None:
+    lines = document_bytes(document()).decode().splitlines()
+    # curves, std, truth: 3 lines each; covariance; lamp; chart
+    assert sum(line.count(",") >= 680 for line in lines) == 12
+    assert len(lines) < 400
+
+
+def test_every_digit_of_the_covariance_is_kept() -> None:
+    """Entry (i, j), j <= i, is number i (i + 1) / 2 + j."""
+    found = plain(document())["answer"]["code_covariance"]
+    i, j = np.tril_indices(72)
+    assert np.array_equal(np.array(found)[i * (i + 1) // 2 + j], covariance()[i, j])
+    assert len(found) == 72 * 73 // 2
+    again = answer_in(document()).covariance
+    assert again is not None
+    assert np.array_equal(again[i, j], covariance()[i, j])
+    assert np.array_equal(again, again.T)
+
+
+# -- faults -----------------------------------------------------------------------------------------------------
+
+SHOT = "capture.shots.0."
+MEAN = SHOT + "means.chart.mean"
+TAKE_OUT = object()
+FAULTS: list[tuple[str, Any, str]] = [
+    ("l2", 1, 'the document has the unknown key "l2"'),
+    ("answer.x\n" + "y" * 200, 1, 'answer has the unknown key "x\\n' + "y" * 76 + "."),
+    (SHOT + "means.chart.meen", [], 'capture.shots[0].means.chart has the unknown key "meen"'),
+    ("answer.l2", TAKE_OUT, "answer lacks l2"),
+    ("version", TAKE_OUT, "the document lacks version"),
+    (SHOT + "photo.sha256", TAKE_OUT, "capture.shots[0].photo lacks sha256"),
+    ("answer.l2", True, "answer.l2 must be a number, is true"),
+    ("answer.l2", "1", 'answer.l2 must be a number, is "1"'),
+    ("answer.l2", None, "answer.l2 must be a number, is null"),
+    ("answer.l2", -1, "answer.l2 must lie between 0 and 1e+12, is -1"),
+    ("answer.l2", 1e300, "answer.l2 must lie between 0 and 1e+12, is 1e+300"),
+    ("answer.l2", 10**5000, "answer.l2 must be a number, is too large"),
+    ("answer.evidence", 1e13, "answer.evidence must lie between -1e+12 and 1e+12"),
+    ("answer.gamma.0", True, "answer.gamma[0] must be a number from 0 to 1e+12, is true"),
+    (MEAN + ".3.1", "6", 'capture.shots[0].means.chart.mean[3][1] must be a number from -1e+12 to 1e+12, is "6"'),
+    (MEAN + ".3.1", None, "capture.shots[0].means.chart.mean[3][1] must be a number from -1e+12 to 1e+12, is null"),
+    (MEAN + ".3.1", [1], "capture.shots[0].means.chart.mean[3][1] must be a number from -1e+12 to 1e+12, is a list"),
+    (MEAN + ".3.1", 10**400, "capture.shots[0].means.chart.mean[3][1] must be a number"),
+    (MEAN + ".3", [0.1, 0.2], "capture.shots[0].means.chart.mean[3] must hold 3 entries, holds 2"),
+    (MEAN + ".3", {}, "capture.shots[0].means.chart.mean[3] must be a list, is an object"),
+    (MEAN, [], "capture.shots[0].means.chart.mean must not be empty"),
+    (MEAN, [[1.0, 1.0, 1.0]], "capture.shots[0].means.chart.mean must hold 24 rows, one a patch"),
+    (SHOT + "means.chart.clipped.3.1", 1.5, "means.chart.clipped[3][1] must be a number from 0 to 1, is 1.5"),
+    (SHOT + "means.chart.count.3.1", 9.5, "means.chart.count[3][1] must be a whole number from 1 to 1e+15, is 9.5"),
+    (SHOT + "means.saturation", 12.0, "capture.shots[0].means.saturation must lie above black"),
+    (SHOT + "means.white", TAKE_OUT, "capture.shots[0].means lacks white"),
+    (SHOT + "means.white", None, "capture.shots[0].white must be there as a photo and as means, or not at all"),
+    ("answer.finish_steps", [0], 'answer has the unknown key "finish_steps"'),
+    ("answer.proof.finish_steps.0", 1.5, "answer.proof.finish_steps[0] must be a whole number from 0 to 1e+12"),
+    ("answer.proof.finish_steps.0", -1, "answer.proof.finish_steps[0] must be a whole number from 0 to 1e+12, is -1"),
+    ("answer.proof.finish_steps", [0, 0, 0], "answer.proof must hold one number a problem, 1 or 3 of them"),
+    ("answer.proof.layers_gap", [0.0, 0.0], "answer.proof must hold one number a problem, 1 or 3 of them"),
+    ("answer.curves.red", [0.5], "answer.curves.red must hold 681 entries, holds 1"),
+    ("answer.curves.green", [0.5] * 681, "answer.curves.green must have peak 1, has 0.5"),
+    ("answer.code_covariance", [1.0] * 7, "answer.code_covariance must be the triangle of a matrix of 3 r rows"),
+    ("answer.code_covariance", [1.0] * 10, "answer.code_covariance must be the triangle of a matrix of 3 r rows"),
+    ("answer.code_covariance.5", -1e-9, "answer.code_covariance[5] must not be negative, it is a variance"),
+    ("answer.used.0.3", 1, "answer.used[0][3] must be true or false, is 1"),
+    ("answer.used.0", [True], "answer.used must hold 24 patches of 1 shots"),
+    ("answer.predicted.0.7.2", None, "answer.predicted[0][7][2] must be a number from -1e+12 to 1e+12, is null"),
+    ("answer.unseen.0.7", [1.0, None, 1.0], "answer.unseen[0][7][1] must be a number from -1e+12 to 1e+12, is null"),
+    ("answer.engine", "mine", 'answer.engine must be "onnx" or "reference", is "mine"'),
+    ("answer.choice.1.probability", 1.2, "answer.choice[1].probability must lie between 0 and 1, is 1.2"),
+    ("answer", TAKE_OUT, "answer is missing, but the verdict is doubtful"),
+    ("verdict", TAKE_OUT, "answer is there, but there is no verdict"),
+    ("capture", TAKE_OUT, "the document lacks capture"),
+    ("verdict.status", "splendid", 'verdict.status must be "accepted" or "doubtful" or "refused", is "splendid"'),
+    ("verdict.status", "refused", "answer is there, but the verdict is refused"),
+    ("verdict.checks.0.shot", 1.0, "verdict.checks[0].shot must be a whole number, is 1.0"),
+    ("capture.shots", [], "capture must hold all its shots unless it was refused"),
+    ("capture.unfinished", {"lamp": {"kind": "unnamed", "name": "auto"}}, "capture must hold all its shots unless"),
+    ("capture.shots", {}, "capture.shots must be a list, is an object"),
+    (SHOT + "lamp.kind", "sun", 'capture.shots[0].lamp.kind must be "named" or "called" or "unnamed", is "sun"'),
+    (SHOT + "lamp.kind", TAKE_OUT, 'capture.shots[0].lamp.kind must be "named" or "called" or "unnamed", is null'),
+    (SHOT + "lamp.values.17", -0.1, "capture.shots[0].lamp.values[17] must be a number from 0 to 1e+12, is -0.1"),
+    (SHOT + "photo", None, "capture.shots[0].photo must be an object, is null"),
+    (SHOT + "photo.sha256", "0" * 63, "capture.shots[0].photo.sha256 must be 64 hex digits"),
+    (SHOT + "photo.sha256", "0" * 64 + "\n", "capture.shots[0].photo.sha256 must be 64 hex digits"),
+    (SHOT + "photo.name", "x" * 5000, "capture.shots[0].photo.name must have at most 4096 characters"),
+    (SHOT + "photo.name", 3, "capture.shots[0].photo.name must be a text, is 3"),
+    (SHOT + "photo.gain_map", "true", 'capture.shots[0].photo.gain_map must be true or false, is "true"'),
+    (SHOT + "photo.orientation", 9, "capture.shots[0].photo.orientation must lie between 1 and 8, is 9"),
+    (SHOT + "photo.width", 4032.0, "capture.shots[0].photo.width must be a whole number, is 4032.0"),
+    (SHOT + "pose.layout", "sg140", "capture.shots[0].pose.layout must be the chart's"),
+    (SHOT + "pose.patches", [[[0, 0], [1, 0], [1, 1], [0, 1]]], "pose.patches must hold 24 entries, one a patch"),
+    ("capture.chart.layout", "none", "capture.chart.layout is no such form: 'none' is no shipped layout"),
+    ("capture.chart.layout", 7, "capture.chart.layout is no such form"),
+    ("capture.chart.patches", ["a"], "capture.chart.patches must hold the 24 of its layout, holds 1"),
+    ("capture.chart.white", 24, "capture.chart.white must be a number from 0 to 23"),
+    ("capture.white_reflectance", 0.01, "capture.white_reflectance must lie between 0.05 and 1.2, is 0.01"),
+    ("capture.files", {"lamp": "none"}, "capture.files.lamp must be 64 hex digits"),
+    ("capture.shots.0.lamp.values", [0.0] * 681, "capture.shots[0].lamp.values must not be 0 at all wavelengths"),
+    ("capture.chart.reflectance", [[0.0] * 36] * 24, "capture.chart.reflectance must be above 0 for the white patch"),
+    ("answer.std.red", [-1.0] * 681, "answer.std must not be negative"),
+    ("capture.white_reflectanc", 0.5, 'capture has the unknown key "white_reflectanc"'),
+    ("format", "camssf/3", "the document is camssf/3, not camssf/2; another version of camssf wrote it."),
+    ("format", "camssf-result/1", "camssf-result/1, not camssf/2; that form was never released"),
+    ("format", "camssf-shot/1", "calibrate the photos anew"),
+    ("format", 2, 'the document is not camssf/2: it has no "format": "camssf/2"'),
+    ("sha256", "0" * 64, "sha256 is not the hash of the rest: something was changed after it was written"),
+    ("sha256", 5, "sha256 is not the hash of the rest"),
+]  # fmt: skip
+"""A place, what is put there, and what is said."""
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "words"), FAULTS, ids=[f"{row}: {place[-40:]}" for row, (place, _, _) in enumerate(FAULTS)]
+)
+def test_a_fault_is_named_by_its_place(place: str, value: Any, words: str) -> None:
+    made = plain(document())
+    spot: Any = made
+    *way, last = [int(key) if key.isdigit() else key for key in place.split(".")]
+    for key in way:
+        spot = spot[key]
+    if value is TAKE_OUT:
+        del spot[last]
+    else:
+        spot[last] = value
+    with pytest.raises(InvalidArgument) as caught:
+        read(made)
+    assert words in caught.value.message, caught.value.message
+    assert caught.value.message.startswith("x.json: ")
+    assert len(caught.value.message) < 400
+    assert caught.value.advice
+
+
+def test_a_changed_digit_is_noticed() -> None:
+    data = document_bytes(document())
+    spoilt = data.replace(b"12312.0", b"12312.1", 1)
+    assert spoilt != data
+    with pytest.raises(InvalidArgument, match='take out "sha256" if the change was meant'):
+        forms.read(spoilt, Result, "x.json", ADVICE)
+    meant = json.loads(spoilt)
+    del meant["sha256"]
+    assert read(meant).capture is not None
+
+
+WHOLE = b'{"format": "camssf/2", "version": "1", '
+FILES: list[tuple[bytes, str]] = [
+    (b"", "is empty|is not valid JSON"),
+    (b'{"format": "camssf/', "is not valid JSON"),
+    (b"\xff\xfe{}", "is not valid JSON"),
+    (b"[" * 100_000, "is not valid JSON"),
+    (WHOLE + b'"capture": ' + b"[" * 900 + b"]" * 900 + b"}", "capture must be an object, is a list"),
+    (WHOLE + b'"l2": NaN}', "NaN is not a number"),
+    (WHOLE + b'"l2": -Infinity}', "-Infinity is not a number"),
+    (WHOLE + b'"truth": {"l2": 1, "l2": 2}}', "the same key twice"),
+    (WHOLE + b'"l2": ' + b"9" * 5000 + b"}", "is not valid JSON"),
+    (WHOLE + b'"l2": 1,}', "is not valid JSON"),
+    (WHOLE + b'"l2": 01}', "is not valid JSON"),
+    (b"[]", "the document must be an object, is a list"),
+    (b"{}", 'the document is not camssf/2: it has no "format"'),
+    (b'{"format": "camssf-patches/1"}', "that form was never released, so measure or calibrate the photos anew"),
+    (b"II*\0" + bytes(200), "is .*, not JSON"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("content", "words"), FILES, ids=[content[:40] for content, _ in FILES])
+def test_a_file_that_is_no_document_is_refused(content: bytes, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "result.json"
+    path.write_bytes(content)
+    with pytest.raises(InvalidArgument, match=words) as caught:
+        read_document(path, Result)
+    assert "result.json" in caught.value.message
+
+
+def test_numbers_beyond_floats_are_refused(tmp_path: Path) -> None:
+    text = document_bytes(document()).replace(b'"l2": 1.0', b'"l2": 1e999')
+    (tmp_path / "result.json").write_bytes(re.sub(rb',\s*"sha256": "\w{64}"\s*}\s*$', b"}", text))
+    with pytest.raises(InvalidArgument, match=r"answer\.l2 must lie between 0 and 1e\+12, is Infinity"):
+        read_document(tmp_path / "result.json", Result)
+
+
+def test_missing_files_folders_and_huge_files_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for path in (tmp_path / "missing.json", tmp_path, "a\0b"):
+        with pytest.raises(InvalidArgument, match="cannot be read"):
+            read_document(path, Result)
+    monkeypatch.setattr(forms, "LARGEST", 100)
+    (tmp_path / "big.json").write_bytes(b" " * 101)
+    with pytest.raises(InvalidArgument, match="larger than 100 bytes"):
+        read_document(tmp_path / "big.json", Result)
+
+
+# -- the schema -------------------------------------------------------------------------------------------------
+
+
+def parts(hint: Any) -> set[Any]:
+    """The dataclasses that a type holds, at any depth, but for those of a form of their own."""
+    if isinstance(hint, type) and is_dataclass(hint):
+        hints = get_type_hints(hint, include_extras=True)
+        inner = () if hasattr(hint, "from_plain") else [hints[name] for name in forms.fields_of(hint)]
+        return {hint}.union(*map(parts, inner))
+    return set().union(*map(parts, get_args(hint)))
+
+
+def test_the_schema_says_what_each_field_holds() -> None:
+    jsonschema = pytest.importorskip("jsonschema")
+    form = schema(Result)
+    jsonschema.Draft202012Validator.check_schema(form)
+    assert form["properties"]["format"]["enum"] == ["camssf/2"]
+    for kind in parts(Result) - {Result}:
+        if not hasattr(kind, "from_plain"):
+            named = {entry.name for entry in fields(kind)} & set(forms.fields_of(kind))
+            assert named <= described(kind)[1].keys(), kind
+
+
+@pytest.mark.full
+def test_what_is_written_is_what_the_schema_says() -> None:
+    judge = pytest.importorskip("jsonschema_rs").validator_for(schema(Result))
+    for make in SYNTHETIC.values():
+        judge.validate(json.loads(written(make())))
+
+
+ODD = st.sampled_from(
+    [
+        *(None, True, False, 0, 1, -1, 4.0, 0.5, 7, 1e13, -1e13, 10**400),
+        *("", "x", "refused", "accepted", "a" * 64, "A" * 64, "x" * 5000),
+        *([], [0, 0, 0], [0.1, 0.2, 1.5], [None] * 3, [[0, 0]] * 4, {}, {"name": "x"}),
+    ]
+)
+
+
+def places(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    inside = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    return [path, *(place for key, entry in inside for place in places(entry, (*path, key)))]
+
+
+@cache
+def small() -> Any:
+    """A refused capture, with few of its many numbers' places."""
+    made = plain(refused(shots=True))
+    return made, [way for way in places(made)[1:] if not any(type(key) is int and key > 1 for key in way)]
+
+
+ACROSS = "lacks capture|must be there|does not fit together|no such form|, one a patch|must hold the|the chart's"
+ACROSS += r"|must lie above black|must be a number from 0 to 23|must hold \d+ entries|must hold 24 rows|not camssf/2"
+ACROSS += "|must be a whole number|is missing, but|is there, but|was not solved"
+"""What a schema cannot say: how fields and rows fit to each other, and that 4.0 is not written as a whole number."""
+
+
+@pytest.mark.full
+@settings(max_examples=300, deadline=None, derandomize=True)
+@given(data=st.data())
+def test_reader_and_schema_agree(data: st.DataObject) -> None:
+    """One field replaced, removed or added: jsonschema-rs refuses by the schema what the reader refuses."""
+    judge = pytest.importorskip("jsonschema_rs")
+    made, ways = small()
+    made = copy.deepcopy(made)
+    *way, last = data.draw(st.sampled_from(ways))
+    parent = made
+    for key in way:
+        parent = parent[key]
+    deed = data.draw(st.sampled_from(["replace", "replace", "replace", "remove", "add"]))
+    if deed == "replace":
+        parent[last] = data.draw(ODD)
+    elif deed == "remove":
+        del parent[last]
+    elif isinstance(parent, dict):
+        parent[data.draw(st.sampled_from(["other", "answer", "std", "truth"]))] = data.draw(ODD)
+    else:
+        parent.append(data.draw(ODD))
+    valid = judge.validator_for(schema(Result)).is_valid(made)
+    try:
+        read(made)
+        fault = ""
+    except InvalidArgument as error:
+        fault = error.message
+    assert valid == (not fault) or re.search(ACROSS, fault), fault

@@ -1,0 +1,90 @@
+"""Broken documents are refused with the place of the fault, in Python as in Kotlin; Kotlin's table is current."""
+
+from __future__ import annotations
+
+import copy
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from camssf.calibration import attempt
+from camssf.documents import forms
+from camssf.documents.document import Document, document_bytes
+from camssf.errors import InvalidArgument
+from camssf.options import Options
+from camssf.photo.shot import Shot
+from tools import kotlin_forms
+
+ROOT = Path(__file__).parents[2]
+CASES = json.loads((Path(__file__).parent / "broken_documents.json").read_text("utf-8"))
+CORNERS = np.array([[22.44, 17.44], [156.56, 22.44], [162.56, 116.56], [16.44, 109.56]])
+
+
+@pytest.fixture(scope="module")
+def base() -> dict[str, Any]:
+    """A result; Kotlin's test makes its own of the same photo."""
+    photo = ROOT / "golden/dng/chart-turned-0.dng"
+    result = attempt([Shot(photo, "E", corners=CORNERS)], options=Options(basis="phones"))
+    return dict(json.loads(document_bytes(result)))
+
+
+def _at(document: Any, path: str) -> tuple[Any, Any]:
+    """The container and the key of a place, as a.b[2]."""
+    keys = [int(key) if key.isdigit() else key for key in re.findall(r"[^.\[\]]+", path)]
+    for key in keys[:-1]:
+        document = document[key]
+    return document, keys[-1]
+
+
+def _value(document: Any, path: str) -> Any:
+    holder, key = _at(document, path)
+    return holder[key]
+
+
+def broken(base: dict[str, Any], case: dict[str, Any]) -> str:
+    """The text of a broken document. broken_documents.json says what is changed:
+
+    set a place to a value (of another place: "@place", or half of it: "@place/2") or to raw text, drop it, or cut the
+    last entry of its list; "sealed" keeps the hash; "whole" is the whole text.
+    """
+    if "whole" in case:
+        return str(case["whole"])
+    document = copy.deepcopy(base)
+    if "sealed" not in case:
+        del document["sha256"]
+    if "drop" in case:
+        holder, key = _at(document, case["drop"])
+        del holder[key]
+    elif "cut" in case:
+        _value(document, case["cut"]).pop()
+    else:
+        holder, key = _at(document, case["set"])
+        value = case.get("to", "@RAW@")
+        if isinstance(value, str) and value.startswith("@") and value != "@RAW@":
+            path, _, half = value[1:].partition("/")
+            value = _value(document, path)
+            value = [number / 2 for number in value] if half else value
+        holder[key] = value
+    text = json.dumps(document, ensure_ascii=False, separators=(",", ":"))
+    return text.replace('"@RAW@"', case.get("raw", "") * case.get("times", 1))
+
+
+@pytest.mark.parametrize("case", CASES, ids=[case["name"] for case in CASES])
+def test_a_broken_document_is_refused_with_its_place(base: dict[str, Any], case: dict[str, Any]) -> None:
+    with pytest.raises(InvalidArgument) as refused:
+        forms.read(broken(base, case).encode(), Document, "it", "Give another.")
+    assert str(refused.value.message).startswith(f"it: {case['place']} " if case["place"] else "it is not valid JSON")
+    assert case.get("says", "") in refused.value.message, refused.value.message
+
+
+def test_the_base_is_sound_with_and_without_its_hash(base: dict[str, Any]) -> None:
+    for document in (base, {key: value for key, value in base.items() if key != "sha256"}):
+        forms.read(json.dumps(document).encode(), Document, "it", "Give another.")
+
+
+def test_kotlins_table_of_forms_is_current() -> None:
+    assert kotlin_forms.FILE.read_text("utf-8") == kotlin_forms.table(), "run python -m tools.formats"

@@ -1,0 +1,264 @@
+"""Exports in other people's programs: the colours of 24 patches, of recovered curves and of the true ones.
+
+A simulated Nikon D850, whose curves rawtoaces-data holds on one scale, photographs a chart under D55. Its result is
+exported, and so are the true curves; each program turns the same signals into colours with both.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import shutil
+import subprocess
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from camssf.calibration import attempt
+from camssf.colorimetry import choose, delta_e00, xyz_of
+from camssf.documents.document import Curves
+from camssf.exports import export
+from camssf.exports.matrices import ACES, ACES_WHITE, D50
+from camssf.grid import WAVELENGTHS, Floats
+from camssf.result import Result
+from camssf.spectra import read_camera, read_chart, read_lamp
+from camssf.spectra.bundled import observer
+from camssf_colour import View, lab, white_of
+from camssf_colour.standard import of_surfaces
+from camssf_lab.simulation.frames import SimulatedShot, simulate
+from camssf_lab.simulation.scene import Scene
+from tests.support.documents import changed
+
+pytestmark = pytest.mark.full
+
+ROOT = Path(__file__).parents[2]
+D850 = ROOT / "data" / "rawtoaces" / "Nikon_D850_380_780_5.json"
+LAMP = "D55"
+NEAR = 1.5
+"""Mean ΔE00 of 24 patches."""
+WHITE_PATCH = 0.885
+"""Y of the chart's white."""
+CHANNELS = ("red", "green", "blue")
+
+
+class Captured(NamedTuple):
+    """A result, the same with the true curves in it, raw signals (24, 3) of the patches, and the chart's photo."""
+
+    found: Result
+    true: Result
+    raw: Floats
+    shot: SimulatedShot
+
+
+@pytest.fixture(scope="module")
+def captured(tmp_path_factory: pytest.TempPathFactory) -> Captured:
+    folder = tmp_path_factory.mktemp("d850")
+    camera = read_camera(D850)
+    shot = simulate(camera, [LAMP], folder, scene=Scene(size=(900, 675)), seed=3).shots[0]
+    found = attempt(shot.shot)
+    power = read_lamp(LAMP).values
+    white = power @ camera.values
+    curves = Curves.of(camera.values / camera.values.max(axis=0))
+    true = changed(found, answer__curves=curves, answer__channel_gain=white / white[1])
+    raw = read_chart("classic24").values @ (power[:, None] * camera.values)
+    return Captured(found, true, np.asarray(0.9 * raw / white.max()), shot)
+
+
+def apart(one: Floats, other: Floats, white: Floats) -> float:
+    """Mean ΔE00 between XYZ (24, 3), the white patch of both as light as it is: a profile has no exposure."""
+    one, other = (each * (WHITE_PATCH / each[18, 1]) for each in (one, other))
+    return float(delta_e00(lab(one, white), lab(other, white)).mean())
+
+
+# -- programs that read the curves: they find the white balance from them -----------------------------------------
+
+
+def by_rawtoaces(document: Result, raw: Floats, folder: Path) -> tuple[Floats, Floats]:
+    """rawtoaces' algorithm as colour-science has it, not the program itself, which no package index has.
+
+    White balance from the curves and the lamp, and a matrix by least squares in CIELAB over rawtoaces' 190 training
+    spectra, with CAT02. colour-science's documentation prints the program's matrix of one camera beside its own.
+    """
+    import colour
+    from colour.characterisation import RGB_CameraSensitivities
+
+    table = json.loads(export(document, "rawtoaces"))["spectral_data"]["data"]["main"]
+    data = {float(nm): row for nm, row in table.items()}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        curves = RGB_CameraSensitivities(colour.MultiSpectralDistributions(data, labels=["R", "G", "B"]))
+        matrix, balance = colour.matrix_idt(curves, colour.SDS_ILLUMINANTS[LAMP])
+    return (raw * balance) @ matrix.T @ np.linalg.inv(ACES).T, ACES_WHITE
+
+
+SPECTACLE = """
+import json, pathlib, sys
+import numpy as np
+import scipy.integrate
+from spectacle import spectral
+table = spectral.load_spectral_response(pathlib.Path(sys.argv[1]))
+curves = spectral.convert_RGBG2_to_RGB(table[1:5])
+matrix = spectral.calculate_XYZ_matrix(table[0], curves)
+raw = np.array(json.load(sys.stdin))
+print(json.dumps(spectral.convert_to_XYZ(matrix, raw / curves.sum(axis=1)).tolist()))
+"""
+
+
+def by_spectacle(document: Result, raw: Floats, folder: Path) -> tuple[Floats, Floats]:
+    """pyspectacle's reader and its matrix to XYZ, for signals of which equal energy gives 1, 1, 1."""
+    python = os.environ.get("CAMSSF_SPECTACLE")
+    if not python:
+        pytest.skip("CAMSSF_SPECTACLE names no Python that has pyspectacle")
+    (folder / "calibration").mkdir(exist_ok=True)
+    (folder / "calibration" / "spectral_response.csv").write_bytes(export(document, "spectacle"))
+    done = subprocess.run(
+        [python, "-W", "ignore", "-c", SPECTACLE, str(folder)],
+        input=json.dumps(raw.tolist()), capture_output=True, text=True, check=True, timeout=120,
+        env=os.environ | {"HOME": str(folder)},
+    )  # fmt: skip
+    return np.array(json.loads(done.stdout.splitlines()[-1])), white_of(read_lamp(LAMP).values)
+
+
+def by_dcamprof(document: Result, raw: Floats, folder: Path) -> tuple[Floats, Floats]:
+    """What DCamProf's documentation says that it does with a camera SSF, not the program, which no package index has.
+
+    The three curves are divided by one maximum, give the signals of patches under a lamp, and a matrix from these to
+    XYZ is fitted that keeps white.
+    """
+    table = json.loads(export(document, "dcamprof"))
+    first, last, step = table["ssf_bands"]
+    curves = np.stack([np.array(table[f"{name}_ssf"]) for name in CHANNELS], axis=1)
+    nm = np.arange(first, last + step, step)
+    curves = np.stack([np.interp(WAVELENGTHS, nm, curve) for curve in (curves / curves.max()).T], axis=1)
+    power = read_lamp(LAMP).values
+    chart = read_chart("classic24").values
+    white, aim = power @ curves, white_of(power)
+    signals, xyz = chart @ (power[:, None] * curves) / white, xyz_of(chart, power, observer("1931"))
+    # each of X, Y, Z: least squares with Σ m = white's, by putting the last coefficient as what is left
+    free = np.linalg.lstsq(signals[:, :2] - signals[:, 2:], xyz - signals[:, 2:] * aim, rcond=None)[0]
+    matrix = np.vstack([free, aim - free.sum(axis=0)])
+    return (raw / white) @ matrix, aim
+
+
+READERS: dict[str, Callable[[Result, Floats, Path], tuple[Floats, Floats]]] = {
+    "rawtoaces": by_rawtoaces,
+    "spectacle": by_spectacle,
+    "dcamprof": by_dcamprof,
+}
+
+
+@pytest.mark.parametrize("program", READERS)
+def test_curves_give_the_true_curves_colours(
+    program: str, captured: Captured, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    judge = READERS[program]
+    true, white = judge(captured.true, captured.raw, tmp_path)
+    found, _ = judge(captured.found, captured.raw, tmp_path)
+    assert apart(true, found, white) < NEAR
+    monkeypatch.setattr("camssf.exports.curves.channel_scale", lambda document: np.ones(3))
+    flat, _ = judge(captured.found, captured.raw, tmp_path)  # curves of peak 1, as before
+    assert apart(true, flat, white) > 2.5 * NEAR
+
+
+# -- programs that read a profile ---------------------------------------------------------------------------------
+
+
+def by_littlecms(document: Result, balanced: Floats, folder: Path) -> tuple[Floats, Floats]:
+    if shutil.which("transicc") is None:
+        pytest.skip("transicc (liblcms2-utils) is not on this machine")
+    path = folder / "camera.icc"
+    path.write_bytes(export(document, "icc", lamp=LAMP))
+    given = "".join(f"{r * 255:.6f}\n{g * 255:.6f}\n{b * 255:.6f}\n" for r, g, b in balanced)
+    done = subprocess.run(
+        ["transicc", "-n", f"-i{path}", "-o*XYZ", "-t1", "-c0"],
+        input=given, capture_output=True, text=True, timeout=60, check=True,
+    )  # fmt: skip
+    found = np.array([float(word) for word in done.stdout.split()]).reshape(-1, 3)[: len(balanced)]
+    return found / 100, D50
+
+
+def by_opencolorio(document: Result, balanced: Floats, folder: Path) -> tuple[Floats, Floats]:
+    ocio = pytest.importorskip("PyOpenColorIO")
+    path = folder / "camera.clf"
+    path.write_bytes(export(document, "clf", lamp=LAMP))
+    processor = ocio.Config.CreateRaw().getProcessor(ocio.FileTransform(str(path))).getDefaultCPUProcessor()
+    aces = np.array([processor.applyRGB(row.tolist()) for row in balanced])
+    return aces @ np.linalg.inv(ACES).T, ACES_WHITE
+
+
+@pytest.mark.parametrize("judge", [by_littlecms, by_opencolorio])
+def test_profiles_give_the_true_curves_colours(
+    judge: Callable[[Result, Floats, Path], tuple[Floats, Floats]], captured: Captured, tmp_path: Path
+) -> None:
+    own = (tmp_path / "true", tmp_path / "found")
+    for folder in own:
+        folder.mkdir()
+    balanced = captured.raw / (read_lamp(LAMP).values @ read_camera(D850).values)
+    balanced = balanced * (0.9 / balanced.max())
+    true, white = judge(captured.true, balanced, own[0])
+    found, _ = judge(captured.found, balanced, own[1])
+    assert apart(true, found, white) < NEAR
+    xyz = choose(read_camera(D850).values, read_lamp(LAMP).values, kind="matrix").apply(balanced)
+    assert apart(xyz, true, white_of(read_lamp(LAMP).values)) > NEAR  # the program did adapt
+
+
+DEVELOP = """
+[Version]
+AppVersion=5.9
+Version=349
+[Exposure]
+Auto=false
+HistogramMatching=false
+[White Balance]
+Enabled=true
+Setting=Camera
+[Color Management]
+InputProfile=file:{profile}
+ToneCurve=true
+ApplyLookTable=false
+ApplyBaselineExposureOffset=false
+ApplyHueSatMap=false
+WorkingProfile=ProPhoto
+OutputProfile=RTv4_sRGB
+OutputProfileIntent=Relative
+"""
+SRGB = np.array(
+    [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.072175], [0.0193339, 0.119192, 0.9503041]]
+)
+
+
+def by_rawtherapee(document: Result, captured: Captured, folder: Path) -> Floats:
+    """XYZ (24, 3) under D65 of the chart's photo, developed with the profile, its tone curve in force."""
+    import tifffile
+
+    profile, steps, picture = folder / "camera.dcp", folder / "steps.pp3", folder / "picture.tif"
+    profile.write_bytes(export(document, "dcp"))
+    steps.write_text(DEVELOP.format(profile=profile), "utf-8")
+    subprocess.run(
+        ["rawtherapee-cli", "-q", "-o", picture, "-Y", "-t", "-b16", "-p", steps, "-c", captured.shot.chart],
+        check=True, capture_output=True, timeout=300, env=os.environ | {"HOME": str(folder)},
+    )  # fmt: skip
+    coded = tifffile.imread(io.BytesIO(picture.read_bytes())) / 65535.0
+    linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
+    outlines = captured.found.capture.shots[0].pose.patches  # type: ignore[union-attr]
+    low, high = outlines.min(axis=1).astype(int) + 20, outlines.max(axis=1).astype(int) - 20
+    rgb = np.array([linear[b:d, a:c].mean(axis=(0, 1)) for (a, b), (c, d) in zip(low, high, strict=True)])
+    return np.asarray(rgb @ SRGB.T)
+
+
+def test_rawtherapee_develops_the_true_curves_colours_with_the_dcp(captured: Captured, tmp_path: Path) -> None:
+    """From a simulated photo to sRGB, against the profile of the true curves and against the chart's own colours."""
+    if shutil.which("rawtherapee-cli") is None:
+        pytest.skip("rawtherapee-cli is not on this machine")
+    true, found = (by_rawtherapee(each, captured, tmp_path) for each in (captured.true, captured.found))
+    white = SRGB @ np.ones(3)
+    assert apart(true, found, white) < NEAR
+    chart = of_surfaces(read_chart("classic24").values, read_lamp(LAMP).values, View(white="D65"))[1]
+    light = found * (WHITE_PATCH / found[18, 1])
+    inside = np.arange(24) != 17  # cyan lies outside of sRGB
+    assert delta_e00(lab(light, white), chart)[inside].mean() < 2.0

@@ -1,0 +1,517 @@
+"""Exports: each is read back by somebody else's program and gives the same numbers; a refused result gives none."""
+
+import hashlib
+import io
+import json
+import os
+import shutil
+import subprocess
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from camssf import cli
+from camssf.cli.others import FORMATS as TOLD
+from camssf.colorimetry import BRADFORD, adaptation, signals_of, xyz_of
+from camssf.documents.document import Document, answer_in, document_bytes
+from camssf.errors import InvalidArgument
+from camssf.exports import FORMATS, export, exported
+from camssf.exports.matrices import ACES, ACES_WHITE, D50, matrices
+from camssf.grid import WAVELENGTHS, Floats
+from camssf.result import Result
+from camssf.spectra import Lamp, read_chart, read_lamp
+from camssf.spectra.bundled import observer
+from camssf.verdict.reasons import Reason, Verdict
+from camssf_colour import lab, white_of
+from tests.support.documents import changed, document, refused, unnamed
+
+ROOT = Path(__file__).parents[2]
+RAWTOACES = ROOT / "data" / "rawtoaces"
+THEN = datetime(2026, 11, 22, 3, 4, 5, tzinfo=UTC)
+CURVE_FORMATS = ("rawtoaces", "spectacle", "csv", "colour", "dcamprof")
+GRID_5 = np.arange(380, 721, 5)
+
+
+@pytest.fixture(autouse=True)
+def _no_epoch(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("SOURCE_DATE_EPOCH", raising=False)
+
+
+def result(**changes: Any) -> Result:
+    made: Result = changed(document("D55", "A"), **changes)
+    return made
+
+
+def renamed(**names: str) -> Result:
+    """A result whose photos name another camera."""
+    made = result()
+    assert made.capture is not None
+    shots = tuple(replace(shot, photo=replace(shot.photo, **names)) for shot in made.capture.shots)
+    return result(capture__shots=shots)
+
+
+def gain(first: float) -> Result:
+    """A result of another white of red."""
+    return result(answer__channel_gain=np.array([first, 1.0, 0.6408]))
+
+
+def own_curves(made: Document) -> Floats:
+    """On the camera's own scale, written out: each channel gives the first shot's white its raw signal."""
+    assert made.capture is not None
+    lamp, answer = made.capture.shots[0].lamp, answer_in(made)
+    assert isinstance(lamp, Lamp)
+    own = answer.curves.values * answer.channel_gain / (lamp.values @ answer.curves.values)
+    return np.asarray(own / own.max())
+
+
+def strict(text: bytes) -> Any:
+    def never(word: str) -> Any:
+        raise AssertionError(word)
+
+    return json.loads(text.decode(), parse_constant=never)
+
+
+# -- what all have in common ------------------------------------------------------------------------------------
+
+
+def said(content: bytes, words: str) -> bool:
+    """In whatever coding the format has."""
+    return any(words.encode(coding) in content for coding in ("utf-8", "utf-16-be"))
+
+
+@pytest.mark.parametrize("to", FORMATS)
+def test_verdict_and_hash_travel(to: str) -> None:
+    given = result()
+    found = export(given, to, created=THEN)
+    sha256 = hashlib.sha256(document_bytes(given)).hexdigest()
+    assert said(found, sha256)
+    assert said(found, f"Verdict: {given.verdict.status}")
+    assert not said(export(gain(0.832), to, created=THEN), sha256)  # another result has another hash
+
+
+@pytest.mark.parametrize("to", FORMATS)
+def test_a_doubtful_verdict_says_why(to: str) -> None:
+    doubts = tuple(Reason(code, "m", "a") for code in ("glare", "blurred", "glare"))
+    given = result(verdict=Verdict("doubtful", doubts))
+    assert said(export(given, to), "Verdict: doubtful (glare, blurred).")
+
+
+@pytest.mark.parametrize("to", FORMATS)
+def test_a_refused_result_exports_nothing(to: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(InvalidArgument, match="was refused"):
+        export(refused(shots=True), to)
+    given, out = tmp_path / "result.json", tmp_path / "file"
+    given.write_bytes(document_bytes(refused()))
+    assert cli.main(["export", str(given), "--to", to, "-o", str(out)]) == 2
+    assert "was refused" in capsys.readouterr().err
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("to", [name for name in FORMATS if name not in ("icc", "dcp")])
+def test_a_hostile_name_stays_in_its_line(to: str) -> None:
+    plain = export(result(), to, created=THEN)
+    names = {"make": 'M"\n1,2,3,4\u2028', "model": "X\x1b[2J\r\n\ud800"}
+    given = renamed(**names)
+    found = export(given, to, created=THEN)
+    assert found.count(b"\n") == plain.count(b"\n")
+    assert b"\x1b" not in found
+
+
+def test_an_unknown_format_lists_the_known() -> None:
+    with pytest.raises(InvalidArgument, match="rawtoaces"):
+        export(result(), "pdf")
+
+
+def test_the_command_line_names_the_formats() -> None:
+    assert ", ".join(FORMATS) == TOLD
+
+
+def test_the_command_line_writes_the_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    given, out = tmp_path / "result.json", tmp_path / "curves.csv"
+    given.write_bytes(document_bytes(result()))
+    assert cli.main(["export", str(given), "--to", "csv", "-o", str(out)]) == 0
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert "plain CSV" in said.err
+    assert out.read_bytes() == export(result(), "csv")
+    before = given.read_bytes()
+    assert cli.main(["export", str(given), "--to", "csv", "-o", str(given)]) == 2
+    assert given.read_bytes() == before
+    assert cli.main(["export", str(given), "--to", "csv"]) == 2
+    assert cli.main(["export", str(given), "--to", "nothing", "-o", str(out)]) == 2
+    assert out.read_bytes() == export(result(), "csv")
+
+
+# -- the camera's own scale -------------------------------------------------------------------------------------
+
+
+def read_back(to: str, content: bytes, tmp_path: Path) -> Floats:
+    """An export's curves at 380, 385 ... 720 nm, by a few lines of our own."""
+    if to == "rawtoaces":
+        return np.array([strict(content)["spectral_data"]["data"]["main"][str(nm)] for nm in GRID_5])
+    if to == "dcamprof":
+        found = strict(content)
+        return np.column_stack([found[f"{name}_ssf"] for name in ("red", "green", "blue")])
+    path = tmp_path / "curves"
+    path.write_bytes(content)
+    step = 5 if to == "spectacle" else 10
+    return np.genfromtxt(path, delimiter=",", skip_header=2 if to in ("csv", "spectacle") else 1)[::step, 1:4]
+
+
+@pytest.mark.parametrize("lamp", ["D55", "A"])
+@pytest.mark.parametrize("to", CURVE_FORMATS)
+def test_exported_curves_give_the_camera_s_own_white_balance(to: str, lamp: str, tmp_path: Path) -> None:
+    """Σ L s dλ under the lamp of the calibration is the raw white that was measured, channel against channel."""
+    given = document(lamp)
+    curves = read_back(to, export(given, to), tmp_path)
+    white = read_lamp(lamp).values[::10] @ curves
+    assert white / white[1] == pytest.approx(answer_in(given).channel_gain, rel=2e-3)  # sums every 5 nm
+    assert curves.max() == pytest.approx(own_curves(given)[::10].max(), abs=1e-3)  # 1 between these samples
+    assert sorted(curves.max(axis=0))[0] < 0.95
+
+
+def test_the_channels_scale_is_known_without_the_lamp_s_file() -> None:
+    """The document keeps the spectrum of its lamp, so a lamp that was a file need not be there any more."""
+    scale = exported(result()).scale
+    assert exported(result(capture__shots__0__lamp__name="lost.csv")).scale == pytest.approx(scale, rel=1e-14)
+    assert exported(unnamed()).scale == pytest.approx(exported(document("D55")).scale, rel=1e-14)
+
+
+def test_a_white_patch_is_no_perfect_white() -> None:
+    """Where the chart's own patch was white, its reflectance is taken out: it is 2 % in blue."""
+    framed = exported(document("D55")).own_scale
+    means = replace(document("D55").capture.shots[0].means, white=None)  # type: ignore[union-attr]
+    shot = replace(document("D55").capture.shots[0], white=None, means=means)  # type: ignore[union-attr]
+    given = changed(document("D55"), capture__shots__0=shot)
+    patched = exported(given).own_scale
+    chart = read_chart("classic24")
+    wanted = answer_in(given).channel_gain / ((chart.values[chart.white] * read_lamp("D55").values) @ given.curves)
+    assert patched == pytest.approx(wanted / wanted.max(), rel=1e-12)
+    assert abs(patched[2] / patched[1] / (framed[2] / framed[1]) - 1) > 0.01
+
+
+@pytest.mark.parametrize("to", [*CURVE_FORMATS, "dcp"])
+def test_without_a_scale_nothing_is_exported_that_needs_one(to: str) -> None:
+    given = gain(-0.1)
+    with pytest.raises(InvalidArgument, match=r"scale between the channels.*D55"):
+        export(given, to)
+    assert export(given, "icc", created=THEN)  # its white is balanced
+
+
+# -- rawtoaces --------------------------------------------------------------------------------------------------
+
+
+def test_rawtoaces_meets_its_schema_and_holds_the_curves() -> None:
+    jsonschema = pytest.importorskip("jsonschema")
+    schema = json.loads((RAWTOACES / "spectral_1.0.0.schema.json").read_text("utf-8"))
+    given = result()
+    found = strict(export(given, "rawtoaces", created=THEN, licence="CC-BY-4.0"))
+    judge = jsonschema.Draft4Validator(schema)
+    judge.validate(found)
+    header = found["header"]
+    assert header["license"] == "CC-BY-4.0"
+    assert header["document_creation_date"] == "2026-11-22T03:04:05Z"
+    assert (header["manufacturer"], header["model"]) == ("NIKON CORPORATION", "NIKON D850")
+    table = found["spectral_data"]["data"]["main"]
+    theirs = json.loads((RAWTOACES / "Nikon_D850_380_780_5.json").read_text("utf-8"))
+    assert list(table) == list(theirs["spectral_data"]["data"]["main"])  # the 81 samples of a camera of theirs
+    assert found["spectral_data"]["index"] == theirs["spectral_data"]["index"]
+    np.testing.assert_allclose([table[str(nm)] for nm in GRID_5], own_curves(given)[::10], rtol=1e-13)
+    assert not np.any([table[str(nm)] for nm in range(725, 781, 5)])
+    del found["header"]["license"]  # the judge judges
+    assert not judge.is_valid(found)
+
+
+def test_a_camera_without_a_name_exports_to_rawtoaces() -> None:
+    jsonschema = pytest.importorskip("jsonschema")
+    schema = json.loads((RAWTOACES / "spectral_1.0.0.schema.json").read_text("utf-8"))
+    found = strict(export(renamed(make="", model=""), "rawtoaces"))
+    jsonschema.Draft4Validator(schema).validate(found)
+    assert found["header"]["manufacturer"] is None
+    assert "unnamed camera" in found["header"]["description"]
+
+
+def test_the_time_is_utc_and_can_be_fixed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1000000000")
+    found = strict(export(result(), "rawtoaces", created=THEN))
+    assert found["header"]["document_creation_date"] == "2001-09-09T01:46:40Z"
+
+
+def test_an_empty_licence_is_an_error() -> None:
+    with pytest.raises(InvalidArgument, match="licence"):
+        export(result(), "rawtoaces", licence=" \n")
+
+
+# -- tables -----------------------------------------------------------------------------------------------------
+
+
+def test_plain_csv_reads_back(tmp_path: Path) -> None:
+    given, path = result(), tmp_path / "curves.csv"
+    assert given.std is not None
+    path.write_bytes(export(given, "csv"))
+    found = np.genfromtxt(path, delimiter=",", skip_header=1, names=True)
+    assert found.dtype.names == ("wavelength_nm", "red", "green", "blue", "red_std", "green_std", "blue_std")
+    for c, name in enumerate(("red", "green", "blue")):
+        np.testing.assert_allclose(found[name], own_curves(given)[:, c], rtol=1e-13)
+        scale = own_curves(given)[:, c].max()
+        np.testing.assert_allclose(found[f"{name}_std"], scale * given.std[:, c], rtol=1e-12)
+
+
+def test_plain_csv_is_a_camera_to_camssf(tmp_path: Path) -> None:
+    from camssf.spectra import read_camera
+
+    path = tmp_path / "curves.csv"
+    path.write_bytes(export(result(), "csv"))
+    assert np.abs(read_camera(str(path)).values - own_curves(result())).max() < 1e-12
+
+
+SPECTACLE = """
+import sys, json, pathlib
+import scipy.integrate
+from spectacle import spectral
+table, name = spectral.load_spectral_response(pathlib.Path(sys.argv[1]), return_filename=True)
+print(json.dumps([table.tolist(), str(name)]))
+"""
+
+
+@pytest.mark.parametrize("judge", ["numpy", "pyspectacle"])
+def test_spectacle_s_own_reader_takes_it(judge: str, tmp_path: Path) -> None:
+    """SPECTACLE is GPL and needs an old SciPy: an environment of its own, named by CAMSSF_SPECTACLE, judges."""
+    given = result()
+    (tmp_path / "calibration").mkdir()
+    path = tmp_path / "calibration" / "spectral_response.csv"
+    path.write_bytes(export(given, "spectacle"))
+    if judge == "numpy":
+        table = np.loadtxt(path, delimiter=",").T
+    else:
+        python = os.environ.get("CAMSSF_SPECTACLE")
+        if not python:
+            pytest.skip("CAMSSF_SPECTACLE names no Python that has pyspectacle")
+        done = subprocess.run(
+            [python, "-W", "ignore", "-c", SPECTACLE, str(tmp_path)],
+            capture_output=True, text=True, check=True, timeout=120, env=os.environ | {"HOME": str(tmp_path)},
+        )  # fmt: skip
+        numbers, name = json.loads(done.stdout.splitlines()[-1])
+        assert name == str(path)
+        table = np.array(numbers)
+    assert np.array_equal(table[0], np.arange(380, 721))
+    own = own_curves(given)
+    assert given.std is not None
+    std = given.std[::2].T * own.max(axis=0)[:, None]
+    np.testing.assert_allclose(table[1:5], own[::2].T[[0, 1, 2, 1]], rtol=1e-13)
+    np.testing.assert_allclose(table[5:9], std[[0, 1, 2, 1]], rtol=1e-12)
+
+
+def test_spectacle_without_bands_says_nan(tmp_path: Path) -> None:
+    path = tmp_path / "x.csv"
+    path.write_bytes(export(result(answer__std=None), "spectacle"))
+    assert np.isnan(np.loadtxt(path, delimiter=",")[:, 5:]).all()
+
+
+def test_colour_science_reads_its_csv(tmp_path: Path) -> None:
+    import colour
+    from colour.characterisation import RGB_CameraSensitivities
+
+    given, path = result(), tmp_path / "curves.csv"
+    path.write_bytes(export(given, "colour"))
+    read = colour.read_sds_from_csv_file(str(path))
+    camera = RGB_CameraSensitivities(colour.MultiSpectralDistributions({name: read[name] for name in "RGB"}))
+    assert np.array_equal(camera.wavelengths, WAVELENGTHS)
+    assert [label.casefold()[0] for label in camera.labels] == ["r", "g", "b"]
+    np.testing.assert_allclose(camera.values, own_curves(given), rtol=1e-13)
+
+
+def test_a_result_read_twice_is_the_same() -> None:
+    once = exported(result())
+    assert once.lamps == ("D55", "A")
+    assert once.std is not None
+    assert exported(result(answer__std=None)).std is None
+
+
+# -- matrices ---------------------------------------------------------------------------------------------------
+
+
+def balanced(made: Result, lamp: str) -> tuple[Floats, Floats, Floats]:
+    """White-balanced camera RGB (24, 3) of the chart under a lamp, its XYZ, and the lamp's white."""
+    power = read_lamp(lamp).values
+    chart = read_chart("classic24").values
+    y = signals_of(chart, power, made.curves)
+    return y, xyz_of(chart, power, observer("1931")), white_of(power)
+
+
+@pytest.mark.parametrize("lamp", ["D65", "A", "LED-B3"])
+def test_the_matrices_are_good_and_keep_white(lamp: str) -> None:
+    curves = exported(result())
+    found = matrices(curves, lamp)
+    y, xyz, white = balanced(result(), lamp)
+    assert np.abs(found.to_d50 @ np.ones(3) - D50).max() < 1e-12
+    assert np.abs(found.to_aces @ np.ones(3) - 1).max() < 1e-12
+    assert np.abs(found.to_xyz @ np.ones(3) - white).max() < 1e-12
+    assert np.linalg.norm(lab(y @ found.to_xyz.T, white) - lab(xyz, white), axis=1).mean() < 4
+    turned = xyz @ adaptation(white, D50, BRADFORD).T
+    assert np.linalg.norm(lab(y @ found.to_d50.T, D50) - lab(turned, D50), axis=1).mean() < 4
+
+
+def test_aces_is_colour_science_s() -> None:
+    import colour
+
+    space = colour.RGB_COLOURSPACES["ACES2065-1"]
+    assert np.abs(space.matrix_XYZ_to_RGB - ACES).max() < 1e-9
+    assert np.abs(colour.xy_to_XYZ(space.whitepoint) - ACES_WHITE).max() < 1e-12
+
+
+@pytest.mark.parametrize("lamp", ["D65", "A"])
+def test_littlecms_reads_the_profile(lamp: str) -> None:
+    from PIL import Image, ImageCms
+
+    profile = ImageCms.getOpenProfile(io.BytesIO(export(result(), "icc", created=THEN, lamp=lamp)))
+    inside = profile.profile
+    wanted = matrices(exported(result()), lamp).to_d50
+    got = np.array([inside.red_colorant[0], inside.green_colorant[0], inside.blue_colorant[0]]).T
+    assert np.abs(got - wanted).max() < 2.5 / 65536  # two roundings stand in green's
+    assert np.array_equal(np.rint(got.sum(axis=1) * 65536), np.rint(D50 * 65536))
+    assert (inside.version, inside.device_class, inside.xcolor_space.strip()) == (4.3, "scnr", "RGB")
+    assert inside.creation_date == THEN.replace(tzinfo=None)
+    assert inside.is_matrix_shaper
+    assert exported(result()).sha256 in inside.profile_description
+    transform = ImageCms.buildTransform(profile, ImageCms.createProfile("LAB"), "RGB", "LAB", ImageCms.Intent(1))
+    swatch = Image.new("RGB", (4, 4), (255, 255, 255))
+    assert ImageCms.applyTransform(swatch, transform).getpixel((0, 0)) == (255, 128, 128)  # L* 100, a* = b* = 0
+
+
+def test_lcms_sees_the_colours_that_we_do(tmp_path: Path) -> None:
+    """transicc in floating point, against our own matrix."""
+    if shutil.which("transicc") is None:
+        pytest.skip("transicc (liblcms2-utils) is not on this machine")
+    path = tmp_path / "camera.icc"
+    path.write_bytes(export(result(), "icc", created=THEN))
+    y = np.clip(balanced(result(), "D65")[0], 0, 1)
+    given = "".join(f"{r * 255:.6f}\n{g * 255:.6f}\n{b * 255:.6f}\n" for r, g, b in y)
+    done = subprocess.run(
+        ["transicc", "-n", f"-i{path}", "-o*XYZ", "-t1", "-c0"],
+        input=given, capture_output=True, text=True, timeout=60, check=True,
+    )  # fmt: skip
+    got = np.array([float(word) for word in done.stdout.split()]).reshape(-1, 3)[: len(y)] / 100
+    assert np.abs(got - y @ matrices(exported(result()), "D65").to_d50.T).max() < 2e-4
+
+
+def test_bradford_is_colour_science_s() -> None:
+    import colour
+
+    assert np.array_equal(colour.CHROMATIC_ADAPTATION_TRANSFORMS["Bradford"], BRADFORD)
+    theirs = colour.adaptation.matrix_chromatic_adaptation_VonKries(white_of(read_lamp("A").values), D50, "Bradford")
+    assert np.abs(adaptation(white_of(read_lamp("A").values), D50, BRADFORD) - theirs).max() < 1e-12
+
+
+@pytest.mark.parametrize("lamp", ["D65", "A", "LED-B3"])
+def test_the_profile_says_how_it_was_adapted(lamp: str, tmp_path: Path) -> None:
+    """Its `chad` takes the lamp's white to D50 by Bradford's transform; undone, the colours are the lamp's."""
+    from PIL import ImageCms
+
+    inside = ImageCms.getOpenProfile(io.BytesIO(export(result(), "icc", created=THEN, lamp=lamp))).profile
+    chad = np.array(inside.chromatic_adaptation[0])
+    white = white_of(read_lamp(lamp).values)
+    assert np.abs(chad @ white - D50).max() < 1e-4
+    assert np.abs(chad - adaptation(white, D50, BRADFORD)).max() < 1 / 65536
+    colorants = np.array([inside.red_colorant[0], inside.green_colorant[0], inside.blue_colorant[0]]).T
+    assert np.abs(np.linalg.solve(chad, colorants) - matrices(exported(result()), lamp).to_xyz).max() < 2e-4
+
+
+def test_the_profile_s_identifier_is_its_own() -> None:
+    content = bytearray(export(result(), "icc", created=THEN))
+    assert int.from_bytes(content[:4], "big") == len(content)
+    known = bytes(content[84:100])
+    content[44:48], content[64:68], content[84:100] = bytes(4), bytes(4), bytes(16)
+    assert hashlib.md5(content, usedforsecurity=False).digest() == known
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("lamp", ["D65", "A"])
+def test_opencolorio_applies_the_clf(lamp: str, tmp_path: Path) -> None:
+    ocio = pytest.importorskip("PyOpenColorIO")
+    path = tmp_path / "camera.clf"
+    path.write_bytes(export(result(), "clf", lamp=lamp))
+    transform = ocio.FileTransform(str(path))
+    processor = ocio.Config.CreateRaw().getProcessor(transform)
+    said_ = processor.createGroupTransform().getFormatMetadata()
+    stated = [child.getElementValue() for child in said_.getChildElements()]
+    assert exported(result()).description in stated
+    assert any(f"under {lamp}" in words and words.endswith("to ACES2065-1.") for words in stated)
+    assert "ACES2065-1" in said_.getName()
+    y = balanced(result(), lamp)[0]
+    got = np.array([processor.getDefaultCPUProcessor().applyRGB(row.tolist()) for row in y])
+    assert np.abs(got - y @ matrices(exported(result()), lamp).to_aces.T).max() < 3e-7  # it works in float32
+
+
+@pytest.mark.full
+def test_each_clf_has_an_id_of_its_own(tmp_path: Path) -> None:
+    ocio = pytest.importorskip("PyOpenColorIO")
+    found, same = [], result()
+    for i, (given, lamp) in enumerate([(same, "D65"), (same, "A"), (gain(0.832), "D65"), (same, "D65")]):
+        path = tmp_path / f"{i}.clf"
+        path.write_bytes(export(given, "clf", lamp=lamp))
+        group = ocio.Config.CreateRaw().getProcessor(ocio.FileTransform(str(path))).createGroupTransform()
+        assert group[0].getFormatMetadata().getID() == "camera-to-aces"
+        assert group[0].getFormatMetadata().getName() == "camera RGB to ACES2065-1"
+        found.append(group.getFormatMetadata().getID())
+    assert len(set(found)) == 3
+    assert found[0] == found[3]
+
+
+def test_exiftool_reads_the_dcp(tmp_path: Path) -> None:
+    if shutil.which("exiftool") is None:
+        pytest.skip("exiftool is not on this machine")
+    given, path = result(), tmp_path / "camera.dcp"
+    path.write_bytes(export(given, "dcp"))
+    done = subprocess.run(
+        ["exiftool", "-j", "-n", "-validate", "-warning", "-a", str(path)],
+        capture_output=True, text=True, timeout=60, check=True,
+    )  # fmt: skip
+    assert "Warning" not in json.loads(done.stdout)[0], done.stdout
+    done = subprocess.run(["exiftool", "-j", "-n", str(path)], capture_output=True, text=True, timeout=60, check=True)
+    (found,) = json.loads(done.stdout)
+    curves = exported(given)
+    assert found["FileType"] == "DCP"
+    assert found["UniqueCameraModel"] == curves.camera
+    assert found["ProfileToneCurve"] == "0 0 1 1"
+    assert found["DefaultBlackRender"] == 1  # none
+    assert found["ProfileCopyright"] == curves.description
+    assert (found["CalibrationIlluminant1"], found["CalibrationIlluminant2"]) == (17, 21)
+    for which, lamp in ((1, "A"), (2, "D65")):
+        forward, colour = (
+            np.array([float(word) for word in found[f"{name}Matrix{which}"].split()]).reshape(3, 3)
+            for name in ("Forward", "Color")
+        )
+        assert np.abs(forward - matrices(curves, lamp).to_d50).max() < 1e-7
+        assert np.abs(forward.sum(axis=1) - D50).max() < 1e-6
+        # a colour matrix takes XYZ to the raw RGB of the very camera: its white is what the curves see of the lamp
+        power = read_lamp(lamp).values
+        first = read_lamp("D55").values
+        raw = answer_in(given).channel_gain * (power @ given.curves) / (first @ given.curves)
+        white = colour @ white_of(power)
+        assert np.abs(white - raw / raw.max()).max() < 1e-6
+        y, xyz, _ = balanced(given, lamp)
+        back = np.linalg.solve(colour, (y * raw / raw.max()).T).T
+        assert np.linalg.norm(lab(back, white_of(power)) - lab(xyz, white_of(power)), axis=1).mean() < 4
+
+
+@pytest.mark.parametrize("unique", ["SM-S911B-samsung-samsung", "Nikon  D850", ""])
+def test_a_dcp_names_the_camera_as_its_dng_does(unique: str, tmp_path: Path) -> None:
+    """Raw converters compare UniqueCameraModel letter by letter; where the file has none, make and model must do."""
+    if shutil.which("exiftool") is None:
+        pytest.skip("exiftool is not on this machine")
+    given, path = result(capture__shots__0__photo__unique_model=unique), tmp_path / "camera.dcp"
+    path.write_bytes(export(given, "dcp"))
+    done = subprocess.run(
+        ["exiftool", "-b", "-UniqueCameraModel", str(path)], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert done.stdout == (unique or "NIKON CORPORATION NIKON D850")
+
+
+def test_an_unknown_lamp_of_a_matrix_is_an_error() -> None:
+    with pytest.raises(InvalidArgument, match="No lamp"):
+        export(result(), "clf", lamp="nonsense")

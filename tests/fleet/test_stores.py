@@ -1,0 +1,292 @@
+"""Object storage, on a real server over HTTP: everything of a fleet is there, whole, whatever the network does."""
+
+import os
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from camssf import cli
+from camssf.documents.document import document_bytes
+from camssf.errors import InvalidArgument
+from tests.fleet.test_registry import WRITER, keys, run
+from tests.fleet.test_stream import HEADER, in_this_process, made_templates, stub
+from tests.support.documents import document
+from tests.support.processes import SEARCH
+from tests.support.registries import bells, made
+from tests.support.stores import SECRET, Faulty, environment, served
+
+pytest.importorskip("moto", reason="moto is not here")
+pytest.importorskip("s3fs", reason="s3fs is not here")
+
+from camssf.photo.read.unit import Unit
+from camssf.places import files_below, join, place, relative
+from camssf_fleet import batch
+from camssf_fleet.manifest import Manifest
+from camssf_fleet.outcome import Summary
+from camssf_fleet.registry import Deleted, Deletion, Registry
+from camssf_fleet.verification import verify
+
+pytestmark = [
+    pytest.mark.full,
+    pytest.mark.filterwarnings("default"),  # of moto, botocore and aiohttp: not ours to mend
+]
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[tuple[str, Faulty]]:
+    with served() as found, pytest.MonkeyPatch.context() as patched:
+        for name, value in environment(found[0]).items():
+            patched.setenv(name, value)
+        yield found
+
+
+@pytest.fixture
+def bucket(server: tuple[str, Faulty], request: pytest.FixtureRequest) -> Iterator[str]:
+    import s3fs
+
+    name = f"b{abs(hash(request.node.name)) % 10**9}"
+    s3fs.S3FileSystem(use_listings_cache=False).mkdir(name)
+    yield f"s3://{name}"
+    server[1].rate = 0.0
+
+
+def written(home: str, rows: list[str], photos: dict[str, str]) -> None:
+    """A manifest, its photos and what `stub` needs."""
+    for name, text in photos.items():
+        place(f"{home}/photos/{name}").write_text(text)
+    place(f"{home}/manifest.csv").write_text("\n".join([HEADER, *rows]) + "\n")
+
+
+@pytest.fixture
+def stubbed(tmp_path: Path) -> Any:
+    for name, text in made_templates().items():
+        (tmp_path / name).write_text(text)
+    return Stub(tmp_path)
+
+
+class Stub:
+    """`stub` of another test, which looks for its templates beside the photo: here that is a copy."""
+
+    def __init__(self, home: Path) -> None:
+        self.home = home
+
+    def __call__(self, job: Any, folder: Path, **more: Any) -> Any:
+        photo = Path(job.photos[0])
+        assert photo.is_file()
+        for template in self.home.glob("template-*.json"):
+            (photo.parent / template.name).write_bytes(template.read_bytes())
+        with open(self.home / "visits", "a") as file:
+            file.write(f"{job.name}\n")
+        return stub(job, folder, **more)
+
+    def visits(self) -> list[str]:
+        file = self.home / "visits"
+        return sorted(file.read_text().split()) if file.exists() else []
+
+
+def ran(home: str, work: Any, **more: Any) -> Summary:
+    registry = Registry(f"{home}/phones", new=True)
+    return batch.run_batch(
+        Manifest(f"{home}/manifest.csv"), f"{home}/out", registry, work=work, **{"workers": 2, **more}
+    )
+
+
+NAMES = [f"c{i}" for i in range(6)]
+
+
+def manifest_of(home: str, names: list[str] = NAMES) -> None:
+    written(home, [f"{name},photos/{name},D55,,,,S{name}," for name in names], {n: f"Phone {n}" for n in names})
+
+
+def test_a_registry_does_there_what_it_does_in_a_folder(bucket: str) -> None:
+    one = Registry(f"{bucket}/deep/phones", new=True)
+    one.add([made(1, bells()), made(2, model="É =/%'?*"), made(3, make="")])
+    files = one.files.sizes()
+    one.add([made(1, bells())])
+    assert one.files.sizes() == files
+    Registry(one.folder, correct=True).add([made(1, bells(), serial="B2"), made(4)])
+    assert len(keys(one)) == 4
+    assert [each["key"][-1] for each in one.listing()][:2] == ["4", "3"]
+    one.files.compact()
+    assert one.delete(Unit(serial="B2")) == Deletion((Deleted(f"{1:064x}", ""),), records=2, files=1)
+    found = verify(one)
+    assert (found.rows, found.faults) == (3, ())
+    file = place(next(iter(one.files.sizes())))
+    whole = file.read_bytes()
+    file.write_bytes(whole[:200] + bytes([whole[200] ^ 1]) + whole[201:])
+    assert verify(one).faults
+
+
+@pytest.mark.requirement("R-REGISTRY")
+def test_writers_at_once_two_of_them_killed(bucket: str) -> None:
+    rows = {number: 20 if number > 2 else 1_000_000 for number in range(1, 5)}
+    writers = [
+        subprocess.Popen(
+            [*WRITER, f"{bucket}/phones", str(number), str(count), "5"],
+            stdout=subprocess.PIPE, env=os.environ | {"PYTHONPATH": SEARCH},
+        )
+        for number, count in rows.items()
+    ]  # fmt: skip
+    added: list[str] = []
+    try:
+        for victim in writers[:2]:
+            assert victim.stdout is not None
+            added += [victim.stdout.readline().decode().strip()]
+            victim.kill()
+        for process in writers:
+            added += process.communicate(timeout=240)[0].decode().split()
+    finally:
+        for process in writers:
+            process.kill()
+            process.wait()
+    one = Registry(f"{bucket}/phones")
+    found = keys(one)
+    assert len(found) == len(set(found))
+    assert set(added) <= set(found)
+    one.list_records()  # those of the killed
+    assert verify(one).faults == ()
+
+
+def test_a_batch_from_a_bucket_to_a_bucket(bucket: str, stubbed: Stub, monkeypatch: pytest.MonkeyPatch) -> None:
+    manifest_of(bucket)
+    found = ran(bucket, stubbed)
+    assert (found.by_status, found.resumed) == ({"doubtful": 6}, 0)
+    again = ran(bucket, stubbed)
+    assert (again.by_status, again.resumed) == ({"doubtful": 6}, 6)
+    assert stubbed.visits() == sorted(NAMES)
+    one = Registry(f"{bucket}/phones")
+    places = [each["place"] for each in one.query("SELECT place FROM rows")]
+    assert all(each.startswith("../out/") for each in places)
+    checked = verify(one)
+    assert (checked.rows, checked.documents, checked.documents_missing, checked.faults) == (6, 6, 0, ())
+    place(f"{bucket}/photos/c0").write_text("Phone other")  # another photo of the same name
+    place(f"{bucket}/photos/c1").unlink()
+    once_more = ran(bucket, stubbed)
+    assert (once_more.resumed, once_more.by_status) == (4, {"doubtful": 5, "refused": 1})
+    (reason,) = one.query("SELECT reason FROM jobs WHERE name = 'c1' AND status = 'refused'")
+    assert f"{bucket}/photos/c1 cannot be read" in reason["reason"]
+    assert not [path for path in files_below(place(f"{bucket}/out")) if path.name not in ("result.json",)]
+
+
+def test_from_parquet_and_from_here_to_there(bucket: str, stubbed: Stub, tmp_path: Path) -> None:
+    """A local manifest names photos in a bucket; the results stay here."""
+    from camssf_fleet.record_queries import connection
+
+    manifest_of(bucket)
+    rows = "\n".join(f"{name},{bucket}/photos/{name},D55" for name in NAMES)
+    (tmp_path / "m.csv").write_text(f"name,photo,lamp\n{rows}\n")
+    with connection() as con:
+        con.execute(f"COPY (FROM read_csv('{tmp_path}/m.csv', all_varchar = true)) TO '{tmp_path}/m.parquet'")
+    place(f"{bucket}/m.parquet").write_bytes((tmp_path / "m.parquet").read_bytes())
+    for manifest in (tmp_path / "m.csv", f"{bucket}/m.parquet"):
+        registry = Registry(tmp_path / "phones", new=True)
+        found = batch.run_batch(Manifest(manifest), tmp_path / "out", registry, work=stubbed, workers=1)
+        assert found.total == 6
+    assert found.resumed == 6, "the same photos by the same names"
+    assert len(stubbed.visits()) == 6
+
+
+def test_faults_lose_nothing(bucket: str, server: tuple[str, Faulty], stubbed: Stub) -> None:
+    """One answer in ten is throttled, an error or cut; then the same command is given until it ends."""
+    manifest_of(bucket)
+    server[1].rate, before = 0.1, server[1].faults
+    for _ in range(20):
+        try:
+            found = ran(bucket, stubbed)
+        except InvalidArgument:
+            continue
+        if found.by_status == {"doubtful": 6}:
+            break
+    else:
+        pytest.fail("it never ended")
+    server[1].rate = 0.0
+    assert server[1].faults > before + 5
+    one = Registry(f"{bucket}/phones")
+    assert [each["name"] for each in one.query("SELECT name FROM rows ORDER BY name")] == sorted(NAMES)
+    checked = verify(one)
+    assert (checked.documents, checked.faults) == (6, ())
+    assert ran(bucket, stubbed).resumed == 6
+
+
+def test_on_a_cluster(bucket: str, stubbed: Stub, monkeypatch: pytest.MonkeyPatch) -> None:
+    distributed = pytest.importorskip("distributed", reason="distributed is not here")
+    manifest_of(bucket)
+    monkeypatch.setenv("PYTHONPATH", SEARCH)
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        found = ran(bucket, stubbed, workers=None, dask=cluster.scheduler_address)
+        assert found.by_status == {"doubtful": 6}
+        written(bucket, [f"{n},photos/{n},D55,,,,," for n in "axb"], {"a": "Phone a", "x": "dies", "b": "Phone b"})
+        found = ran(bucket, stubbed, workers=None, dask=cluster.scheduler_address)
+    assert found.by_status == {"doubtful": 2, "failed": 1}
+    assert stubbed.visits().count("x") == 2
+    assert not [path for path in files_below(place(f"{bucket}/out")) if path.name != "result.json"]
+
+
+def test_on_the_command_line(
+    bucket: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "result.json").write_bytes(document_bytes(document()))
+    place(f"{bucket}/results/other.json").write_bytes(document_bytes(document("A")))
+    assert run("add", f"{bucket}/phones", "result.json", f"{bucket}/results/other.json", "--serial", "A1") == 0
+    found = {each["place"] for each in Registry(f"{bucket}/phones").query("SELECT place FROM rows")}
+    assert found == {str(tmp_path / "result.json"), "../results/other.json"}
+    for words in (["list"], ["verify"], ["compact"], ["history", "A1"], ["export", "-o", "x.parquet"]):
+        assert run(words[0], f"{bucket}/phones", *words[1:]) == 0, words
+    capsys.readouterr()
+    (tmp_path / "m.csv").write_text(f"name,photo,lamp\na,{bucket}/none.dng,D55\n")
+    assert cli.main(["batch", "m.csv", "-o", f"{bucket}/out", "--registry", f"{bucket}/phones"]) == cli.BATCH_FAILED
+    assert run("list", f"{bucket}/elsewhere") == InvalidArgument.exit_status
+    assert run("list", "s3://key:secret@bucket/phones") == InvalidArgument.exit_status
+    out, err = capsys.readouterr()
+    assert "key:secret" not in out + err
+    assert SECRET not in out + err + "".join(path.read_text(errors="ignore") for path in tmp_path.iterdir())
+    for path in files_below(place(bucket)):
+        assert SECRET.encode() not in path.read_bytes()
+
+
+def test_a_server_that_is_gone_is_told(
+    bucket: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "another-secret-5678")
+    monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
+    monkeypatch.setenv("AWS_MAX_ATTEMPTS", "1")
+    type(place(bucket).fs).clear_instance_cache()  # type: ignore[attr-defined]  # it knows the server that is there
+    assert run("list", f"{bucket}/phones") == InvalidArgument.exit_status
+    message = capsys.readouterr().err
+    assert "cannot be used" in message
+    assert "another-secret" not in message
+
+
+def test_memory_in_one_process(tmp_path: Path, stubbed: Stub, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`memory://` is one process's own; a registry cannot be there."""
+    monkeypatch.setattr(batch, "run_processes", in_this_process)
+    manifest_of("memory://fleet")
+    registry = Registry(tmp_path / "phones", new=True)
+    found = batch.run_batch(Manifest("memory://fleet/manifest.csv"), "memory://fleet/out", registry, work=stubbed)
+    assert found.by_status == {"doubtful": 6}
+    assert verify(registry).documents == 6
+    with pytest.raises(InvalidArgument, match="memory"):
+        Registry("memory://fleet/phones", new=True)
+
+
+def test_names_of_places() -> None:
+    for folder, path, whole in (
+        ("s3://b/a", "../x/y.json", "s3://b/x/y.json"), ("s3://b/a", "s3://c/d", "s3://c/d"),
+        ("/a/b", "c", "/a/b/c"), ("s3://b", "c/d", "s3://b/c/d"),
+    ):  # fmt: skip
+        assert join(place(folder), path) == whole
+    for file, folder, short in (
+        ("s3://b/x/y.json", "s3://b/a", "../x/y.json"), ("s3://c/x", "s3://b/a", "s3://c/x"),
+        ("s3://b/x", "/here", "s3://b/x"), ("/here/x", "s3://b/a", "/here/x"),
+    ):  # fmt: skip
+        assert relative(place(file), place(folder)) == short
+    for wrong in ("s3://key:secret@b/a", "s3://b/a?token=secret", "az://b#secret"):
+        with pytest.raises(InvalidArgument) as caught:
+            place(wrong)
+        assert "secret" not in caught.value.message

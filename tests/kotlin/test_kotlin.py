@@ -1,0 +1,595 @@
+"""Kotlin's calibrator beside Python's on the same captures. Needs `mvn -f android-bindings package`, and Java.
+
+Where either is missing the whole file is one skip, which says so.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+import shutil
+import subprocess
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.faults import apply_fault
+from camssf.calibration import attempt, solve
+from camssf.cli import main
+from camssf.compare.parity import STAGES, first, parity
+from camssf.documents.document import ADVICE, Document, answer_in, document_bytes
+from camssf.documents.forms import Json, read
+from camssf.errors import CalibrationError, InvalidArgument
+from camssf.grid import WAVELENGTHS, Floats
+from camssf.options import Options
+from camssf.photo.capture import measure
+from camssf.photo.read.dng import read_dng
+from camssf.photo.shot import Shot
+from camssf.result import Result
+from camssf.spectra import CameraCurves, read_chart, read_lamp
+from camssf_lab.simulation.camera import Sensor
+from camssf_lab.simulation.frames import SimulatedShot, simulate
+from camssf_lab.simulation.scene import Scene
+from golden.forms import resolve
+from golden.scenes import PHONE
+from tests.support.text_tables import TABLES
+from tools.fuzz import damaged
+
+pytestmark = [pytest.mark.full, pytest.mark.requirement("R-PARITY")]
+
+BINDINGS = Path(os.environ.get("CAMSSF_BINDINGS", Path(__file__).parents[2] / "android-bindings"))
+GOLDEN = BINDINGS / "golden" / "target"
+PHOTO = Path(__file__).parents[2] / "data" / "dng" / "colorchart.dng"
+CORNERS = [[679.0, 580.0], [1288.0, 577.0], [1309.0, 972.0], [649.0, 968.0]]
+"""Of that photo's chart, by hand."""
+OFF = np.array([[7.0, -6.0], [-7.0, 5.0], [4.0, 8.0], [-5.0, -7.0]])
+"""How far off, px, a hand is here."""
+
+
+def _jars() -> list[Path]:
+    return [jar for jar in sorted(GOLDEN.glob("camssf-golden-*.jar")) if "sources" not in jar.name]
+
+
+if shutil.which("java") is None:
+    pytest.skip("there is no Java: Kotlin's results are not compared with Python's", allow_module_level=True)
+if not (GOLDEN / "classpath.txt").exists() or not _jars():
+    pytest.skip(
+        "no jar (mvn -f android-bindings package, needs Java): Kotlin's results are not compared with Python's",
+        allow_module_level=True,
+    )
+
+
+@dataclass
+class Case:
+    """One capture, told to both."""
+
+    shots: list[SimulatedShot]
+    corners: list[Floats]
+    lamps: list[str]
+    white: bool = True
+    dark: bool = True
+    options: dict[str, Any] = field(default_factory=dict)
+
+
+class Kotlin:
+    """One JVM for all captures."""
+
+    def __init__(self, path: str) -> None:
+        command = [
+            "java",
+            "-Xmx512m",
+            "-XX:TieredStopAtLevel=1",
+            "-cp",
+            path,
+            "org.camssf.golden.Calibrate",
+            "--serve",
+        ]
+        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+    def __call__(self, case: Case, out: Path) -> Json:
+        """The result document; it has the form of one, and the hash of its content."""
+        self.run(case, out)
+        Result.load(out)
+        document = dict(json.loads(out.read_text("utf-8")))
+        del document["sha256"]
+        return document
+
+    def run(self, case: Case, out: Path) -> None:
+        """Write the document."""
+        words = [str(shot.chart) for shot in case.shots]
+        for shot, lamp, corners in zip(case.shots, case.lamps, case.corners, strict=True):
+            words += ["--lamp", lamp, "--corners", ",".join(repr(float(v)) for v in np.ravel(corners))]
+            words += ["--white", str(shot.white)] if case.white else []
+            words += ["--dark", str(shot.dark)] if case.dark else []
+        for name, value in case.options.items():
+            words += [f"--{name.replace('_', '-')}", f"{value[0]}-{value[-1]}" if name == "fit" else str(value)]
+        assert self.process.stdin is not None
+        assert self.process.stdout is not None
+        self.process.stdin.write("\t".join([*words, "-o", str(out)]) + "\n")
+        self.process.stdin.flush()
+        status = self.process.stdout.readline().split()
+        assert status and status[0] in ("0", "5"), status  # noqa: PT018
+
+
+@pytest.fixture(scope="module")
+def kotlin() -> Iterator[Kotlin]:
+    jvm = Kotlin(os.pathsep.join([*map(str, _jars()), (GOLDEN / "classpath.txt").read_text().strip()]))
+    with jvm.process:
+        yield jvm
+        assert jvm.process.stdin is not None
+        jvm.process.stdin.close()
+
+
+def python(case: Case) -> Json:
+    """Python's, refused or not; a file's name in its words as Kotlin knows it, without the folder."""
+    options = dict(case.options)
+    chart, tolerance = options.pop("chart", "classic24"), options.pop("lamp_tolerance", None)
+    previous = options.pop("previous", None)
+    shots = [
+        Shot(
+            shot.chart,
+            lamp,
+            white=shot.white if case.white else None,
+            dark=shot.dark if case.dark else None,
+            corners=corners,
+            lamp_tolerance=tolerance,
+        )
+        for shot, lamp, corners in zip(case.shots, case.lamps, case.corners, strict=True)
+    ]
+    result = attempt(shots, chart=chart, options=Options(**options), previous=previous)
+    document = dict(json.loads(document_bytes(result)))
+    del document["sha256"]
+    reasons = json.dumps(document["verdict"].get("reasons", []))
+    for shot in case.shots:
+        for path in filter(None, (shot.chart, shot.white, shot.dark)):
+            reasons = reasons.replace(str(path), path.name)
+    document["verdict"] |= {"reasons": json.loads(reasons)} if "reasons" in document["verdict"] else {}
+    return document
+
+
+def differences(ours: Any, theirs: Any, path: str = "") -> Iterator[tuple[str, float]]:
+    """Paths of what differs, and by how much, relative to the larger number of the list it stands in."""
+    if isinstance(ours, dict) and isinstance(theirs, dict):
+        for key in ours.keys() | theirs.keys():
+            if key not in ours or key not in theirs:
+                yield f"{path}/{key}", math.inf
+            else:
+                yield from differences(ours[key], theirs[key], f"{path}/{key}")
+    elif isinstance(ours, list) and isinstance(theirs, list):
+        if len(ours) != len(theirs):
+            yield path, math.inf
+        elif ours and all(isinstance(v, int | float) for v in ours + theirs):
+            a, b = np.array(ours, float), np.array(theirs, float)
+            if (a != b).any():
+                yield path, float(np.abs(a - b).max() / max(np.abs(a).max(), 1e-300))
+        else:
+            for one, other in zip(ours, theirs, strict=True):
+                yield from differences(one, other, path)
+    elif isinstance(ours, float | int) and isinstance(theirs, float | int) and not isinstance(ours, bool):
+        if ours != theirs:
+            yield path, abs(ours - theirs) / max(abs(ours), 1e-300)
+    elif ours != theirs:
+        yield path, math.inf
+
+
+def worst(ours: Json, theirs: Json) -> dict[str, float]:
+    """The largest difference at each path."""
+    found: dict[str, float] = {}
+    for path, off in differences(ours, theirs):
+        found[path] = max(off, found.get(path, 0.0))
+    return found
+
+
+MEANS = "/capture/shots/means"
+EXACT = (
+    *(f"{MEANS}/{role}/{name}" for role in ("chart", "white", "dark")
+      for name in ("mean", "count", "clipped", "dead", "greens")),
+    f"{MEANS}/black", f"{MEANS}/saturation", "/capture/shots/photo", "/capture/shots/white", "/capture/shots/dark",
+    "/capture/shots/lamp/name", "/capture/shots/lamp/tolerance", "/capture/shots/lamp/source", "/capture/chart",
+    "/capture/files", "/answer/used", "/answer/model", "/assumptions", "/verdict/status", "/verdict/reasons/code",
+    "/verdict/reasons/key", "/verdict/reasons/threshold", "/verdict/checks/name", "/verdict/checks/shot",
+    "/verdict/checks/refuses", "/verdict/checks/beyond",
+)  # fmt: skip
+BOUNDS = {
+    **{f"{MEANS}/{role}/standard_error": 1e-15 for role in ("chart", "white", "dark")},
+    **{f"{MEANS}/{role}/gradient": 1e-12 for role in ("chart", "white", "dark")},
+    "/capture/shots/pose": 1e-8,
+    "/capture/shots/lamp/values": 1e-14,
+    "/answer/curves": 1e-12,
+    "/answer/std": 1e-12,
+    "/answer/channel_gain": 1e-15,
+    "/answer/gamma": 1e-9,
+    "/verdict/reasons/value": 1e-8,
+    "": 1e-9,
+}
+"""By path, the longest that fits: relative to the largest number beside it."""
+BESIDE_ZERO = {"/answer/proof/gap": 1e-9, "/answer/proof/layers_gap": 1e-9}
+"""Gaps of a proof, which are rounding where it is sound: how far apart they may be, of the objective or the gap."""
+CHECKED = ("/verdict/checks/value", "/verdict/checks/limit")
+MODELS = (
+    "/answer/curves", "/answer/std", "/answer/code_covariance", "/answer/proof", "/answer/evidence",
+    "/answer/channel_gain",
+)  # fmt: skip
+"""The model's own outputs."""
+
+
+def check(ours: Json, theirs: Json, *, bits: bool = False, std: float = BOUNDS["/answer/std"]) -> None:
+    """All differences within their bounds, no field missing; `bits`: the model's own outputs to the last one.
+
+    `std` is the bound of the curves' standard deviations.
+    """
+    bounds = BOUNDS | {"/answer/std": std}
+    for path, off in worst(ours, theirs).items():
+        if path in CHECKED:  # a gain or a logarithm may be next to nothing
+            pairs = zip(ours["verdict"]["checks"], theirs["verdict"]["checks"], strict=True)
+            key = path.rpartition("/")[2]
+            assert all(abs(a[key] - b[key]) <= 1e-8 * max(1.0, abs(a[key])) for a, b in pairs), (path, off)
+            continue
+        assert not path.startswith(EXACT), (path, off)
+        if path in BESIDE_ZERO:
+            pair = [np.array(each["answer"]["proof"][path.rpartition("/")[2]]) for each in (ours, theirs)]
+            apart = np.abs(pair[0] - pair[1]).max()
+            size = max(1.0, float(np.abs(pair[1]).max()))  # of layers that have not arrived it may be huge
+            assert apart <= BESIDE_ZERO[path] * size, (path, apart)
+            continue
+        bound = next(bounds[known] for known in sorted(bounds, key=len, reverse=True) if path.startswith(known))
+        if bits and path.startswith(MODELS):
+            bound = 0.0
+        assert off <= bound, (path, off)
+
+
+@pytest.fixture(scope="module")
+def photos(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[SimulatedShot], Floats]:
+    made = simulate(
+        "Nikon 5100 (NPL)", ["D55", "A"], tmp_path_factory.mktemp("photos"), seed=11,
+        scene=Scene(size=(1200, 900), tilt=6, rotation=4, vignetting=0.2),
+    )  # fmt: skip
+    return list(made.shots), made.pose.corners + OFF
+
+
+def test_one_shot_is_equal_to_the_last_bit(
+    photos: tuple[list[SimulatedShot], Floats], tmp_path: Path, kotlin: Kotlin
+) -> None:
+    """A tabulated lamp: no logarithm or power whose last bit the two languages' libraries round differently.
+
+    And a basis and a lamp's tolerance that are told: what is chosen is mixed outside the model, by sums that each
+    language takes its own way.
+    """
+    shots, corners = photos
+    case = Case(shots[:1], [corners], ["D55"], options={"basis": "cameras", "lamp_tolerance": "2%"})
+    ours, theirs = python(case), kotlin(case, tmp_path / "result.json")
+    assert theirs["verdict"]["status"] == "accepted" or theirs["verdict"]["reasons"]
+    check(ours, theirs, bits=True)
+
+
+def test_two_shots_of_which_one_is_a_formula(
+    photos: tuple[list[SimulatedShot], Floats], tmp_path: Path, kotlin: Kotlin
+) -> None:
+    """And `camssf parity` agrees in every field."""
+    shots, corners = photos
+    case = Case(shots, [corners, np.roll(corners, 2, axis=0)], ["D55", "2856K"])
+    ours, theirs = python(case), kotlin(case, tmp_path / "result.json")
+    assert [len(each["answer"]["choice"]) for each in (ours, theirs)] == [
+        12,
+        12,
+    ]  # two lamps of each shot, three bases
+    check(ours, theirs)
+    chart, white, dark = ([getattr(shot, role) for shot in shots] for role in ("chart", "white", "dark"))
+    findings = parity(Result.load(tmp_path / "result.json"), chart, white=white, dark=dark)
+    assert first(findings) is None, first(findings)
+    assert tuple(finding.stage for finding in findings) == STAGES
+
+
+def test_parity_of_refusals(
+    photos: tuple[list[SimulatedShot], Floats],
+    phone: tuple[list[SimulatedShot], Floats],
+    tmp_path: Path,
+    kotlin: Kotlin,
+) -> None:
+    """A verdict's with its checks, and a stage's with its words, which name a file: in every field."""
+    shots, corners = photos
+    exchanged = replace(shots[0], white=shots[0].dark, dark=shots[0].white)
+    foreign = replace(shots[0], white=phone[0][0].white)
+    for shot, lamp, stages in ((exchanged, "D55", 6), (foreign, "D55", 3)):
+        case = Case([shot], [corners], [lamp])
+        theirs = kotlin(case, tmp_path / "result.json")
+        assert theirs["verdict"]["status"] == "refused"
+        check(python(case), theirs)
+        result = Result.load(tmp_path / "result.json")
+        findings = parity(result, shot.chart, white=[shot.white], dark=[shot.dark])
+        assert (first(findings), len(findings)) == (None, stages)
+        reason = result.verdict.reasons[0]
+        doubt = replace(reason, advice=f"{reason.advice} Or not.")
+        result = replace(result, verdict=replace(result.verdict, reasons=(doubt, *result.verdict.reasons[1:])))
+        found = first(parity(result, shot.chart, white=[shot.white], dark=[shot.dark]))
+        assert found is not None
+        assert found.words.startswith("verdict.reasons[1]")
+
+
+@pytest.mark.parametrize(
+    ("lamp", "options"),
+    [
+        ("D55", {}),
+        ("white-led", {"chart": "classic24:ohta"}),
+        ("D55", {"basis": "gaussian", "fit": range(7, 19), "l2": 0.01}),
+        ("D55", {"lamp_tolerance": "300K,1%", "gamma": 0.5, "white_reflectance": 0.9}),
+        ("FL2", {}),
+    ],
+    ids=["chosen", "kind", "twelve", "tolerance", "wrong"],
+)
+def test_options(
+    photos: tuple[list[SimulatedShot], Floats], tmp_path: Path, lamp: str, options: dict[str, Any], kotlin: Kotlin
+) -> None:
+    shots, corners = photos
+    case = Case(shots[:1], [corners], [lamp], options=options)
+    check(python(case), kotlin(case, tmp_path / "result.json"))
+
+
+def test_the_chart_s_table_is_chosen_alike(tmp_path: Path, kotlin: Kotlin) -> None:
+    made = simulate("Nikon 5100 (NPL)", "D55", tmp_path, chart="classic24:ohta", scene=Scene(size=(900, 675)))
+    case = Case(list(made.shots), [made.pose.corners], ["D55"])
+    theirs = kotlin(case, tmp_path / "result.json")
+    assert theirs["capture"]["chart"]["table"] == "ColorChecker N Ohta"
+    check(python(case), theirs)
+
+
+@pytest.fixture(scope="module")
+def phone(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[SimulatedShot], Floats]:
+    """A phone's photos, which say so."""
+    made = simulate(
+        CameraCurves("phone", resolve(PHONE), "bells"), ["D55", "A"], tmp_path_factory.mktemp("phone"), seed=3,
+        scene=Scene(size=(1200, 900)),
+    )  # fmt: skip
+    for shot in made.shots:
+        for path in filter(None, (shot.chart, shot.white, shot.dark)):
+            path.write_bytes(path.read_bytes().replace(b"camssf\0", b"Apple \0"))
+    return list(made.shots), made.pose.corners
+
+
+@pytest.mark.parametrize("lamps", [["auto"], ["D55", "auto"], ["auto", "auto"]], ids=["one", "one-of-two", "two"])
+def test_a_light_that_nobody_named(
+    phone: tuple[list[SimulatedShot], Floats], tmp_path: Path, lamps: list[str], kotlin: Kotlin
+) -> None:
+    """Every field of the document, the light's too."""
+    shots, corners = phone
+    case = Case(shots[: len(lamps)], [corners] * len(lamps), lamps)
+    ours, theirs = python(case), kotlin(case, tmp_path / "result.json")
+    assert theirs["verdict"]["status"] == "accepted"
+    assert all(light is not None for light in theirs["answer"]["lights"])  # one that was called by a name, too
+    check(ours, theirs)
+
+
+def test_a_camera_in_a_light_that_nobody_named_is_refused(
+    photos: tuple[list[SimulatedShot], Floats], tmp_path: Path, kotlin: Kotlin
+) -> None:
+    shots, corners = photos
+    case = Case(shots[:1], [corners], ["auto"])
+    ours, theirs = python(case), kotlin(case, tmp_path / "result.json")
+    assert [reason["code"] for reason in theirs["verdict"]["reasons"]] == ["lamp_unfit"]
+    check(ours, theirs)
+
+
+@pytest.mark.parametrize(("change", "frames"), [(0, False), (16, True)], ids=["same", "changed"])
+def test_a_previous_result(
+    phone: tuple[list[SimulatedShot], Floats], tmp_path: Path, kotlin: Kotlin, frames: bool, change: int
+) -> None:
+    """Named and framed before, unnamed now; a phone whose blue curve has moved by 8 nm is answered alone."""
+    shots, corners = phone
+    first = tmp_path / "first.json"
+    assert kotlin(Case(shots[:1], [corners], ["D55"]), first)["verdict"]["status"] == "accepted"
+    if not change:
+        Result.load(first).save(first)  # in Python's spelling
+    new = shots[1:]
+    if change:
+        curves = resolve(PHONE).copy()
+        curves[:, 2] = np.roll(curves[:, 2], change)
+        made = simulate(
+            CameraCurves("phone", curves, "bells"), "D65", tmp_path, seed=4, scene=Scene(size=(1200, 900))
+        )
+        new, corners = list(made.shots), made.pose.corners
+        for path in filter(None, (new[0].chart, new[0].white, new[0].dark)):
+            path.write_bytes(path.read_bytes().replace(b"camssf\0", b"Apple \0"))
+    case = Case(new, [corners], ["auto"], white=frames, dark=frames, options={"previous": first})
+    ours, theirs = python(case), kotlin(case, tmp_path / "result.json")
+    assert (theirs["verdict"]["status"], len(theirs["capture"]["shots"])) == (
+        ("doubtful", 1) if change else ("accepted", 2)
+    )
+    check(ours, theirs)
+
+
+def test_the_torch_s_light_from_two_photos(
+    phone: tuple[list[SimulatedShot], Floats], tmp_path: Path, kotlin: Kotlin
+) -> None:
+    """On and off at one exposure, in a room with tubes half as bright: the document, and the torch's spectrum."""
+    shots, corners = phone
+    first = tmp_path / "first.json"
+    kotlin(Case(shots[:1], [corners], ["D55"]), first)
+    camera = CameraCurves("phone", resolve(PHONE), "bells")
+    torch, room = read_lamp("LED-B3").values, 0.5 * read_lamp("FL2").values
+    share = float(np.max(room @ camera.values) / np.max((torch + room) @ camera.values))
+
+    def photo(name: str, power: Floats, exposure: float) -> SimulatedShot:
+        sensor = Sensor(exposure=exposure, make="Apple", model="phone")
+        made = simulate(camera, [(WAVELENGTHS, power)], tmp_path / name, scene=Scene(size=(1200, 900)), sensor=sensor)
+        return made.shots[0]
+
+    on, off = photo("on", torch + room, 0.8), photo("off", room, 0.8 * share)
+    case = Case([replace(on, dark=off.chart)], [corners], ["torch"], white=False, options={"previous": first})
+    ours, theirs = python(case), kotlin(case, tmp_path / "result.json")
+    assert theirs["verdict"]["status"] == "accepted"
+    check(ours, theirs, std=1e-11)  # of a mixture whose probabilities differ as much, after a previous result
+    off_by = np.array(ours["answer"]["lights"][0]["power"]) - torch / torch.mean()
+    assert np.sqrt(np.mean(off_by[40:641] ** 2)) < 0.16  # 400 to 700 nm; the mean of docs/previous.md
+
+
+@pytest.mark.parametrize("fault", ["motion", "defocus", "faded"])
+def test_the_worst_of_a_fault(tmp_path: Path, kotlin: Kotlin, fault: str) -> None:
+    """Borders that lie at the end of the search, and a chart unlike its table."""
+    made = simulate(
+        "Nikon 5100 (NPL)", "D55", tmp_path, seed=5, scene=Scene(size=(1200, 900), tilt=4, rotation=3),
+        change=apply_fault(fault, 3),
+    )  # fmt: skip
+    case = Case(list(made.shots), [made.pose.corners + OFF], ["D55"])
+    check(python(case), kotlin(case, tmp_path / "result.json"))
+
+
+def test_no_frames(photos: tuple[list[SimulatedShot], Floats], tmp_path: Path, kotlin: Kotlin) -> None:
+    shots, corners = photos
+    case = Case(shots[:1], [corners], ["D55"], white=False, dark=False, options={"basis": "phones"})
+    # The light's modes stand on the pose, whose last bits are each language's own.
+    check(python(case), kotlin(case, tmp_path / "result.json"))
+
+
+def test_a_refusal_keeps_the_same_evidence(
+    photos: tuple[list[SimulatedShot], Floats], tmp_path: Path, kotlin: Kotlin
+) -> None:
+    shots, corners = photos
+    case = Case(shots[:1], [(corners - corners.mean(axis=0)) / 5 + 150], ["D55"], white=False, dark=False)
+    ours, theirs = python(case), kotlin(case, tmp_path / "result.json")
+    assert ours["verdict"]["status"] == "refused"
+    assert "checks" not in theirs["verdict"]
+    check(ours, theirs)
+
+
+def test_a_refused_verdict_is_the_same(tmp_path: Path, kotlin: Kotlin) -> None:
+    made = simulate("Nikon 5100 (NPL)", "D55", tmp_path, scene=Scene(size=(1200, 900), glare=0.4))
+    case = Case(list(made.shots), [made.pose.corners], ["D55"])
+    ours, theirs = python(case), kotlin(case, tmp_path / "result.json")
+    assert ours["verdict"]["status"] == "refused"
+    assert len(ours["verdict"]["reasons"]) > 1
+    assert "answer" not in theirs
+    check(ours, theirs)
+
+
+def test_the_real_photo(tmp_path: Path, kotlin: Kotlin) -> None:
+    shot = SimulatedShot(PHOTO, None, None, "3000K", "classic24", np.zeros((24, 3)))
+    case = Case([shot], [np.array(CORNERS)], ["3000K"], white=False, dark=False)
+    check(python(case), kotlin(case, tmp_path / "result.json"))
+
+
+def test_report_and_validate_read_it(
+    photos: tuple[list[SimulatedShot], Floats], tmp_path: Path, kotlin: Kotlin
+) -> None:
+    shots, corners = photos
+    place = tmp_path / "result.json"
+    kotlin(Case(shots, [corners, corners], ["D55", "A"]), place)
+    assert main(["report", str(place), "-o", str(tmp_path / "out"), "--photo", str(shots[0].chart)]) == 0
+    page = (tmp_path / "out" / "report.html").read_text("utf-8")
+    assert "D55" in page
+    truth = shots[0].chart.parent / "truth.csv"
+    assert main(["validate", str(place), "--truth", str(truth)]) == 0
+
+
+@pytest.mark.parametrize("lamps", [["D55"], ["D55", "A"], ["auto"]], ids=["one shot", "two shots", "unnamed light"])
+def test_a_phone_measures_and_a_desktop_solves(
+    phone: tuple[list[SimulatedShot], Floats],
+    tmp_path: Path,
+    kotlin: Kotlin,
+    lamps: list[str],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """The same curves to the bit as from Python's own measurement, from the document as it is."""
+    shots, corners = phone
+    case = Case(shots[: len(lamps)], [corners] * len(lamps), lamps, options={"write": "capture"})
+    place = tmp_path / "capture.json"
+    kotlin.run(case, place)
+    theirs = read(place.read_bytes(), Document, place.name, ADVICE).capture
+    ours = measure(
+        [
+            Shot(shot.chart, lamp, corners=corners, white=shot.white, dark=shot.dark)
+            for shot, lamp in zip(case.shots, lamps, strict=True)
+        ]
+    )
+    assert theirs is not None
+    assert all(unit.serial == "" for unit in (shot.photo.unit for shot in theirs.shots))
+    answers = [solve(capture) for capture in (ours, theirs)]
+    for name in ("curves", "std"):
+        np.testing.assert_array_equal(getattr(answers[0], name), getattr(answers[1], name))
+    assert answers[0].verdict == answers[1].verdict
+    assert answers[0].verdict.status == "accepted"
+    assert main(["solve", str(place)]) == 0
+    solved = read(capsys.readouterr().out.encode(), Document, "solved", ADVICE)
+    np.testing.assert_array_equal(answer_in(solved).curves.values, answers[0].curves)
+
+
+def test_a_refused_result_of_a_phone_is_read_and_not_solved(
+    photos: tuple[list[SimulatedShot], Floats], tmp_path: Path, kotlin: Kotlin
+) -> None:
+    """It keeps what was measured of it; measuring ended at its second shot."""
+    shots, corners = photos
+    away = (corners - corners.mean(axis=0)) / 5 + 150
+    out = tmp_path / "result.json"
+    kotlin(Case(shots, [corners, away], ["D55", "A"]), out)
+    result = Result.load(out)
+    assert result.verdict.status == "refused"
+    assert result.capture is not None
+    assert [len(result.capture.shots), result.capture.unfinished is not None] == [1, True]
+    with pytest.raises(InvalidArgument, match="refused before all its photos were measured"):
+        solve(result.capture)
+    whole = measure([Shot(shots[0].chart, "D55", corners=corners, white=shots[0].white, dark=shots[0].dark)])
+    for role in ("chart", "white", "dark"):
+        ours, theirs = (getattr(each.shots[0].means, role).mean for each in (whole, result.capture))
+        np.testing.assert_array_equal(ours, theirs)
+
+
+@pytest.mark.requirement("R-HOSTILE")
+def test_damaged_photos_get_the_same_code(tmp_path: Path) -> None:
+    """Both read the same samples and levels, or refuse with the same code."""
+    paths = [tmp_path / f"{seed}.dng" for seed in range(400)]
+    for seed, path in enumerate(paths):
+        path.write_bytes(damaged("dng", seed)[1])
+    classes = os.pathsep.join([*map(str, _jars()), (GOLDEN / "classpath.txt").read_text().strip()])
+    done = subprocess.run(
+        ["java", "-Xmx512m", "-XX:TieredStopAtLevel=1", "-cp", classes, "org.camssf.golden.Codes"],
+        input="\n".join(map(str, paths)), capture_output=True, text=True, timeout=120, check=True,
+    )  # fmt: skip
+    theirs = [line.split("\t") for line in done.stdout.splitlines()]
+    apart = []
+    for path, (code, *said) in zip(paths, theirs, strict=True):
+        try:
+            mosaic = read_dng(path)
+        except CalibrationError as error:
+            if error.code != code:
+                apart.append((path.name, error.code, error.message, code, said))
+            continue
+        samples = hashlib.sha256(mosaic.samples.astype("<u2").tobytes()).hexdigest()
+        levels = [mosaic.white, *mosaic.black.ravel()]
+        if [code, *said[:2]] != ["read", samples, mosaic.cfa] or not np.allclose(
+            levels, [float(v) for v in said[2:]], rtol=1e-12, atol=0
+        ):
+            apart.append((path.name, "read", samples, code, said))
+    assert apart == []
+    assert {code for code, *_ in theirs} >= {"read", "unreadable_raw", "unsupported_raw"}
+
+
+def test_text_tables_get_the_same_code_and_words(tmp_path: Path) -> None:
+    """Both read the same numbers, or refuse with the same code and message."""
+    lines: list[str] = []
+    expected: list[tuple[str, Any]] = []
+    for i, table in enumerate(TABLES.values()):
+        path = tmp_path / f"{i}.csv"
+        path.write_bytes(table.text.encode())
+        lines.append(f"{table.kind}\t{path}")
+        try:
+            values = (read_lamp if table.kind == "lamp" else read_chart)(str(path)).values
+        except CalibrationError as error:
+            expected.append((error.code, error.message.replace(f"{tmp_path}/", "").replace("\t", " ")))
+        else:
+            expected.append(("read", float(np.mean(values**2))))
+    classes = os.pathsep.join([*map(str, _jars()), (GOLDEN / "classpath.txt").read_text().strip()])
+    done = subprocess.run(
+        ["java", "-Dfile.encoding=UTF-8", "-Dstdout.encoding=UTF-8", "-cp", classes, "org.camssf.golden.Codes"],
+        input="\n".join(lines), capture_output=True, text=True, encoding="utf-8", timeout=120, check=True,
+    )  # fmt: skip
+    theirs = [line.split("\t") for line in done.stdout.splitlines()]
+    for name, (code, said), (their_code, their_words) in zip(TABLES, expected, theirs, strict=True):
+        if code == "read" == their_code:
+            assert float(their_words) == pytest.approx(said, rel=1e-9), name
+        else:
+            assert (name, their_code, their_words) == (name, code, said)

@@ -1,0 +1,329 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from camssf.errors import Blurred, ChartNotFound, InvalidArgument
+from camssf.photo.find.candidates import find_candidates
+from camssf.photo.find.geometry import refine_corners
+from camssf.photo.find.picture import codes_of_mosaic
+from camssf.photo.find.pose import Pose, find_chart
+from camssf.photo.find.search import agreement
+from camssf.photo.patches import measure_patches
+from camssf.photo.read.dng import Mosaic, read_dng
+from camssf.spectra.layouts import LAYOUTS
+from camssf_lab.simulation.camera import Sensor
+from camssf_lab.simulation.scene import Scene
+from camssf_lab.simulation.shot import Frames
+from tests.support.scenes import SIZE, mosaic, semi_gloss, shoot, table
+
+DNG = Path(__file__).parents[2] / "data" / "dng"
+
+# Read off an enlarged picture of the photo by eye: outer corners of the classic page's block of patches.
+BY_EYE = np.array([[672, 586], [1297, 571], [1303, 963], [655, 976]], dtype=float)
+
+BULB = Sensor(gains=(1, 0.6, 0.15))
+SCENES: dict[str, tuple[Scene, Sensor, str]] = {
+    "frontal": (Scene(), Sensor(), "D55"),
+    "25 % of the width": (Scene(fill=0.25), Sensor(), "D55"),
+    "12 % of the width": (Scene(fill=0.12), Sensor(), "D55"),
+    "rotated 30": (Scene(fill=0.5, rotation=30), Sensor(), "D55"),
+    "rotated 45": (Scene(fill=0.5, rotation=45), Sensor(), "D55"),
+    "rotated 90": (Scene(fill=0.5, rotation=90), Sensor(), "D55"),
+    "rotated 180": (Scene(rotation=180), Sensor(), "D55"),
+    "tilted 30": (Scene(tilt=30), Sensor(), "D55"),
+    "tilted 45": (Scene(tilt=45), Sensor(), "D55"),
+    "tilted 55": (Scene(tilt=55), Sensor(), "D55"),
+    "orange cast": (Scene(), BULB, "A"),
+    "blue cast": (Scene(), Sensor(gains=(0.15, 0.5, 1)), "D75"),
+    "-3 EV": (Scene(), Sensor(exposure=0.1), "D55"),
+    "3 % noise": (Scene(), Sensor(full_well=1100), "D55"),
+    "50 % vignetting": (Scene(fill=0.8, vignetting=0.5), Sensor(), "D55"),
+    "white surround": (Scene(surround="white"), Sensor(), "D55"),
+    "black surround": (Scene(surround="black"), Sensor(), "D55"),
+    "rotated, tilted, cast": (Scene(fill=0.5, rotation=200, tilt=35, surround="white"), BULB, "A"),
+}
+
+
+SMALL = (900, 675)
+
+
+def photo_of(
+    scene: Scene, sensor: Sensor | None = None, lamp: str = "D55", size: tuple[int, int] = SIZE
+) -> tuple[Frames, Mosaic]:
+    frames = shoot(replace(scene, size=size), sensor or Sensor(), lamp)
+    return frames, mosaic(frames.chart, sensor)
+
+
+def edge(pose: Pose) -> float:
+    """Shortest patch edge, px."""
+    return float(np.linalg.norm(pose.patches - np.roll(pose.patches, -1, axis=1), axis=2).min())
+
+
+def worst(pose: Pose, truth: Pose) -> float:
+    """Largest distance of a patch centre from the truth, in patch edges."""
+    off = pose.patches.mean(axis=1) - truth.patches.mean(axis=1)
+    return float(np.linalg.norm(off, axis=1).max()) / edge(truth)
+
+
+@pytest.fixture(scope="module")
+def real() -> Mosaic:
+    return read_dng(DNG / "colorchart.dng")
+
+
+@pytest.fixture(scope="module")
+def real_pose(real: Mosaic) -> Pose:
+    return find_chart(real, table("passport24"))
+
+
+def test_real_photo_lies_where_the_eye_sees_it(real_pose: Pose) -> None:
+    assert np.abs(real_pose.corners - BY_EYE).max() < 4  # of 88 px a patch; the eye is good to 2 px
+    assert (real_pose.quarter_turns, real_pose.method) == (0, "detected")
+    assert real_pose.score > 0.9
+
+
+def test_real_photo_needs_no_second_opinion(real_pose: Pose) -> None:
+    """The Passport's other page is in view, too, but is no chart that the finder knows."""
+    assert real_pose.notes == ()
+
+
+def test_real_photo_measures_the_printed_gap(real_pose: Pose) -> None:
+    """The Passport's classic page is printed with 12.4 mm patches every 15.0 mm."""
+    top, left = real_pose.patches[:6], real_pose.patches[::6]
+    width = np.linalg.norm(top[:, 1] - top[:, 0], axis=1).mean()
+    height = np.linalg.norm(left[:, 3] - left[:, 0], axis=1).mean()
+    pitch_x = np.linalg.norm(np.diff(top.mean(axis=1), axis=0), axis=1).mean()
+    pitch_y = np.linalg.norm(np.diff(left.mean(axis=1), axis=0), axis=1).mean()
+    assert [width / pitch_x, height / pitch_y] == pytest.approx([12.4 / 15, 12.4 / 15], abs=0.02)
+
+
+def test_real_photo_gives_the_means_of_hand_picked_corners(real: Mosaic, real_pose: Pose) -> None:
+    """Bilinear places between four corners read by eye, plain means of 36 × 32 px boxes, LibRaw's samples."""
+    import rawpy
+
+    with rawpy.imread(str(DNG / "colorchart.dng")) as raw:
+        above_black = raw.raw_image_visible.astype(float) - raw.black_level_per_channel[0]
+    means = measure_patches(real, real_pose)
+    side = 12.4 / 15
+    for number in range(24):
+        column, row = number % 6, number // 6
+        s, t = (column + side / 2) / (5 + side), (row + side / 2) / (3 + side)
+        corner = [(1 - s) * (1 - t), s * (1 - t), s * t, (1 - s) * t]
+        x, y = np.rint(np.array(corner) @ BY_EYE / 2).astype(int) * 2
+        box = above_black[y - 16 : y + 16, x - 18 : x + 18]
+        green = (box[::2, 1::2].mean() + box[1::2, ::2].mean()) / 2
+        theirs = [box[::2, ::2].mean(), green, box[1::2, 1::2].mean()]
+        np.testing.assert_allclose(means.chart.mean[number] - means.black, theirs, rtol=0.03)
+
+
+@pytest.mark.full
+@pytest.mark.requirement("R-FINDER")
+def test_rendered_scenes() -> None:
+    """At least 17 of 18 found, every patch centre within a quarter of a patch, right way up.
+
+    By camssf's own finder alone every one, within a tenth of a patch.
+    """
+    failures = {}
+    for name, (scene, sensor, lamp) in SCENES.items():
+        frames, photo = photo_of(scene, sensor, lamp)
+        sighted = find_candidates(codes_of_mosaic(photo))
+        assert sighted.findings == (), name
+        distance = np.linalg.norm(sighted.candidates[0].patches - frames.pose.patches.mean(axis=1), axis=1).max()
+        assert distance < 0.1 * edge(frames.pose), name
+        try:
+            pose = find_chart(photo, table())
+        except ChartNotFound as refusal:
+            failures[name] = refusal.message
+            continue
+        off = worst(pose, frames.pose)
+        if off > 0.25:
+            failures[name] = f"{off:.2f} patches off"
+        elif name != "rotated 45" and pose.quarter_turns != frames.pose.quarter_turns:
+            failures[name] = f"{pose.quarter_turns} quarter turns"  # 45° itself rounds either way
+        assert off > 0.25 or off < 0.03, name  # what is found is refined, too
+    assert len(SCENES) == 18
+    assert len(failures) <= 1, failures
+
+
+@pytest.mark.parametrize("turn", [0, 90, 180, 270])
+def test_mirrored_chart_is_refused(turn: float) -> None:
+    _, photo = photo_of(Scene(fill=0.5, rotation=turn, mirrored=True), size=SMALL)
+    with pytest.raises(ChartNotFound, match="mirrored"):
+        find_chart(photo, table())
+
+
+@pytest.mark.parametrize("chart", ["nano24", "mini24", "passport24"])
+def test_small_charts(chart: str) -> None:
+    frames = shoot(Scene(layout=LAYOUTS[chart], size=SMALL, fill=0.4, rotation=-20), None, "D55", chart)
+    assert worst(find_chart(mosaic(frames.chart), table(chart)), frames.pose) < 0.03
+
+
+def test_semi_gloss_chart_is_found() -> None:
+    frames = shoot(Scene(layout=LAYOUTS["sg140"], size=SMALL, fill=0.9, rotation=180), None, "D55", "sg140")
+    pose = find_chart(mosaic(frames.chart), semi_gloss())
+    assert worst(pose, frames.pose) < 0.05
+    assert pose.quarter_turns == 2
+
+
+def test_semi_gloss_chart_by_corners() -> None:
+    frames = shoot(Scene(layout=LAYOUTS["sg140"], size=SMALL, fill=0.7, tilt=20), None, "D55", "sg140")
+    pose = find_chart(mosaic(frames.chart), semi_gloss(), corners=np.roll(frames.pose.corners, 1, axis=0) + 3)
+    assert worst(pose, frames.pose) < 0.05
+    assert pose.method == "by hand"
+
+
+@pytest.mark.parametrize("first", [0, 1, 2, 3])
+@pytest.mark.parametrize("way", [1, -1])
+def test_corners_by_hand_from_any_corner_either_way_around(first: int, way: int) -> None:
+    frames, photo = photo_of(Scene(fill=0.5, rotation=100, tilt=20))
+    by_hand = np.roll(frames.pose.corners, first, axis=0)[::way] + np.array([[9, -7], [-8, 6], [5, 8], [-6, -9]])
+    pose = find_chart(photo, table(), corners=by_hand)
+    assert worst(pose, frames.pose) < 0.02
+    assert (pose.method, pose.quarter_turns, pose.notes) == ("by hand", 1, ())
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("scene", [Scene(fill=0.5, rotation=20, tilt=15), Scene(fill=0.25, rotation=190, blur=2.0)])
+def test_corners_by_hand_half_a_patch_off(scene: Scene) -> None:
+    """All the same way, or each another way: by half the patch's edge, in eight directions."""
+    frames, photo = photo_of(scene)
+    half = np.linalg.norm(frames.pose.patches[0, 1] - frames.pose.patches[0, 0]) / 2
+    for turn in range(8):
+        angles = np.pi / 4 * (turn + np.array([[0, 0, 0, 0], [0, 3, 5, 2]]))
+        for angle in angles:
+            by_hand = frames.pose.corners + half * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+            pose = find_chart(photo, table(), corners=by_hand)
+            assert pose.notes == ()
+            assert worst(pose, frames.pose) < 0.03
+
+
+def test_corners_by_hand_far_from_the_borders_are_kept() -> None:
+    frames, photo = photo_of(Scene())
+    pitch = frames.pose.patches[1, 0, 0] - frames.pose.patches[0, 0, 0]
+    by_hand = frames.pose.corners + 0.42 * pitch * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
+    pose = find_chart(photo, table(), corners=by_hand)
+    np.testing.assert_allclose(pose.corners, by_hand, atol=1e-6)
+    assert "kept" in pose.notes[0]
+
+
+def test_corners_by_hand_of_a_mirrored_chart() -> None:
+    frames, photo = photo_of(Scene(mirrored=True))
+    with pytest.raises(ChartNotFound, match="mirrored"):
+        find_chart(photo, table(), corners=frames.pose.corners)
+
+
+def test_corners_by_hand_beside_the_chart() -> None:
+    frames, photo = photo_of(Scene(fill=0.25, centre=(0.3, 0.3)))
+    with pytest.raises(ChartNotFound, match="colours"):
+        find_chart(photo, table(), corners=frames.pose.corners + np.array([600, 500]))
+
+
+@pytest.mark.parametrize(
+    "corners",
+    [
+        [[0, 0], [10, 0], [10, 10]],
+        [[0, 0], [100, 0], [0, 100], [100, 100]],
+        [[0, 0], [100, 0], [100, np.nan], [0, 100]],
+        [[-5, 0], [100, 0], [100, 100], [0, 100]],
+        [[0, 0], [5000, 0], [5000, 100], [0, 100]],
+        [[50, 50], [50, 50], [50, 50], [50, 50]],
+        "top left",
+    ],
+)
+def test_corners_that_are_none(corners: object) -> None:
+    _, photo = photo_of(Scene())
+    with pytest.raises(InvalidArgument, match="corner"):
+        find_chart(photo, table(), corners=corners)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("blur", [10.0, 14.0])
+def test_a_photo_too_blurred_to_search_is_called_blurred(blur: float) -> None:
+    _, photo = photo_of(Scene(fill=0.25, rotation=30, tilt=20, blur=blur), size=SMALL)
+    with pytest.raises(Blurred, match="sharpest edges are"):
+        find_chart(photo, table())
+
+
+def test_photo_without_a_chart() -> None:
+    rng = np.random.default_rng(1)
+    noise = rng.integers(600, 12000, (600, 800), dtype=np.uint16)
+    tiles = np.kron(rng.integers(600, 12000, (12, 16)), np.ones((50, 50))).astype(np.uint16)
+    for samples in (noise, tiles, np.full((600, 800), 512, np.uint16), noise[:65, :64]):
+        with pytest.raises(ChartNotFound, match="no chart"):
+            find_chart(mosaic(samples), table())
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (63, 800), (800, 2)])
+def test_photo_that_is_too_small(shape: tuple[int, int]) -> None:
+    with pytest.raises(ChartNotFound, match="only"):
+        find_chart(mosaic(np.full(shape, 700, np.uint16)), table())
+
+
+def test_real_photo_without_a_chart() -> None:
+    with pytest.raises(ChartNotFound, match="corners by hand"):
+        find_chart(read_dng(DNG / "blackmagic_ljpeg.dng"), table())
+
+
+def test_grid_with_other_colours_is_no_chart() -> None:
+    """A perfect grid of 24 patches, in another order."""
+    mixed = np.random.default_rng(3).permutation(24)
+    _, photo = photo_of(Scene(), size=SMALL)
+    with pytest.raises(ChartNotFound, match="no chart"):
+        find_chart(photo, table().with_values(table().values[mixed]))
+
+
+def test_of_two_charts_the_one_that_agrees() -> None:
+    """Left a chart in another order, right the real one; each is found by its own table."""
+    scene = Scene(size=(450, 675), fill=0.7)
+    mixed = table().with_values(table().values[np.random.default_rng(3).permutation(24)])
+    from camssf.spectra import read_camera, read_lamp
+    from camssf_lab.simulation.shot import photograph
+
+    camera, lamp = read_camera("Nikon 5100 (NPL)"), read_lamp("D55")
+    left, right = (photograph(camera, lamp, t, scene, Sensor()) for t in (mixed, table()))
+    photo = mosaic(np.hstack([left.chart, right.chart]))
+    pose = find_chart(photo, table())
+    assert worst(replace(pose, patches=pose.patches - np.array([450, 0])), right.pose) < 0.02
+    assert pose.notes == ()
+    pose = find_chart(photo, mixed)  # the finder knows the real chart only
+    assert worst(pose, left.pose) < 0.02
+    other, detector = pose.notes
+    assert "second grid of patches was in view, about (675, 337) px" in other
+    assert "OpenCV's detector found the chart" in detector
+
+
+def test_table_of_another_layout() -> None:
+    _, photo = photo_of(Scene())
+    with pytest.raises(InvalidArgument, match="does not fit the layout sg140"):
+        find_chart(photo, replace(table(), layout=LAYOUTS["sg140"]))
+
+
+def test_agreement_knows_no_exposure_and_no_cast() -> None:
+    rng = np.random.default_rng(5)
+    seen, expected = rng.uniform(0.05, 1, (24, 3)), rng.uniform(0.05, 1, (24, 3))
+    cast = np.array([900.0, 400.0, 100.0])
+    assert agreement(expected * cast, expected) == pytest.approx(1, abs=1e-12)
+    assert agreement(seen * cast, expected) == pytest.approx(agreement(seen, expected), abs=1e-12)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("printed", ["classic24", "nano24", "passport24"])
+def test_refine_measures_position_and_gap(printed: str) -> None:
+    """A quarter of a pitch off and with another chart's gap, to a hundredth of a pitch."""
+    frames = shoot(Scene(layout=LAYOUTS[printed], size=SIZE, rotation=10, tilt=15, blur=1.0), None, "D55", printed)
+    image = np.sqrt(frames.chart[::2, ::2].astype(float) + frames.chart[1::2, 1::2] - 1000)
+    pitch = SIZE[0] * 0.6 / 6 / 2
+    guess = frames.pose.corners / 2 + 0.25 * pitch * np.array([[1, 1], [-1, 0], [0, 1], [-1, 1]])
+    corners, side, locked = refine_corners(image, guess, LAYOUTS["mini24"])
+    assert np.abs(corners - (frames.pose.corners - 0.5) / 2).max() < 0.02 * pitch
+    assert side == pytest.approx(LAYOUTS[printed].side, abs=0.01)
+    assert locked > 0.8
+
+
+def test_refine_on_nothing_keeps_the_corners() -> None:
+    corners = np.array([[10.0, 10], [90, 10], [90, 70], [10, 70]])
+    kept, _, locked = refine_corners(np.zeros((100, 100)), corners, LAYOUTS["classic24"])
+    assert locked == 0
+    np.testing.assert_allclose(kept, corners, atol=1e-9)

@@ -1,0 +1,303 @@
+"""DNGs as other writers make them: wrong byte counts, padded rows, required opcodes, placeholder matrices, bombs."""
+
+from __future__ import annotations
+
+import re
+import struct
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rawpy
+from numpy.typing import NDArray
+
+from camssf import Options, calibrate
+from camssf.errors import ChartNotFound, UnreadableRaw, UnsupportedRaw
+from camssf.photo.capture import measure
+from camssf.photo.find.pose import MOST, chart_area, find_chart
+from camssf.photo.read.dng import Mosaic, read_dng
+from camssf.photo.read.pieces import MAX_SAMPLES
+from camssf.photo.read.raw import read_raw
+from camssf.photo.shot import Shot
+from golden.dngs import DEFLATE, JPEG, LONG, NONE, RATIONAL, SHORT, SRATIONAL, Dng, Tags, opcode, opcode_list
+from golden.stages.mosaic import chaos, slope
+from tests.support import captures, scenes
+
+pytestmark = pytest.mark.requirement("R-SAMPLES")
+
+PLACEHOLDER = [19549, -7877, -2582, -5724, 10121, 1917, -1267, -110, 6621]
+DISPLAY = [32406, -15372, -4986, -9689, 18758, 415, 557, -2040, 10570]
+ANOTHER = [7838, -2177, -840, -4786, 12913, 1437, -855, 2016, 4163]
+SOUND = [9599, -1936, -1469, -6018, 14024, 1557, -3651, 5602, 6610]
+NEUTRAL = [6059, 10000, 1, 1, 8591, 10000]
+
+
+def read(folder: Path, dng: Dng, **how: Any) -> Mosaic:
+    path = folder / "photo.dng"
+    path.write_bytes(dng.encode())
+    return read_dng(path, **how)
+
+
+@pytest.mark.parametrize("compression", [NONE, JPEG, DEFLATE])
+@pytest.mark.parametrize("layout", [{"rows_per_strip": 7}, {"tile": (16, 16)}])
+@pytest.mark.parametrize("count", [0, 1, 100, 392, 10**6])
+def test_byte_counts_are_not_trusted(tmp_path: Path, compression: int, layout: dict[str, Any], count: int) -> None:
+    samples = slope(12)
+    plain = Dng(samples, bits=12, compression=compression, **layout)
+    tag = 325 if "tile" in layout else 279
+    dng = replace(plain, tags={tag: (LONG, [count] * len(plain.pieces()))})
+    np.testing.assert_array_equal(read(tmp_path, dng).samples, samples)
+
+
+@pytest.mark.parametrize(("bits", "pad"), [(16, 24), (16, 3), (12, 4), (8, 5)])
+@pytest.mark.parametrize("rows", [None, 9])
+@pytest.mark.parametrize("fill", ["zeros", "samples"])
+def test_rows_padded_to_a_stride(tmp_path: Path, bits: int, pad: int, rows: int | None, fill: str) -> None:
+    stored = slope(bits, width=56 + pad)
+    if fill == "zeros":
+        stored[:, 56:] = 0
+    dng = Dng(stored, bits=bits, rows_per_strip=rows, tags={256: (LONG, [56])})
+    np.testing.assert_array_equal(read(tmp_path, dng).samples, stored[:, :56])
+
+
+def test_dense_rows_before_other_data_are_not_padded(tmp_path: Path) -> None:
+    """The count of 12-bit samples as if they had 16, and as many bytes behind them: LibRaw reads the same."""
+    samples = slope(12, 120, 160)
+    padded = np.vstack([samples, chaos(12, 40, 160)])
+    dng = Dng(padded, bits=12, tags={257: (LONG, [120]), 278: (LONG, [120]), 279: (LONG, [120 * 160 * 2])})
+    np.testing.assert_array_equal(read(tmp_path, dng).samples, samples)
+    with rawpy.imread(str(tmp_path / "photo.dng")) as raw:
+        np.testing.assert_array_equal(raw.raw_image_visible, samples)
+
+
+def bomb(side: int) -> bytes:
+    """A DNG that claims side × side samples in as many bytes as deflate needs at least."""
+    tags: Tags = {tag: (LONG, [side]) for tag in (256, 257, 278)}
+    size = len(Dng(np.zeros((2, 2), np.uint16), compression=DEFLATE, tags=tags).encode())
+    dng = Dng(np.zeros((2, 2), np.uint16), compression=DEFLATE, tags=tags | {273: (LONG, [size])})
+    return dng.encode() + bytes(side * side // 500)
+
+
+def test_more_samples_than_a_photo_has_are_refused_before_decoding(tmp_path: Path) -> None:
+    path = tmp_path / "bomb.dng"
+    path.write_bytes(bomb(15_000))
+    with pytest.raises(UnsupportedRaw, match="15000 × 15000 samples; camssf reads up to 220 million"):
+        read_dng(path)
+    path.write_bytes(bomb(14_000))  # allowed: 196 million; it is damaged
+    with pytest.raises(UnreadableRaw, match="deflated samples"):
+        read_dng(path)
+    assert MAX_SAMPLES > 16_384 * 12_288  # phones' 200 megapixels
+
+
+@pytest.mark.full
+@pytest.mark.skipif(sys.platform != "linux", reason="the peak of a process is read as Linux tells it")
+def test_the_memory_of_the_largest_photo(tmp_path: Path) -> None:
+    """Flat, so it is small: two bytes a sample, and 350 MB, in which no chart is found."""
+    rows, columns = 12_288, 16_384
+    path = tmp_path / "flat.dng"
+    path.write_bytes(Dng(np.full((rows, columns), 700, np.uint16), compression=DEFLATE, rows_per_strip=512).encode())
+    code = (  # VmHWM: a child's ru_maxrss begins with that of the process that started it
+        "import sys\nfrom pathlib import Path\nfrom camssf.cli import main\n"
+        "status = main(sys.argv[1:])\nprint(f'\\nstatus {status}', Path('/proc/self/status').read_text())"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, "patches", str(path), "--lamp", "D55"],
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
+    assert "\nstatus 4 " in done
+    (kilobytes,) = re.findall(r"VmHWM:\s+(\d+) kB", done)
+    assert int(kilobytes) * 1024 < 2 * rows * columns + 350e6
+
+
+def test_of_a_large_photo_the_middle_is_searched_for_edges() -> None:
+    from camssf.photo.find.pose import edge_width
+
+    frames = scenes.shoot()
+    height, width = frames.chart.shape
+    assert height * width < 4 * MOST
+    wide = np.pad(frames.chart, [(n, n) for n in (2400 - height // 2, 2400 - width // 2)], mode="edge")
+    assert edge_width(scenes.mosaic(wide)) == pytest.approx(edge_width(scenes.mosaic(frames.chart)), rel=0.1)
+
+
+@pytest.mark.parametrize(("stage", "tag"), [(1, 51008), (2, 51009), (3, 51022)])
+def test_an_opcode_that_changes_samples_may_not_be_skipped(tmp_path: Path, stage: int, tag: int) -> None:
+    def holding(number: int, *, required: bool = True) -> Dng:
+        data = opcode(number, bytes(8), required=required)
+        return Dng(chaos(16), tags={tag: opcode_list(data)})
+
+    for number, name in {7: "MapTable", 8: "MapPolynomial", 10: "DeltaPerRow", 11: "DeltaPerColumn",
+                         12: "ScalePerRow", 13: "ScalePerColumn", 99: "unknown"}.items():  # fmt: skip
+        with pytest.raises(UnsupportedRaw, match=rf"opcode {number} \({name}\) of opcode list {stage}"):
+            read(tmp_path, holding(number))
+        read(tmp_path, holding(number, required=False))
+    for number in (1, 2, 3, 4, 5, 6, 14):
+        read(tmp_path, holding(number))
+
+
+def matrices(folder: Path, matrix: list[int], light: int | None, neutral: list[int] | None) -> Mosaic:
+    values = [part for value in matrix for part in (value, 10_000)]
+    first: Tags = {50721: (SRATIONAL, values), 50728: None if neutral is None else (RATIONAL, neutral)}
+    return read(folder, Dng(chaos(16), first=first | {50778: None if light is None else (SHORT, [light])}))
+
+
+@pytest.mark.parametrize("neutral", [NEUTRAL, [1, 1] * 3, None])
+def test_a_matrix_that_no_camera_has_is_left_out(tmp_path: Path, neutral: list[int] | None) -> None:
+    """The words are also those of Kotlin's TagsTest."""
+    found = matrices(tmp_path, PLACEHOLDER, 21, neutral)
+    assert found.colour_matrices == ()
+    assert found.matrices_left_out == (
+        "ColorMatrix1 was left out: it gives a white under D65 whose red is 1.17 of its green, as no sensor's is"
+    )
+    assert "whose red is 1.00" in matrices(tmp_path, DISPLAY, 21, neutral).matrices_left_out
+    assert "whose red is 2.8" in matrices(tmp_path, PLACEHOLDER, 17, neutral).matrices_left_out
+    sound = matrices(tmp_path, SOUND, 21, neutral)
+    assert sound.matrices_left_out == ""
+    assert len(sound.colour_matrices) == 1
+
+
+def test_matrices_that_contradict_the_files_own_white_are_left_out(tmp_path: Path) -> None:
+    found = matrices(tmp_path, ANOTHER, 21, NEUTRAL)
+    assert found.colour_matrices == ()
+    words = "the colour matrices were left out: with them AsShotNeutral is the white of no lamp"
+    assert found.matrices_left_out == words
+    assert matrices(tmp_path, ANOTHER, 21, [1, 1] * 3).matrices_left_out == ""  # says nothing
+
+
+@pytest.mark.parametrize(
+    ("code", "light"),
+    [(1, "D55"), (3, "A"), (4, "D55"), (9, "D55"), (10, "D65"), (11, "D75"), (17, "A"), (23, "D50")],
+)
+def test_the_illuminant_of_a_matrix(tmp_path: Path, code: int, light: str) -> None:
+    (found,) = matrices(tmp_path, SOUND, code, None).colour_matrices
+    assert found.light == light
+
+
+@pytest.mark.parametrize("code", [None, 0, 2, 12, 13, 14, 15, 16, 24, 255, 4711])
+def test_a_matrix_of_a_light_without_a_spectrum_is_left_out(tmp_path: Path, code: int | None) -> None:
+    found = matrices(tmp_path, SOUND, code, None)
+    assert found.colour_matrices == ()
+    assert f"made for light source {code or 0}, whose spectrum" in found.matrices_left_out
+
+
+def test_a_result_says_which_matrix_was_left_out(tmp_path: Path) -> None:
+    """The lamp is not doubted for a matrix that no camera has; the capture's document keeps the words."""
+    (made,) = captures.photos().shots
+    content = made.chart.read_bytes()
+    tags = {50721: [part for value in PLACEHOLDER for part in (value, 10_000)]}
+    path = tmp_path / "chart.dng"
+    path.write_bytes(with_rationals(content, tags))
+    found = calibrate(Shot(path, "D55", white=made.white, dark=made.dark), options=Options(basis="cameras"))
+    assert "lamp_unfit" not in {reason.code for reason in found.verdict.reasons}
+    (said,) = [assumption for assumption in found.assumptions if assumption.code == "colour_matrix"]
+    assert said.message.startswith("chart.dng: ColorMatrix1 was left out: it gives a white under D65")
+    again = captures.capture_in(captures.document_of(found.capture))
+    assert again.shots[0].photo.matrices_left_out == found.capture.shots[0].photo.matrices_left_out
+
+
+def with_rationals(content: bytes, tags: dict[int, list[int]]) -> bytes:
+    """A little-endian DNG with other signed rationals in tags of its first directory."""
+    data, at = bytearray(content), int.from_bytes(content[4:8], "little")
+    for entry in range(at + 2, at + 2 + 12 * int.from_bytes(content[at : at + 2], "little"), 12):
+        tag, _, _, place = struct.unpack_from("<HHII", data, entry)
+        if tag in tags:
+            struct.pack_into(f"<{len(tags[tag])}i", data, place, *tags[tag])
+    return bytes(data)
+
+
+def halves(damage: slice | None = None, compression: int = JPEG) -> bytes:
+    """Two tiles side by side; the bytes of the second are damaged."""
+    dng = Dng(slope(12), bits=12, compression=compression, tile=(40, 28))
+    content, first = dng.encode(), len(dng.pieces()[0])
+    if damage is None:
+        return content
+    return content[: 8 + first + 60] + b"\xfe" * 8 + content[8 + first + 68 :]
+
+
+def test_damage_outside_the_part_that_is_asked_for(tmp_path: Path) -> None:
+    path, samples = tmp_path / "photo.dng", slope(12)
+    path.write_bytes(halves(slice(0)))
+    with pytest.raises(UnreadableRaw):
+        read_dng(path)
+    part = (4, 2, 30, 26)
+    found = read_dng(path, part).samples
+    np.testing.assert_array_equal(found[4:30, 2:26], samples[4:30, 2:26])
+    assert found.sum() == samples[4:30, 2:26].sum()
+    rest = read_dng(path, part, rest=True).samples
+    np.testing.assert_array_equal(rest[:, :28], samples[:, :28])
+    assert not rest[:, 28:].any()
+    with pytest.raises(UnreadableRaw):
+        read_dng(path, (4, 2, 30, 29), rest=True)
+    path.write_bytes(halves())
+    np.testing.assert_array_equal(read_dng(path, part, rest=True).samples, samples)
+    whole = read_dng(path, (-9, -9, 999, 999)).samples
+    np.testing.assert_array_equal(whole, samples)
+
+
+@pytest.mark.parametrize("compression", [JPEG, DEFLATE])
+def test_a_strip_must_be_sound_behind_the_part_too(tmp_path: Path, compression: int) -> None:
+    dng = Dng(slope(12), bits=12, compression=compression)
+    content, end = bytearray(dng.encode()), 8 + len(dng.pieces()[0])
+    content[end - 12 : end - 6] = b"\xfe" * 6
+    (tmp_path / "photo.dng").write_bytes(content)
+    with pytest.raises(UnreadableRaw):
+        read_dng(tmp_path / "photo.dng", (0, 0, 8, 8))
+
+
+@pytest.fixture(scope="module")
+def tiled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, NDArray[np.float64]]:
+    """A chart photo in small tiles, the last of which is damaged, and the corners of the chart."""
+    (made,) = captures.photos().shots
+    photo = read_raw(made.chart)
+    corners = find_chart(photo, scenes.table()).corners
+    dng = Dng(photo.samples, bits=16, compression=DEFLATE, tile=(64, 64),
+              tags={50714: (LONG, [int(photo.black[0, 0])]), 50717: (LONG, [int(photo.white)])})  # fmt: skip
+    dng.cfa = bytes("RGB".index(letter) for letter in photo.cfa)
+    content, end = bytearray(dng.encode()), 8 + sum(map(len, dng.pieces()))
+    content[end - 40 : end - 30] = b"\xfe" * 10
+    path = tmp_path_factory.mktemp("tiled") / "chart.dng"
+    path.write_bytes(content)
+    return path, corners
+
+
+def test_a_damaged_tile_outside_the_chart(tiled: tuple[Path, NDArray[np.float64]]) -> None:
+    """As in Kotlin: where the corners are given it is not looked at; where the chart is sought it refuses."""
+    path, corners = tiled
+    with pytest.raises(UnreadableRaw):
+        measure([Shot(path, "D55")])
+    (shot,) = measure([Shot(path, "D55", corners=corners)]).shots
+    assert shot.thumbnail is not None
+    assert np.isfinite(shot.means.chart.mean).all()
+    bottom, right = chart_area(corners)[2:]
+    assert (bottom, right) < (shot.photo.height, shot.photo.width)
+    (framed,) = measure([Shot(captures.photos().shots[0].chart, "D55")]).shots
+    np.testing.assert_allclose(shot.means.chart.mean, framed.means.chart.mean, rtol=1e-3)
+
+
+@pytest.mark.parametrize("how", ["quad Bayer", "another order"])
+def test_wrong_colour_filters_are_named_with_corners_by_hand_too(how: str) -> None:
+    frames = scenes.shoot()
+    samples = frames.chart
+    if how == "quad Bayer":  # each filter over 2 × 2 samples
+        cells = samples[::2, ::2], samples[::2, 1::2], samples[1::2, ::2], samples[1::2, 1::2]
+        height, width = (side // 4 * 4 for side in samples.shape)
+        samples = np.empty((height, width), np.uint16)
+        for k, cell in enumerate(cells):
+            y, x = divmod(k, 2)
+            cut = cell[: height // 2, : width // 2]
+            for v, u in np.ndindex(2, 2):
+                samples[2 * y + v :: 4, 2 * x + u :: 4] = cut[v::2, u::2]
+    photo = scenes.mosaic(samples, cfa="RGGB" if how == "quad Bayer" else "GRBG")
+    corners = frames.pose.corners
+    with pytest.raises(ChartNotFound) as sought:
+        find_chart(photo, scenes.table())
+    with pytest.raises(ChartNotFound) as by_hand:
+        find_chart(photo, scenes.table(), corners=corners)
+    for caught in (sought, by_hand):
+        assert "colour filters" in caught.value.advice
+        assert "quad Bayer" in caught.value.advice

@@ -1,0 +1,278 @@
+"""Lens shading from the photo's own gain maps: judged by maps computed by hand, and by a photo without shading."""
+
+from __future__ import annotations
+
+import json
+import struct
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from camssf.calibration import calibrate
+from camssf.cli import main
+from camssf.documents.document import document_bytes
+from camssf.errors import InvalidArgument, UnreadableRaw, UnsupportedRaw
+from camssf.photo.capture import Capture, measure
+from camssf.photo.find.pose import Pose
+from camssf.photo.patches import measure_patches
+from camssf.photo.read.dng import Mosaic, read_dng, shading
+from camssf.photo.shot import Shot
+from camssf_lab.simulation.camera import Sensor
+from camssf_lab.simulation.scene import Scene
+from golden.dngs import BAD_PIXELS, GAIN_MAP, RATIONAL, SHORT, Dng, gain_map, opcode_list
+from tests.support.captures import capture_in, photos
+from tests.support.scenes import mosaic, shoot
+
+SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+PATCH = Pose("classic24", np.zeros((4, 2)), np.array([10.0 + 80 * SQUARE]), 0, "by hand", 1.0, ())
+"""Its centre is (50, 50)."""
+
+
+def noise(height: int = 120, width: int = 120) -> np.ndarray:
+    return np.random.default_rng(5).integers(900, 4000, (height, width)).astype(np.uint16)
+
+
+def read(folder: Path, samples: np.ndarray, *opcodes: bytes, tag: int = 51009, **dng: Any) -> Mosaic:
+    path = folder / "x.dng"
+    path.write_bytes(Dng(samples, tags={tag: opcode_list(*opcodes)}, **dng).encode())
+    return read_dng(path)
+
+
+def test_a_map_is_read_as_it_stands(tmp_path: Path) -> None:
+    opcode = gain_map(
+        [[1.0, 1.5], [2.0, 2.5], [3.0, 4.0]], (2, 3, 118, 119), (2, 1), (0.25, 0.75), (0.125, 0.5), (1, 2)
+    )
+    (found,) = read(tmp_path, noise(), BAD_PIXELS, opcode, tag=51022, order=">").gain_maps
+    assert (found.stage, found.top, found.left, found.bottom, found.right) == (3, 2, 3, 118, 119)
+    assert (found.plane, found.planes, found.row_pitch, found.column_pitch) == (1, 2, 2, 1)
+    assert (found.spacing, found.origin) == ((0.25, 0.75), (0.125, 0.5))
+    assert found.gains.tolist() == [[[1.0], [1.5]], [[2.0], [2.5]], [[3.0], [4.0]]]
+
+
+def test_bilinear_by_hand(tmp_path: Path) -> None:
+    """100 × 200 px, a net of 2 × 3 points at 0, 1 and 0, 1/2, 1: at row 24.5, column 49.5 a quarter of each span."""
+    whole = (0, 0, 100, 200)
+    photo = read(tmp_path, noise(100, 200), gain_map([[1, 2, 4], [3, 5, 9]], whole, spacing=(1.0, 0.5)))
+    first, second = 1 + 0.25 * (3 - 1), 2 + 0.25 * (5 - 2)
+    np.testing.assert_allclose(shading(photo, 49.5, 24.5), first + 0.5 * (second - first), rtol=1e-15)
+    # the first sample's centre lies half a pixel inside; beyond the outermost points the map is constant
+    first, second = 1 + 0.005 * (3 - 1), 2 + 0.005 * (5 - 2)
+    np.testing.assert_allclose(shading(photo, 0, 0), first + 0.005 * (second - first), rtol=1e-15)
+    inner = read(
+        tmp_path, noise(100, 200), gain_map([[1, 2], [3, 4]], whole, spacing=(0.5, 0.5), origin=(0.25, 0.25))
+    )
+    corners = [shading(inner, x, y)[0, 0] for y in (0, 99) for x in (0, 199)]
+    assert corners == [1, 2, 3, 4]
+
+
+def test_maps_of_the_four_positions(tmp_path: Path) -> None:
+    """As Android writes them: each from its own first sample on, every second row and column."""
+    maps = [
+        gain_map([[1 + (2 * row + column + 1) / 8]], (row, column, 120, 120), (2, 2))
+        for row, column in np.ndindex(2, 2)
+    ]
+    photo = read(tmp_path, noise(), *maps)
+    assert shading(photo, 50, 50).tolist() == [[1.125, 1.25], [1.375, 1.5]]
+    twice = read(tmp_path, noise(), *maps, GAIN_MAP, gain_map([[2.0]], (0, 0, 120, 120), (1, 2)))
+    assert shading(twice, 50, 50).tolist() == [[2.25, 1.25], [2.75, 1.5]]
+
+
+def test_a_map_covers_its_rectangle_alone(tmp_path: Path) -> None:
+    photo = read(tmp_path, noise(), gain_map([[2.0]], (10, 20, 60, 80)))
+    for (x, y), factor in {(20, 10): 2, (19.4, 10): 1, (19.5, 9.5): 2, (79.4, 59.4): 2, (79.5, 30): 1}.items():
+        assert (shading(photo, x, y) == factor).all(), (x, y)
+
+
+def test_planes_of_the_third_list(tmp_path: Path) -> None:
+    """There the picture has the planes R, G, B; entry min(plane, last) of the map."""
+    area = (0, 0, 120, 120)
+    cfa = bytes((1, 2, 0, 1))  # GBRG
+    photo = read(tmp_path, noise(), gain_map([[[2.0, 4.0]]], area, plane=(0, 3)), tag=51022, cfa=cfa)
+    assert shading(photo, 9, 9).tolist() == [[4, 4], [2, 4]]
+    green = read(tmp_path, noise(), gain_map([[3.0]], area, plane=(1, 1)), tag=51022, cfa=cfa)
+    assert shading(green, 9, 9).tolist() == [[3, 1], [1, 3]]
+    second = read(tmp_path, noise(), gain_map([[3.0]], area, plane=(1, 1)))
+    assert shading(second, 9, 9).tolist() == [[1, 1], [1, 1]]  # a mosaic has plane 0 alone
+
+
+@pytest.mark.parametrize(
+    ("opcode", "tag"),
+    [(gain_map([[2.0]], (0, 0, 120, 120)), 51008), (gain_map([[2.0]], (0, 0, 120, 120), (4, 4)), 51009)],
+)
+def test_maps_that_cannot_be_applied(tmp_path: Path, opcode: bytes, tag: int) -> None:
+    photo = read(tmp_path, noise(), opcode, tag=tag)
+    with pytest.raises(UnsupportedRaw, match="white frame"):
+        measure_patches(photo, PATCH, lens_shading="apply")
+    measure_patches(photo, PATCH)
+
+
+def spoil(opcode: bytes, at: int, part: bytes) -> bytes:
+    return opcode[: 16 + at] + part + opcode[16 + at + len(part) :]
+
+
+WHOLE = gain_map([[1.0, 2.0]], (0, 0, 9, 9))
+
+
+@pytest.mark.parametrize(
+    "opcode",
+    [
+        spoil(WHOLE, 32, struct.pack(">I", 3)),  # points that are not there
+        spoil(WHOLE, 32, struct.pack(">2I", 2**31, 2**31)),
+        spoil(WHOLE, 32, struct.pack(">I", 0)),
+        spoil(WHOLE, 48, struct.pack(">d", 0.0)),  # spacing
+        spoil(WHOLE, 48, struct.pack(">d", np.nan)),
+        spoil(WHOLE, 64, struct.pack(">d", np.inf)),  # origin
+        spoil(WHOLE, 24, struct.pack(">I", 0)),  # pitch
+        spoil(WHOLE, 76, struct.pack(">f", np.nan)),
+        spoil(WHOLE, 76, struct.pack(">f", 0.0)),
+        struct.pack(">4I", 9, 0x01030000, 1, 20) + bytes(20),
+    ],
+)
+def test_a_damaged_map_is_a_damaged_file(tmp_path: Path, opcode: bytes) -> None:
+    with pytest.raises(UnreadableRaw, match="opcode list 51009 holds a gain map"):
+        read(tmp_path, noise(), opcode)
+
+
+def test_signals_above_black_are_multiplied() -> None:
+    """By hand: mean 1000 over black 512 with gain 1.5 is 512 + 732; errors scale; what was counted stays."""
+    y, x = np.mgrid[0:120, 0:120]
+    samples = (1000 + 60 * ((x // 2 + y // 2) % 2)).astype(np.uint16)
+    samples[::2, ::2] = 15871  # a quarter at the ceiling
+    from camssf.photo.read.gain_maps import GainMap
+
+    gains = GainMap(2, 0, 0, 120, 120, 0, 1, 1, 1, (1.0, 1.0), (0.0, 0.0), np.full((1, 1, 1), 1.5))
+    photo = mosaic(samples, gain_maps=(gains,))
+    plain = measure_patches(photo, PATCH).chart
+    got = measure_patches(photo, PATCH, lens_shading="apply").chart
+    np.testing.assert_allclose(got.mean, 512 + 1.5 * (plain.mean - 512), rtol=1e-15)
+    np.testing.assert_allclose(got.greens, 512 + 1.5 * (plain.greens - 512), rtol=1e-15)
+    np.testing.assert_allclose(got.standard_error, 1.5 * plain.standard_error, rtol=1e-15)
+    for name in ("count", "clipped", "dead", "gradient"):
+        assert getattr(got, name).tolist() == getattr(plain, name).tolist()
+
+
+def test_factors_of_one_change_no_bit(tmp_path: Path) -> None:
+    photo = read(tmp_path, noise(), GAIN_MAP)
+    plain, got = measure_patches(photo, PATCH), measure_patches(photo, PATCH, lens_shading="apply")
+    assert {k: v.tolist() for k, v in vars(plain.chart).items()} == {
+        k: v.tolist() for k, v in vars(got.chart).items()
+    }
+
+
+def test_what_is_asked_for_must_exist() -> None:
+    with pytest.raises(InvalidArgument, match="no lens-shading map"):
+        measure_patches(mosaic(noise()), PATCH, lens_shading="apply")
+    with pytest.raises(InvalidArgument, match="as-stored or apply"):
+        measure_patches(mosaic(noise()), PATCH, lens_shading="yes")
+
+
+# -- a simulated phone --------------------------------------------------------------------------------------------
+
+SHADED = Scene(size=(900, 675), vignetting=0.5, fill=0.8)
+
+
+def phone(samples: np.ndarray, sensor: Sensor, vignetting: float) -> bytes:
+    """A DNG as Android writes it: four maps of 13 × 17 points with the inverse of the simulated fall-off."""
+    height, width = samples.shape
+    v, h = np.linspace(0, 1, 13), np.linspace(0, 1, 17)
+    y, x = (v[:, None] * height - height / 2), (h * width - width / 2)
+    a = (1 - vignetting) ** -0.5 - 1
+    net = (1 + a * (x**2 + y**2) / (np.hypot(width, height) / 2) ** 2) ** 2
+    area = [(row, column, height, width) for row, column in np.ndindex(2, 2)]
+    maps = opcode_list(*(gain_map(net, each, (2, 2), (1 / 12, 1 / 16)) for each in area))
+    tags = {51009: maps, 50714: (SHORT, [round(sensor.black)]), 50717: (SHORT, [sensor.white_level])}
+    exif = {33434: (RATIONAL, [1, 100]), 34855: (SHORT, [100])}
+    return Dng(samples, bytes("RGB".index(c) for c in sensor.cfa), tags=tags, exif=exif).encode()
+
+
+@pytest.fixture(scope="module")
+def shots(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder, sensor = tmp_path_factory.mktemp("phone"), Sensor()
+    files = {}
+    for name, scene in (("even", replace(SHADED, vignetting=0.0)), ("shaded", SHADED)):
+        frames = shoot(scene, sensor)
+        for role in ("chart", "white", "dark"):
+            files[f"{name} {role}"] = folder / f"{name}-{role}.dng"
+            files[f"{name} {role}"].write_bytes(phone(getattr(frames, role), sensor, SHADED.vignetting))
+    return files
+
+
+def colours(capture: Capture) -> np.ndarray:
+    """Patch means above black, each channel's over its mean."""
+    above = capture.shots[0].means.chart.mean - capture.shots[0].means.black
+    return np.asarray(above / above.mean(axis=0))
+
+
+@pytest.mark.full
+def test_the_map_takes_the_fall_off_out(shots: dict[str, Path]) -> None:
+    truth = colours(measure(shots["even chart"], "D55"))
+    stored = colours(measure(shots["shaded chart"], "D55")) / truth - 1
+    applied = colours(measure(Shot(shots["shaded chart"], "D55", lens_shading="apply"))) / truth - 1
+    assert np.abs(stored).max() > 0.15
+    assert np.abs(applied).max() < 0.01
+    assert np.sqrt(np.mean(applied**2)) < 0.003  # photon noise of the dark patches
+
+
+def test_with_a_white_frame_it_cancels(shots: dict[str, Path]) -> None:
+    frames = {"white": shots["shaded white"], "dark": shots["shaded dark"]}
+    plain, applied = (
+        calibrate(Shot(shots["shaded chart"], "D55", **frames, lens_shading=word)) for word in ("as-stored", "apply")
+    )
+    assert not np.array_equal(plain.signals.chart, applied.signals.chart)
+    np.testing.assert_allclose(applied.signals.values, plain.signals.values, rtol=2e-14)
+    np.testing.assert_allclose(applied.ssf.peak()[0], plain.ssf.peak()[0], atol=1e-10)
+    notes = [[a.message for a in each.assumptions if a.code == "lens_shading"] for each in (plain, applied)]
+    assert "was not applied, the white frame corrects" in notes[0][0]
+    assert "was applied to the patches' signals of every frame" in notes[1][0]
+    said = [json.loads(document_bytes(each))["capture"]["shots"][0].get("lens_shading") for each in (plain, applied)]
+    assert said == [None, "apply"]
+
+
+def test_the_command_line_records_it(shots: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    photo = str(shots["shaded chart"])
+    assert main(["patches", photo, "--lamp", "D55", "--lens-shading", "apply"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["capture"]["shots"][0]["lens_shading"] == "apply"
+    capture = capture_in(document)
+    assert capture.shots[0].lens_shading == "apply"
+    applied = measure(Shot(photo, "D55", lens_shading="apply"))
+    assert capture.shots[0].means.chart.mean.tolist() == applied.shots[0].means.chart.mean.tolist()
+    del document["sha256"]
+    document["capture"]["shots"][0]["lens_shading"] = "perhaps"
+    with pytest.raises(InvalidArgument, match=r"capture\.shots\[0\]\.lens_shading must be"):
+        capture_in(document)
+    assert main(["calibrate", photo, "--lamp", "D55", "--lens-shading", "often"]) == 2
+    assert "as-stored or apply" in capsys.readouterr().err
+
+
+@pytest.mark.full
+def test_a_batch_passes_it_on(shots: dict[str, Path], tmp_path: Path) -> None:
+    from camssf_fleet.batch import run_batch
+    from camssf_fleet.manifest import Manifest
+
+    manifest = tmp_path / "manifest.csv"
+    manifest.write_text(f"name,photo,lamp\nphone,{shots['shaded chart']},D55\n", "utf-8")
+    (outcome,) = run_batch(Manifest(manifest, lens_shading="apply"), tmp_path / "out", workers=1).outcomes
+    assert outcome.ok
+    document = json.loads((tmp_path / "out" / outcome.folder / "result.json").read_text("utf-8"))
+    assert document["capture"]["shots"][0]["lens_shading"] == "apply"
+
+
+def test_a_colour_applies_the_map_if_the_result_did(shots: dict[str, Path]) -> None:
+    from camssf_colour.cli.regions import measure as measured
+
+    white = "440,440,40,40,0.9"
+
+    def signals(photo: Path, *applied: str) -> np.ndarray:
+        taken = [SimpleNamespace(lens_shading=word) for word in applied]
+        result = SimpleNamespace(capture=SimpleNamespace(shots=taken, photos=[SimpleNamespace(make="", model="")]))
+        return measured(result, str(photo), ["40,40,40,40"], white, None).signals  # type: ignore[arg-type]
+
+    shaded, plain = shots["shaded white"], photos().shots[0].white
+    stored, evened = signals(shaded, "as-stored"), signals(shaded, "as-stored", "apply")
+    assert np.abs(evened - 0.9).max() < 0.02 < np.abs(stored - 0.9).max()
+    assert signals(plain, "apply").tolist() == signals(plain, "as-stored").tolist()  # no map in this file

@@ -1,0 +1,182 @@
+"""The shipped models: what they say of themselves, and that another one is not taken for them."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import replace
+from importlib import resources
+
+import numpy as np
+import pytest
+
+from camssf.errors import InvalidArgument, NotConverged
+from camssf.grid import WAVELENGTHS
+from camssf.recovery import onnx_model
+from camssf.recovery.basis import read_basis, widened
+from camssf.recovery.inputs import basis_arrays, observation_arrays
+from camssf.recovery.observation import Observation
+from camssf.recovery.prediction import predict, predict_together
+from camssf.recovery.reference_model import ReferenceModel
+from camssf.recovery.sensitivity import Problem, solve_on_basis, solve_together
+from golden.compare import norm
+from tests.recovery.test_dense_model import BASES, random_captures
+from tests.support.problems import chart_and_lamp, recovered, seeds, theory, toy_camera
+
+pytestmark = pytest.mark.requirement("R-ENGINE")
+
+
+@pytest.mark.parametrize("name", onnx_model.SHIPPED)
+def test_a_shipped_model_belongs_to_its_basis(name: str) -> None:
+    model, basis = onnx_model.load_model(name), read_basis(name)
+    file = "gaussian" if name == "gaussian" else "learned"
+    content = (resources.files("camssf") / "data" / f"camssf-{file}.onnx").read_bytes()
+    assert model.sha256 == hashlib.sha256(content).hexdigest()
+    assert len(content) <= 400_000
+    assert model.metadata["basis_sha256"] == basis.sha256()
+    assert model.metadata["grid"] == "380 to 720 nm every 0.5 nm"
+
+
+@pytest.mark.parametrize("basis", onnx_model.SHIPPED)
+@pytest.mark.parametrize("shots", [1, 2])
+def test_engines_give_the_same_numbers(basis: str, shots: int) -> None:
+    if basis == "gaussian" and shots > 1:
+        shots = 1
+    reflectance, day = chart_and_lamp("D55", slice(0, 24))
+    _, bulb = chart_and_lamp("A")
+    lamps = np.stack([day, bulb])[:shots]
+    y = np.stack([theory(reflectance, lamp, toy_camera()) for lamp in lamps])
+    y = y * (1 + 0.004 * np.sin(np.arange(y.size)).reshape(y.shape))
+    arguments = {
+        "standard_error": np.hypot(0.004 * y, 1e-3),
+        "lamp_tolerance": 0.02,
+        "lamp_modes": 0.01 * np.sin(WAVELENGTHS / 50) * np.ones((shots, 2, 1)),
+        "white_reflectance": 0.9 + 0.05 * np.cos(WAVELENGTHS / 80),
+        "basis": basis,
+        "frames": (512 + 9000 * y, 9512 + 0 * y, 512 + 0 * y),
+    }
+    one, other = (recovered(y, reflectance, lamps, engine=e, **arguments) for e in ("onnx", "reference"))
+    assert (one.engine, other.engine) == ("onnx", "reference")
+    for name in ("values", "code", "predicted", "std"):
+        a, b = getattr(one, name), getattr(other, name)
+        if name == "std" and basis == "gaussian":
+            assert a is None
+            assert b is None
+        else:
+            assert np.abs(a - b).max() <= 1e-10 * np.abs(b).max()
+    assert one.channel_gain == pytest.approx(other.channel_gain, rel=1e-10)
+    assert (one.proof.gap <= 1e-9).all()
+
+
+def test_another_model_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(InvalidArgument, match="shipped"):
+        onnx_model.load_model("nonsense")
+    onnx_model.load_model.cache_clear()
+    monkeypatch.setattr(onnx_model, "VOCABULARY", "2")
+    with pytest.raises(InvalidArgument, match="do not belong"):
+        onnx_model.load_model("cameras")
+    monkeypatch.undo()
+    monkeypatch.setattr(onnx_model, "read_basis", lambda name: widened(read_basis(name), 1.01))
+    with pytest.raises(InvalidArgument, match="the basis cameras do not belong"):
+        onnx_model.load_model("cameras")
+    monkeypatch.undo()
+    onnx_model._open.cache_clear()
+    nowhere = resources.files("camssf") / "nowhere"
+    monkeypatch.setattr(onnx_model.resources, "files", lambda package: nowhere)
+    with pytest.raises(InvalidArgument, match="Install camssf anew"):
+        onnx_model.load_model("cameras")
+    monkeypatch.undo()
+    onnx_model.load_model.cache_clear()
+
+
+@pytest.mark.parametrize("which", ["onnx", "reference"])
+def test_no_curve_without_its_proof(which: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("camssf.recovery.sensitivity.LARGEST_GAP", -1.0)
+    reflectance, lamp = chart_and_lamp("D55", slice(0, 24))
+    y = theory(reflectance, lamp, toy_camera())
+    with pytest.raises(NotConverged, match="duality gap"):
+        recovered(y, reflectance, lamp, standard_error=0.01 * y, engine=which)
+
+
+def test_a_penalty_that_leaves_nothing_is_refused() -> None:
+    reflectance, lamp = chart_and_lamp("D55")
+    y = theory(reflectance, lamp, toy_camera())
+    for which in ("onnx", "reference"):
+        with pytest.raises(NotConverged, match="smaller gamma"):
+            recovered(y, reflectance, lamp, basis="gaussian", gamma=1e9, engine=which)
+
+
+def test_families_are_solved_in_one_call_as_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same curves, bands and evidence as of each basis by itself; one call of the session."""
+    reflectance, lamp = chart_and_lamp("D55", slice(0, 24))
+    y = theory(reflectance, lamp, toy_camera())[None]
+    given = Observation(y, reflectance, lamp, standard_error=np.hypot(0.004 * y, 1e-3))
+    families = ("phones", "cameras", "ryyb")
+    calls = []
+    session = onnx_model.load_model("phones").session
+
+    class Counted:
+        get_outputs = session.get_outputs
+
+        def run(self, *arguments: object) -> object:
+            calls.append(arguments)
+            return session.run(*arguments)
+
+    models = {name: replace(onnx_model.load_model(name), session=Counted()) for name in families}
+    monkeypatch.setattr("camssf.recovery.sensitivity.load_model", models.__getitem__)
+    found = solve_together([Problem(given, name) for name in families])
+    assert len(calls) == 1
+    monkeypatch.undo()
+    for name, one in zip(families, found, strict=True):
+        alone = solve_on_basis(given, name)
+        assert one.basis == name
+        assert one.values == pytest.approx(alone.values, rel=1e-11, abs=1e-13 * alone.values.max())
+        assert one.log_evidence == pytest.approx(alone.log_evidence, rel=1e-12)
+        assert one.std == pytest.approx(alone.std, rel=1e-10, abs=1e-13 * alone.values.max())
+        assert one.predicted == pytest.approx(alone.predicted, rel=1e-12)
+
+
+@pytest.mark.parametrize("seed", seeds(9))
+def test_folds_solved_together_are_those_of_each_without_its_patches(seed: int) -> None:
+    """Curves, predictions of the left-out patches and their bands: a mask is as good as leaving out."""
+    (given,) = random_captures(seed)
+    basis, n = BASES[seed % 3], len(given.reflectance)
+    used = np.ones(given.signals.shape[:2], dtype=bool) if given.used is None else given.used
+    masks = [used & (np.arange(n) % 4 != fold) for fold in range(4)]
+    observations = [replace(given, used=mask) for mask in masks]
+    answers = solve_together([Problem(observation, basis) for observation in observations])
+    bands = predict_together(answers, observations, basis=basis)
+    for mask, found, band in zip(masks, answers, bands, strict=True):
+        kept = mask.any(axis=0)
+        gains = given.gain_modes
+        alone = replace(
+            given, signals=given.signals[:, kept], reflectance=given.reflectance[kept], used=mask[:, kept],
+            standard_error=None if given.standard_error is None else given.standard_error[:, kept],
+            chart_tolerance=given.chart_tolerance[kept], gain_modes=gains[:, :, kept],
+        )  # fmt: skip
+        expected = solve_on_basis(alone, basis)
+        assert np.abs(found.values - expected.values).max() <= 1e-9 * expected.values.max()
+        assert norm(found.lamp, expected.lamp) <= 1e-9
+        std = predict(
+            expected, alone, of=given.reflectance[~kept], of_tolerance=given.chart_tolerance[~kept],
+            of_gains=gains[:, :, ~kept], basis=basis,
+        ).std  # fmt: skip
+        assert band.std[:, ~kept] == pytest.approx(std[:, kept.sum() :], rel=1e-9)
+        assert band.std[:, kept] == pytest.approx(std[:, : kept.sum()], rel=1e-9)
+
+
+def test_a_smaller_basis_with_atoms_of_zeros_gives_its_own_answer() -> None:
+    """15 atoms in the model of 24: curves, bands, evidence and predictions of the reference on the 15."""
+    whole = read_basis("phones")
+    small = replace(whole, dictionary=whole.dictionary[:, :, :15])
+    (given,) = random_captures(1)
+    y = given.signals
+    inputs = observation_arrays(given, small) | {
+        "chart": y, "white": np.ones_like(y), "dark": np.zeros_like(y), "l2": 1.0, "gamma": 0.05, "nonnegative": 0.0,
+        "prior_scale": 1.0, "explain": 1.0,
+    }  # fmt: skip
+    model = replace(onnx_model.load_model("phones"), arrays=basis_arrays(small, 24))
+    found, expected = model.run(inputs), ReferenceModel(small).run(inputs)
+    for name in ("ssf", "ssf_std", "evidence", "predicted", "predicted_std", "budget", "lamp_estimate"):
+        assert norm(found[name], expected[name]) <= 1e-11, name
+    assert norm(found["code"][:15], expected["code"]) <= 1e-11
+    assert not found["code"][15:].any()

@@ -1,0 +1,352 @@
+"""Every Python block and command of README and docs runs, a page's one after the other, as readers run them.
+
+A tutorial runs in an empty folder; the other pages run where what they speak of is.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from camssf import Options, __version__, calibrate
+from camssf.cli import main
+from camssf.documents.document import document_bytes
+from camssf.exports import export
+from camssf.grid import WAVELENGTHS
+from camssf.photo.read.raw import read_raw
+from camssf.photo.shot import Shot
+from camssf.report.build import report
+from camssf.spectra import camera_names, read_camera
+from camssf_fleet.batch import run_batch
+from camssf_fleet.manifest import Manifest
+from camssf_lab.simulation.frames import simulate
+from camssf_lab.simulation.scene import Scene
+from tests.repository.test_docs import ROOT, blocks, calls
+from tests.support.documents import document
+from tools import tutorials
+from tools.tutorials import TUTORIALS, WITH_OUTPUT
+
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("**/*.md"))]
+PYTHON_NOT_RUN = {
+    "camssf batch --make-manifest photos/": "photos named by unit and lamp: test_manifest_maker.py has some",
+    "camssf batch photos/manifest.csv": "likewise",
+    "camssf registry verify backup/": "a copy: test_registry_losses.py makes one",
+    "passport": "a passport of this photo's unit: test_fleet_passports.py signs one",
+    "registry": "a fleet's registry: test_registry.py reads one so",
+}
+"""Pages whose Python is not run, and why."""
+WITH_PYTHON = [
+    page
+    for page in PAGES
+    if page not in TUTORIALS and blocks(page.read_text("utf-8"), "python") and page.stem not in PYTHON_NOT_RUN
+]
+
+
+@pytest.fixture(scope="module")
+def field(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What pages speak of: photo.dng under D55 and bulb.dng with their frames, results, and measured curves."""
+    folder = tmp_path_factory.mktemp("field")
+    body = read_camera("Nikon 5100 (NPL)")
+    for lamp, names in (("D55", ("photo", "white", "dark")), ("A", ("bulb", "bulb-white", "bulb-dark"))):
+        made = simulate(body, lamp, folder / lamp, scene=Scene(size=(900, 675), vignetting=0.3)).shots[0]
+        for path, name in zip((made.chart, made.white, made.dark), names, strict=True):
+            assert path is not None
+            shutil.move(path, folder / f"{name}.dng")
+    shutil.move(folder / "D55" / "truth.csv", folder / "truth.csv")
+    found = calibrate(
+        Shot(str(folder / "photo.dng"), "D55", white=str(folder / "white.dng"), dark=str(folder / "dark.dng")),
+        options=Options(basis="cameras"),
+    )
+    report(found, found.previews).save(folder / "out")
+    (folder / "curves.csv").write_bytes(export(found, "colour"))
+    for name in ("a.dng", "b.dng"):
+        shutil.copy(folder / "photo.dng", folder / name)
+    for name in ("a.json", "b.json", "result.json"):
+        found.save(folder / name)
+    return folder
+
+
+@pytest.fixture
+def there(field: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    plt = pytest.importorskip("matplotlib.pyplot")
+    plt.switch_backend("agg")
+    shutil.copytree(field, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    yield tmp_path
+    plt.close("all")
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("page", WITH_PYTHON, ids=lambda page: page.stem)
+def test_the_python_of_a_page_runs(page: Path, there: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    names: dict[str, Any] = {"__name__": "__main__"}
+    for number, block in enumerate(blocks(page.read_text("utf-8"), "python"), 1):
+        exec(compile(block, f"{page.name}, block {number}", "exec"), names)
+    assert "nan" not in capsys.readouterr().out.split()
+
+
+@pytest.mark.parametrize("wanted", ["standard_colour", "convert"])
+def test_the_python_of_colour_md_runs(
+    wanted: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As written, on results of that name."""
+    text = (ROOT / "docs" / "colour.md").read_text("utf-8")
+    (block,) = [block for block in blocks(text, "python") if wanted in block]
+    for name in ("out/result.json", "a.json", "b.json"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_bytes(document_bytes(document("D55")))
+    monkeypatch.chdir(tmp_path)
+    exec(compile(block, "colour.md", "exec"), {})
+    assert "nan" not in capsys.readouterr().out
+
+
+# -- shell ----------------------------------------------------------------------------------------------------------
+
+NOT_RUN = {
+    "camssf batch --make-manifest photos/": "photos named by unit and lamp: test_manifest_maker.py has some",
+    "camssf batch photos/manifest.csv": "likewise",
+    "camssf registry verify backup/": "a copy: test_registry_losses.py makes one",
+    "camssf calibrate first.dng": "a unit's two photos: test_previous.py makes them and runs both commands",
+    "camssf calibrate later.dng": "likewise",
+    "camssf calibrate on.dng": "a torch, on and off: test_previous.py solves the means of such photos",
+    "camssf app": "it serves until Ctrl-C: test_app.py runs it",
+    "camssf direct rgb.dng": "frames of a spectrograph: test_direct.py makes them and runs the command",
+    "camssf calibrate photo.dng --lamp daylight --corners": "corners of another photo: test_cli.py has its own",
+    "camssf calibrate day.dng --lamp daylight --basis mine.npz": "a basis of one's own: test_basis.py has one",
+    "camssf calibrate chart.dng -o out/": "a phone's photo: test_any_light.py, test_gains.py",
+    "camssf report out/result.json -o signed/": "a passport of this very result: test_cli.py signs one",
+    "camssf passport issue phones/": "a fleet's registry: test_fleet_passports.py issues from one",
+    "camssf passport revoke passports/": "a passport that `issue` made, likewise",
+    "camssf batch s3://": "an object store: test_stores.py starts one",
+    "camssf registry list s3://": "likewise",
+    "camssf registry compare phones/": "a fleet of Pixels: test_registry.py compares one",
+}
+"""Lines that begin so are parsed (test_docs.py), not run, and why."""
+BEFORE = {"registry": ("passport",), "operator": ("passport", "registry")}
+"""Pages whose commands need what those of others make."""
+
+
+def camssf_lines(page: Path) -> list[str]:
+    return [line for block in blocks(page.read_text("utf-8"), "sh") for line in block.splitlines() if calls(line)]
+
+
+def runs(line: str) -> bool:
+    """Whether the test runs a line."""
+    return "venv" not in line and not any(line.startswith(beginning) for beginning in NOT_RUN)
+
+
+RUN_ELSEWHERE = {
+    "accuracy": "test_docs.py runs its commands and compares their numbers",
+    "index": "its one command is README.md's first",
+}
+"""Pages whose commands are not run here, and why."""
+WITH_COMMANDS = [
+    page
+    for page in PAGES
+    if page not in WITH_OUTPUT and page.stem not in RUN_ELSEWHERE and any(map(runs, camssf_lines(page)))
+]
+
+
+@pytest.fixture(scope="module")
+def workshop(field: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The field, and whatever else the pages' commands name; `camssf` is this package."""
+    folder = tmp_path_factory.mktemp("workshop")
+    shutil.copytree(field, folder, dirs_exist_ok=True)
+    for old, new in (("photo", "day"), ("white", "white-day"), ("bulb-white", "white-bulb")):
+        shutil.copy(folder / f"{old}.dng", folder / f"{new}.dng")
+    calibrate(Shot(folder / "photo.dng", "D55", white=folder / "white.dng")).save(folder / "phone.json")
+    (folder / "manifest.csv").write_text("name,photo,lamp,white,dark\nday,photo.dng,D55,white.dng,dark.dng\n")
+    nm = np.arange(400.0, 701.0, 10.0)
+    rows = np.column_stack([nm, *(np.interp(nm, WAVELENGTHS, each) for each in camera("Canon EOS 5D").T), nm**0])
+    np.savetxt(folder / "sweep.csv", rows, delimiter=",", header="wavelength_nm,red,green,blue,power", comments="")
+    shim = folder / "bin" / "camssf"
+    shim.parent.mkdir()
+    shim.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m camssf "$@"\n')
+    shim.chmod(0o755)
+    return folder
+
+
+def camera(name: str) -> Any:
+    return read_camera(next(each for each in camera_names() if each.startswith(name))).values
+
+
+AS_PROCESSES = "README"
+"""The page whose commands are real processes of a real shell; the others' run in this interpreter."""
+
+
+def stages(line: str) -> tuple[list[list[str]], str | None]:
+    """The commands of a pipeline, and the file into which the last one's output goes."""
+    words = shlex.shlex(line, posix=True, punctuation_chars="|>&;")
+    words.whitespace_split = True
+    found: list[list[str]] = [[]]
+    into = None
+    for word in words:
+        if word == "|":
+            found.append([])
+        elif word == ">":
+            into = next(words)
+        else:
+            assert word not in ("&&", ";", ">>"), line
+            found[-1].append(word)
+    return found, into
+
+
+def run_here(line: str) -> tuple[int, str]:
+    """Status and stderr of a pipeline's last command, each `camssf` in this interpreter."""
+    commands, into = stages(line)
+    data, errors, status = b"", "", 0
+    for command in commands:
+        if command[0] != "camssf":
+            done = subprocess.run(command, input=data, capture_output=True, timeout=300)
+            data, errors, status = done.stdout, done.stderr.decode(), done.returncode
+            continue
+        out, err = io.TextIOWrapper(io.BytesIO(), "utf-8"), io.StringIO()
+        with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
+            patch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(data), "utf-8"))
+            status = main(command[1:])
+        out.flush()
+        data, errors = out.buffer.getvalue(), err.getvalue()  # type: ignore[attr-defined]
+    if into is not None:
+        Path(into).write_bytes(data)
+    return status, errors
+
+
+NUMBER = re.compile(r"\d[\d,]*\.?\d*")
+
+
+def same(shown: str, printed: str) -> bool:
+    """Word for word; numbers within 2 %, or one of the last digit shown: another processor sums in another order."""
+    if NUMBER.sub("#", shown) != NUMBER.sub("#", printed):
+        return False
+    for one, other in zip(NUMBER.findall(shown), NUMBER.findall(printed), strict=True):
+        value, now = (float(each.replace(",", "")) for each in (one, other))
+        last = 10.0 ** -len(one.partition(".")[2])
+        if abs(value - now) > 1.001 * max(last, 0.02 * value):
+            return False
+    return True
+
+
+@pytest.mark.full
+@pytest.mark.skipif(os.name == "nt", reason="the pages' commands are for a POSIX shell")
+@pytest.mark.parametrize("page", WITH_OUTPUT, ids=lambda page: page.stem)
+def test_a_tutorial_prints_in_an_empty_folder_what_it_shows(page: Path, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    text = page.read_text("utf-8")
+    shown = [output for _, _, output in tutorials.blocks(text)]
+    assert len(shown) >= 3
+    printed = tutorials.outputs(text, tmp_path)
+    for (kind, code, output), found in zip(tutorials.blocks(text), printed, strict=True):
+        if kind == "python" or output is not None:
+            assert same(output or "", found), f"run python -m tools.tutorials {page.stem}\n{code}\n{found}"
+    assert "nan" not in " ".join(printed).split()
+    if page.stem == "first-phone":  # a stranger's ten minutes end well
+        assert (tmp_path / "curves.png").stat().st_size > 10_000
+        assert "verdict: accepted" in printed[1]
+
+
+@pytest.mark.repository
+@pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
+def test_a_notebook_holds_every_block_of_its_tutorial(page: Path) -> None:
+    """In the page's order, but the installation; so what the test above runs is what a notebook runs."""
+    jupytext = pytest.importorskip("jupytext", reason="jupytext is not here")
+    from tools.notebooks import FIRST, notebook
+
+    made = jupytext.reads(notebook(page), fmt="ipynb")
+    first, *cells = [cell.source.removeprefix("%%sh\n") for cell in made.cells if cell.cell_type == "code"]
+    assert first == FIRST.rstrip("\n")
+    assert cells == [code.rstrip("\n") for _, code, _ in tutorials.blocks(page.read_text("utf-8"))]
+    text = "".join(cell.source for cell in made.cells if cell.cell_type != "code")
+    assert not re.search(r"\]\((?!https?://)", text)  # a link to a page that is not beside it
+
+
+@pytest.mark.repository
+@pytest.mark.skipif(os.name == "nt", reason="%%sh is for a POSIX shell")
+def test_a_notebook_finds_camssf_whatever_kernel_runs_it(tmp_path: Path) -> None:
+    """Its first cell, in kernels that are this Python with what is installed and without, no PATH leading to it."""
+    pytest.importorskip("jupytext", reason="jupytext is not here")
+    from tools.notebooks import FIRST
+
+    def kernel(*options: str) -> subprocess.CompletedProcess[str]:
+        code = f"{FIRST}\nimport subprocess\nsubprocess.run(['sh', '-c', 'camssf --version'], check=True)"
+        words = [sys.executable, *options, "-c", code]
+        return subprocess.run(words, cwd=tmp_path, env={"PATH": "/usr/bin:/bin"}, capture_output=True, text=True)
+
+    assert kernel().stdout == f"camssf {__version__}\n"
+    lacking = kernel("-I", "-S")  # without site-packages, as a kernel of another environment
+    assert lacking.returncode == 1
+    assert f'run {sys.executable} -m pip install -e ".[notebook]"' in lacking.stderr
+
+
+@pytest.mark.full
+@pytest.mark.skipif(os.name == "nt", reason="the pages' commands are for a POSIX shell")
+@pytest.mark.parametrize("page", WITH_COMMANDS, ids=lambda page: page.stem)
+def test_the_commands_of_a_page_run(
+    page: Path, workshop: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In their order, in one folder, each line with its pipes; the last command's status is the line's."""
+    shutil.copytree(workshop, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PATH", f"{tmp_path / 'bin'}{os.pathsep}{os.environ['PATH']}")
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    ran = 0
+    first = [line for name in BEFORE.get(page.stem, ()) for line in camssf_lines(ROOT / "docs" / f"{name}.md")]
+    for line in [*first, *camssf_lines(page)]:
+        if not runs(line):
+            continue
+        if page.stem == AS_PROCESSES:
+            done = subprocess.run(["sh", "-c", line], capture_output=True, text=True, timeout=300)
+            status, errors = done.returncode, done.stderr
+        else:
+            status, errors = run_here(line)
+        assert status == 0, f"{line}\n{errors}"
+        assert "Traceback" not in errors
+        ran += 1
+    assert ran
+
+
+@pytest.mark.repository
+def test_what_is_not_run_is_written_somewhere() -> None:
+    lines = [line for page in PAGES for line in camssf_lines(page)]
+    for beginning in NOT_RUN:
+        assert any(line.startswith(beginning) for line in lines), beginning
+
+
+# -- data -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.repository
+def test_every_block_is_of_a_kind_that_is_checked() -> None:
+    """Kotlin's are for a compiler: android-bindings' own tests do what docs/android.md shows; XML is docs/jvm.md's
+    POM, which `test_recipes.py` builds."""
+    kinds = {kind for page in PAGES for kind in re.findall(r"^ *```(\w+)$", page.read_text("utf-8"), re.MULTILINE)}
+    assert kinds == {"python", "sh", "text", "json", "csv", "java", "kotlin", "xml"}
+
+
+def test_the_sidecar_of_raw_md_is_one(tmp_path: Path) -> None:
+    (block,) = blocks((ROOT / "docs" / "raw.md").read_text("utf-8"), "json")
+    cv2 = pytest.importorskip("cv2")
+    cv2.imwrite(str(tmp_path / "photo.png"), np.full((40, 60), 9000, np.uint16))
+    (tmp_path / "photo.png.json").write_text(block)
+    found = read_raw(tmp_path / "photo.png")
+    assert (found.cfa, found.white, found.make, found.exposure) == ("RGGB", 16383, "Acme", 0.0125)
+
+
+def test_the_manifest_of_the_quick_start_is_one(tmp_path: Path) -> None:
+    """Its photos are not here; its columns and rows are read."""
+    (block,) = blocks((ROOT / "docs" / "quick-start.md").read_text("utf-8"), "csv")
+    (tmp_path / "manifest.csv").write_text(block + "\n")
+    outcomes = run_batch(Manifest(tmp_path / "manifest.csv", basis="cameras"), tmp_path / "out", workers=1).outcomes
+    assert [outcome.name for outcome in outcomes] == ["Canon 550D", "Nikon D5100"]
+    assert all("chart.dng" in outcome.reason or "led.csv" in outcome.reason for outcome in outcomes)

@@ -1,0 +1,279 @@
+"""Nothing is sent, nothing is left behind but what was asked for. docs/privacy.md says it in words."""
+
+from __future__ import annotations
+
+import ast
+import mmap
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from importlib.util import find_spec
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from camssf.errors import InvalidArgument
+from camssf.recovery import onnx_model
+
+pytestmark = pytest.mark.requirement("R-PRIVACY")
+
+ROOT = Path(__file__).parents[2]
+TRACES = ("mat-debug", "DeveloperTools", "ORT_DISABLE_TELEMETRY", "events.data.microsoft.com")
+"""Of ONNX Runtime 1.29.0: names of its log, its folder in the home, its variable, and the address it reports to."""
+CONNECT = "import socket; socket.socket(socket.AF_INET, socket.SOCK_DGRAM).connect(('127.0.0.1', 9))"
+"""A connection that the watches must see. A datagram's: nothing is sent."""
+
+AUDIT = """
+import os, sys
+def hook(event, values):
+    if event in ("socket.connect", "socket.sendto", "socket.sendmsg", "socket.getaddrinfo"):
+        with open(os.environ["CAMSSF_WATCH"], "a") as file:
+            print(event, file=file)
+sys.addaudithook(hook)
+"""
+
+Run = Callable[..., subprocess.CompletedProcess[str]]
+
+
+class Places:
+    """A home, a cache, a folder for temporary files and one to work in, all of them new."""
+
+    def __init__(self, folder: Path) -> None:
+        self.home, self.cache, self.temporary, self.work, self.watch = (
+            folder / name for name in ("home", "cache", "temporary", "work", "watch")
+        )
+        for place in (self.home, self.cache, self.temporary, self.work, self.watch):
+            place.mkdir(parents=True)
+
+    def run(self, *words: str, before: tuple[str, ...] = (), **more: str) -> subprocess.CompletedProcess[str]:
+        """Python with these arguments, in these folders."""
+        dropped = ("MPLCONFIGDIR", "XDG_CONFIG_HOME", "XDG_DATA_HOME", onnx_model.SWITCH)
+        environment = {name: value for name, value in os.environ.items() if name not in dropped} | {
+            "HOME": str(self.home),
+            "XDG_CACHE_HOME": str(self.cache),
+            "TMPDIR": str(self.temporary),
+            "PYTHONPATH": os.pathsep.join(str(Path(path).absolute()) for path in sys.path if path),
+        }
+        command = [*before, sys.executable, *words]
+        return subprocess.run(
+            command, cwd=self.work, env=environment | more, capture_output=True, text=True, timeout=300
+        )
+
+    def left(self) -> list[str]:
+        """What lies in home, cache and the temporary folder."""
+        return sorted(str(path) for place in (self.home, self.cache, self.temporary) for path in place.rglob("*"))
+
+    def strace(self, *words: str, before: tuple[str, ...] = ()) -> tuple[subprocess.CompletedProcess[str], list[str]]:
+        """Every process and thread, from the kernel's side."""
+        trace = self.watch / "trace"
+        done = self.run(*words, before=(*before, "strace", "-f", "-qq", "-e", "trace=network", "-o", str(trace)))
+        return done, [line for line in trace.read_text().splitlines() if "sa_family=AF_INET" in line]
+
+    def audit(self, *words: str, before: tuple[str, ...] = ()) -> tuple[subprocess.CompletedProcess[str], list[str]]:
+        """Python's own sockets alone."""
+        (self.watch / "sitecustomize.py").write_text(AUDIT)
+        seen = self.watch / "seen"
+        seen.unlink(missing_ok=True)
+        first = {"PYTHONPATH": os.pathsep.join([str(self.watch), *(p for p in sys.path if p)])}
+        done = self.run(*words, before=before, CAMSSF_WATCH=str(seen), **first)
+        return done, seen.read_text().splitlines() if seen.exists() else []
+
+
+@pytest.fixture
+def places(tmp_path: Path) -> Places:
+    return Places(tmp_path)
+
+
+def ways() -> list[str]:
+    """How sockets can be watched here, best first."""
+    found = []
+    if shutil.which("strace") and not subprocess.run(["strace", "-qq", "-o", os.devnull, "true"]).returncode:
+        found.append("strace")
+    return [*found, "audit"]
+
+
+WAYS = ways()
+
+EVERYTHING = """
+from camssf import Shot, calibrate
+from camssf.cli import main
+from camssf.report.build import report
+
+if __name__ == "__main__":
+    for words in (
+        "demo -o out",
+        "calibrate out/shots/chart.dng --lamp D55 -o again",
+        "batch two.csv -o many --workers 2",
+        "passport key -o keys",
+        "passport sign again/result.json --key keys/passport-key.pem --photo out/shots/chart.dng -o keys/a.jws",
+        "passport verify keys/a.jws --key keys/passport-key.pub.pem",
+        "registry add phones out/result.json again/result.json",
+        "registry list phones",
+        "registry verify phones",
+        "registry export phones -o phones/all.csv",
+    ):
+        assert main(words.split()) == 0, words
+    frames = [f"out/shots/{name}.dng" for name in ("chart", "white", "dark")]
+    assert report(calibrate(Shot(frames[0], "D55", white=frames[1], dark=frames[2])), png=True).ssf_png
+"""
+"""Commands and library; a file, since a batch's workers import it again."""
+
+
+@pytest.mark.full
+def test_commands_and_library_leave_nothing_send_nothing_and_need_no_network(places: Places) -> None:
+    """In a namespace without a network, where one is to be had."""
+    (places.work / "two.csv").write_text("name,photo,lamp\na,out/shots/chart.dng,D55\nb,out/shots/chart.dng,D55\n")
+    (places.work / "everything.py").write_text(EVERYTHING)
+    done, seen = getattr(places, WAYS[0])("everything.py", before=away())
+    assert done.returncode == 0, done.stderr
+    assert seen == [], f"watched by {WAYS[0]}"
+    assert places.left() == []
+    assert sorted(path.name for path in places.work.iterdir()) == [
+        "again", "everything.py", "keys", "many", "out", "phones", "two.csv",
+    ]  # fmt: skip
+    assert sorted(path.name for path in (places.work / "keys").iterdir()) == [
+        "a.jws", "passport-key.pem", "passport-key.pub.pem",
+    ]  # fmt: skip
+    files = ["patches.csv", "report.html", "result.json", "ssf.csv", "ssf.svg"]
+    assert sorted(path.name for path in (places.work / "again").iterdir()) == files
+    assert sorted(path.name for path in (places.work / "out").iterdir()) == sorted(["named", "shots", *files])
+    assert sorted(path.name for path in (places.work / "out" / "named").iterdir()) == files
+
+
+def away() -> tuple[str, ...]:
+    """What runs a command in a namespace without a network, if that can be had."""
+    words = ("unshare", "-rn")
+    had = shutil.which("unshare") and subprocess.run([*words, "true"], capture_output=True).returncode == 0
+    return words if had else ()
+
+
+@pytest.mark.parametrize("way", ["strace", "audit"])
+def test_the_watch_sees_a_connection(places: Places, way: str) -> None:
+    if way not in WAYS:
+        pytest.skip(f"{way} is not to be had here")
+    for words, expected in ((CONNECT, True), ("import socket", False)):
+        done, seen = getattr(places, way)("-c", words)
+        assert done.returncode == 0, done.stderr
+        assert bool(seen) == expected
+
+
+@pytest.mark.full
+def test_matplotlib_s_own_folders_are_used_where_they_are(places: Places) -> None:
+    """Who uses matplotlib keeps his settings and his list of fonts, in the process and on the disk."""
+    settings, caches = places.home / ".config" / "matplotlib", places.cache / "matplotlib"
+    settings.mkdir(parents=True)
+    caches.mkdir()
+    (settings / "matplotlibrc").write_text("lines.linewidth: 7.5\n")
+    done = places.run(
+        "-c",
+        "from camssf.libraries import prepare_matplotlib\nprepare_matplotlib()\nimport matplotlib.font_manager, os\n"
+        "assert 'MPLCONFIGDIR' not in os.environ\nprint(matplotlib.rcParams['lines.linewidth'])",
+    )
+    assert done.stdout == "7.5\n", done.stderr
+    assert [path.name for path in caches.iterdir() if path.suffix == ".json"] != []
+    elsewhere = places.work / "mine"
+    done = places.run(
+        "-c",
+        "import camssf.libraries as f; f.prepare_matplotlib(); import matplotlib.font_manager",
+        MPLCONFIGDIR=str(elsewhere),
+        HOME="/x",
+    )
+    assert done.returncode == 0, done.stderr
+    assert elsewhere.is_dir()
+
+
+# ONNX Runtime
+
+
+def holds(path: Path, word: str) -> bool:
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        return content.find(word.encode()) >= 0
+
+
+def test_the_installed_onnx_runtime_has_nothing_to_report_with() -> None:
+    """Fails where the pin is raised to a version that reports."""
+    spec = find_spec("onnxruntime")
+    assert spec is not None
+    assert spec.submodule_search_locations is not None
+    folder = Path(next(iter(spec.submodule_search_locations)))
+    libraries = [path for path in folder.rglob("*") if re.search(r"\.(so(\.[\d.]+)?|dylib|pyd|dll)$", path.name)]
+    # What the search must find, lest it found nothing because it read nothing.
+    assert any(holds(path, "ORT_DISABLE_ALL") for path in libraries)
+    assert {path.name: word for path in libraries for word in TRACES if holds(path, word)} == {}
+
+
+def fake(version: str, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """An ONNX Runtime that was imported already; what is called of it."""
+    called: list[str] = []
+    module = SimpleNamespace(__version__=version, disable_telemetry_events=lambda: called.append("disabled"))
+    monkeypatch.setitem(sys.modules, "onnxruntime", module)
+    monkeypatch.delenv(onnx_model.SWITCH, raising=False)
+    return called
+
+
+@pytest.mark.parametrize("version", ["1.28.0", "1.28.1", "1.9.0", "0.99"])
+def test_an_onnx_runtime_that_cannot_report_is_taken(version: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    called = fake(version, monkeypatch)
+    onnx_model.onnx_runtime()
+    assert called == ["disabled"]
+    assert os.environ[onnx_model.SWITCH] == "1"
+
+
+@pytest.mark.parametrize("version", ["1.29.0", "1.100.0", "2.0.0", "1.29.0.dev1", "nightly", "1"])
+@pytest.mark.parametrize("switch", [None, "0", ""])
+def test_a_newer_one_that_was_imported_before_is_refused(
+    version: str, switch: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fake(version, monkeypatch)
+    if switch is not None:
+        monkeypatch.setenv(onnx_model.SWITCH, switch)
+    for _ in range(2):
+        with pytest.raises(InvalidArgument, match="imported before camssf") as caught:
+            onnx_model.onnx_runtime()
+        assert "1.28.0" in caught.value.advice
+        assert f"{onnx_model.SWITCH}=1" in caught.value.advice
+        assert version in caught.value.message
+
+
+def test_a_newer_one_that_was_switched_off_before_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    called = fake("1.29.0", monkeypatch)
+    monkeypatch.setenv(onnx_model.SWITCH, "1")
+    onnx_model.onnx_runtime()
+    assert called == ["disabled"]
+
+
+@pytest.mark.parametrize("before", [None, "0"])
+def test_the_switch_is_set_before_it_is_loaded(
+    before: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By a stand-in that says what it finds as it is imported."""
+    (tmp_path / "onnxruntime.py").write_text(
+        f"import os\n__version__ = '1.29.0'\nprint(os.environ.get({onnx_model.SWITCH!r}))\n"
+        "def disable_telemetry_events(): print('disabled')\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setitem(sys.modules, "onnxruntime", None)  # so that the stand-in goes again
+    del sys.modules["onnxruntime"]
+    monkeypatch.setenv(onnx_model.SWITCH, before or "")
+    if before is None:
+        monkeypatch.delenv(onnx_model.SWITCH)
+    onnx_model.onnx_runtime()
+    assert capsys.readouterr().out.split() == ["1", "disabled"]
+
+
+@pytest.mark.repository
+def test_one_place_loads_it() -> None:
+    places = []
+    for folder in ("reference", "export", "golden", "benchmarks", "tests"):
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            text = path.read_text("utf-8")
+            for node in ast.walk(ast.parse(text)) if "onnxruntime" in text else ():
+                names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+                names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+                if any(name.partition(".")[0] == "onnxruntime" for name in names):
+                    places.append(path.relative_to(ROOT).as_posix())
+    assert places == ["reference/camssf/recovery/onnx_model.py"]

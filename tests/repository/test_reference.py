@@ -1,0 +1,149 @@
+"""Every public name is in the reference, with its words and an example that runs; a stranger's ten minutes."""
+
+from __future__ import annotations
+
+import ast
+import doctest
+import os
+import re
+import subprocess
+import sys
+from dataclasses import fields, is_dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import get_origin
+
+import pytest
+
+from tests.repository.test_docs import ROOT, blocks
+
+ROOMS = (
+    "camssf", "camssf.spectra", "camssf.recovery", "camssf_colour", "camssf.exports", "camssf_lab.direct",
+    "camssf_fleet",
+)  # fmt: skip
+NO_EXAMPLE = {"divide", "extract", "FrameSpectrum", "Progress"} | {"Passport", "verify", "read_public"}
+"""A spectrograph's frames are too long to make on a page: test_direct.py makes them. A passport needs a signer:
+the one of docs/passport.md is an example."""
+PAGES = {page: page.read_text("utf-8") for page in sorted((ROOT / "docs" / "reference").glob("*.md"))}
+WITH_DOCTESTS = ("camssf.spectra.lamps", "camssf.spectra.charts", "camssf.spectra.cameras", "camssf.error_codes")
+
+
+def public() -> list[str]:
+    names = [f"{room}.{name}" for room in ROOMS for name in import_module(room).__all__]
+    errors = import_module("camssf.errors")
+    kinds = [name for name, kind in vars(errors).items() if isinstance(kind, type) and hasattr(kind, "exit_status")]
+    return [*names, *(f"camssf.errors.{name}" for name in kinds)]
+
+
+@pytest.mark.repository
+def test_every_public_name_is_in_the_reference_with_an_example() -> None:
+    used = {
+        page: {
+            each
+            for block in blocks(text, "python")
+            for node in ast.walk(ast.parse(block))
+            for each in ([node.id] if isinstance(node, ast.Name) else [a.name for a in getattr(node, "names", ())])
+        }
+        for page, text in PAGES.items()
+    }
+    for name in public():
+        word = name.rpartition(".")[2]
+        pages = [page for page, text in PAGES.items() if re.search(rf"^::: {re.escape(name)}$", text, re.MULTILINE)]
+        assert len(pages) == 1, name
+        assert word in used[pages[0]] or word in NO_EXAMPLE, name
+
+
+@pytest.mark.repository
+def test_the_reference_names_nothing_that_is_not_there() -> None:
+    listed = [name for text in PAGES.values() for name in re.findall(r"^::: (\S+)$", text, re.MULTILINE)]
+    assert sorted(listed) == sorted(public())
+
+
+@pytest.mark.repository
+def test_pages_import_public_names_only() -> None:
+    rooms = {*ROOMS, "camssf.errors"}
+    for page in (ROOT / "README.md", *(ROOT / "docs").glob("**/*.md")):
+        for block in blocks(page.read_text("utf-8"), "python"):
+            for node in ast.walk(ast.parse(block)):
+                if isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0].startswith("camssf"):
+                    private = {name.name for name in node.names if f"{node.module}.{name.name}" not in public()}
+                    assert node.module in rooms, (page.name, node.module)
+                    assert not private, (page.name, node.module, private)
+
+
+@pytest.mark.repository
+def test_every_public_name_says_what_it_is() -> None:
+    """Functions name what they raise where they raise; classes their attributes."""
+    for name in public():
+        room, _, word = name.rpartition(".")
+        found = getattr(import_module(room), word)
+        if not isinstance(found, type) and (not callable(found) or get_origin(found)):
+            continue  # a type alias or a constant: its words stand below it in the source
+        assert found.__doc__, name
+        if isinstance(found, type) and is_dataclass(found) and not issubclass(found, Exception):
+            for field in fields(found):
+                assert re.search(rf"\b{field.name}\b", found.__doc__), f"{name}.{field.name}"
+
+
+@pytest.mark.parametrize("module", WITH_DOCTESTS)
+def test_the_docstrings_examples_run(module: str) -> None:
+    failed, tried = doctest.testmod(import_module(module))
+    assert tried
+    assert not failed
+
+
+@pytest.mark.repository
+def test_formulas_are_balanced() -> None:
+    for page in (ROOT / "docs").glob("**/*.md"):
+        text = re.sub(r"```.*?```", "", page.read_text("utf-8"), flags=re.DOTALL)
+        lines = text.splitlines()
+        assert sum(line == "$$" for line in lines) % 2 == 0, page.name
+        for block in re.findall(r"^\$\$\n(.*?)^\$\$$", text, re.DOTALL | re.MULTILINE):
+            assert block.count("{") == block.count("}"), block
+            assert block.count(r"\left") - block.count(r"\leftarrow") == block.count(r"\right"), block
+            assert block.count(r"\begin") == block.count(r"\end"), block
+
+
+CHECKS = """
+import os
+from camssf import Result
+assert os.path.getsize("curves.png") > 10_000
+assert Result.load("phone.json").verdict.status in ("accepted", "doubtful")
+assert colour.lab.shape == (1, 3) and 0 < error.max() < 50
+print("a stranger's ten minutes end well")
+"""
+
+
+@pytest.mark.full
+@pytest.mark.skipif(
+    "CAMSSF_FRESH" not in os.environ, reason="installs from a package index for minutes: set CAMSSF_FRESH=1"
+)
+def test_a_stranger_s_ten_minutes_in_an_empty_environment(tmp_path: Path) -> None:
+    """The first tutorial's install line, then its Python, in a new environment that sees nothing else.
+
+    In this environment test_docs_code.py runs it.
+    """
+    page = (ROOT / "docs" / "tutorials" / "first-phone.md").read_text("utf-8")
+    (install,) = blocks(page, "sh")
+    (line,) = install.splitlines()
+    place = tmp_path / "env"
+    assert line == "python3 -m venv .venv && .venv/bin/pip install -e '.[notebook]'"
+    clean = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "VIRTUAL_ENV"))}
+    subprocess.run([sys.executable, "-m", "venv", str(place)], check=True, env=clean, timeout=300)
+    python = next(each for each in (place / "bin" / "python", place / "Scripts" / "python.exe") if each.exists())
+    subprocess.run(
+        [str(python), "-m", "pip", "install", "-q", f"{ROOT}[notebook]"], check=True, env=clean, timeout=1800
+    )
+    _ends_well([str(python)], tmp_path, clean)
+
+
+def _ends_well(python: list[str], folder: Path, environment: dict[str, str]) -> None:
+    page = (ROOT / "docs" / "tutorials" / "first-phone.md").read_text("utf-8")
+    script = folder / "tutorial.py"
+    script.write_text("\n".join([*blocks(page, "python"), CHECKS]), encoding="utf-8")
+    done = subprocess.run(
+        [*python, str(script)], cwd=folder, env=environment | {"MPLBACKEND": "agg"}, capture_output=True, text=True,
+        timeout=600,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.endswith("a stranger's ten minutes end well\n")

@@ -1,0 +1,86 @@
+"""The documentation as a browser shows it: built strictly, and judged by axe-core in both colour schemes."""
+
+from __future__ import annotations
+
+import html
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from tests.report.test_report import AXE, browse
+
+ROOT = Path(__file__).parents[2]
+SHOWN = ("index.html", "cli/index.html", "jvm/index.html", "reference/camssf/index.html")
+"""A page of each kind: picture, tables and links, other languages' code, docstrings."""
+
+pytestmark = pytest.mark.full
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    pytest.importorskip("mkdocs", reason="mkdocs is not installed: the site is not built")
+    folder = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "mkdocs", "build", "-q", "--strict", "--site-dir", str(folder)]
+    done = subprocess.run(
+        command, cwd=ROOT, env={**os.environ, "NO_MKDOCS_2_WARNING": "1"}, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr[-3000:]
+    return folder
+
+
+@pytest.mark.requirement("R-DOCS")
+def test_the_home_page_leads_to_five_groups_and_the_repository(site: Path) -> None:
+    text = (site / "index.html").read_text("utf-8")
+    settings = yaml.safe_load((ROOT / "mkdocs.yml").read_text("utf-8"))
+    assert len(settings["nav"]) == 5
+    tabs = re.findall(r'<li class="md-tabs__item[^"]*">', text)
+    assert len(tabs) == 5
+    assert f'href="{settings["repo_url"]}"' in text
+    assert (site / settings["theme"]["logo"]).read_bytes().startswith(b"<svg")
+    assert settings["theme"]["logo"] in text
+    assert re.search(r'<img alt="[^"]{20,}" src="images/[\w-]+\.png"', text)
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("page", SHOWN)
+def test_axe_finds_no_serious_fault_in_the_site(page: str, scheme: str, site: Path, tmp_path: Path) -> None:
+    axe = Path(os.environ.get("CAMSSF_AXE", ""))
+    if not axe.is_file():
+        pytest.skip("no axe-core on this machine (CAMSSF_AXE names no file): accessibility is not judged by axe")
+    judge = """
+    addEventListener("load", () => setTimeout(async () => {
+      const found = await axe.run(document, {resultTypes: ["violations"]});
+      const dark = matchMedia("(prefers-color-scheme: dark)").matches;
+      const faults = found.violations.map(v => [v.id, v.impact, v.nodes.map(n => n.html.slice(0, 90)).slice(0, 3)]);
+      const told = JSON.stringify([axe.version, dark, found.passes.length, faults]);
+      document.getElementById("judged").textContent = told;
+    }, 500));"""
+
+    def faults(text: str, name: str) -> list[Any]:
+        # beside the page, so that its styles and scripts are found
+        copy_ = (site / page).with_name(f"{name}-{scheme}.html")
+        end = (
+            f'<pre id="judged" hidden></pre><script>{axe.read_text("utf-8")}</script><script>{judge}</script></body>'
+        )
+        copy_.write_text(text.replace("</body>", end), "utf-8")
+        flag = f"blink-settings=preferredColorScheme={0 if scheme == 'dark' else 1}"
+        dom, _ = browse(copy_, tmp_path / name, flag)
+        found = re.search(r'<pre id="judged"[^>]*>(\[.*?)</pre>', dom)
+        assert found is not None
+        version, dark, passes, all_ = json.loads(html.unescape(found[1]))
+        assert (version, dark) == (AXE, scheme == "dark")
+        assert passes > 10
+        return [each for each in all_ if each[1] in ("serious", "critical")]
+
+    text = (site / page).read_text("utf-8")
+    assert faults(text, "judged") == []
+    if page == "index.html":  # without our styles and scripts it finds the theme's
+        plain = re.sub(r"<(script|link)[^>]*assets/site\.(js|css)[^>]*>", "", text)
+        assert "aria-hidden-focus" in {fault[0] for fault in faults(plain, "plain")}

@@ -1,0 +1,114 @@
+"""Lamps known by kind, and tolerances of lamps known by name."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from camssf.errors import InvalidArgument
+from camssf.grid import Floats
+from camssf.spectra import read_lamp, with_tolerance
+from camssf.spectra.families import FAMILIES, LampKind, Temperature, logarithm, principal_modes
+from tests.support.problems import chart_and_lamp, near, recovered, theory, toy_camera
+
+
+def floored(power: Floats) -> Floats:
+    return np.maximum(power, 1e-3 * power.max())
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_a_family_is_a_mean_and_modes(name: str) -> None:
+    lamp = read_lamp(name)
+    assert lamp.values.mean() == pytest.approx(1.0)
+    assert (lamp.values > 0).all()
+    assert len(lamp.modes) >= 1
+    formula = isinstance(FAMILIES[name], Temperature)
+    weight = np.ones_like(lamp.values) if formula else floored(lamp.values)
+    # A scale is no evidence; drawn kinds are rounded and linear between nodes of 5 nm.
+    assert lamp.modes @ weight / weight.size == pytest.approx(0.0, abs=3e-3)
+
+
+def test_one_temperature_mode_reaches_its_neighbours() -> None:
+    """One standard deviation along the mode is the lamp at the temperature one spread away, to second order."""
+    lamp = read_lamp("bulb")
+    for name, side in (("2450K", -1.0), ("2950K", 1.0)):
+        off = logarithm(read_lamp(name).values) - logarithm(lamp.values) - side * lamp.modes[0]
+        assert np.sqrt(np.mean(off**2)) < 0.02 + 0.2 * np.sqrt(np.mean(lamp.modes[0] ** 2))
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "limit"),
+    [
+        ("daylight", "D:4500", 0.03), ("daylight", "D:12000", 0.03), ("daylight", "D:20000", 0.05),
+        ("white-led", "LED-B1", 0.08), ("white-led", "LED-B3", 0.08), ("white-led", "LED-B5", 0.08),
+    ],
+)  # fmt: skip
+def test_a_drawn_kind_reaches_lamps_that_it_was_not_made_from(kind: str, name: str, limit: float) -> None:
+    """RMS in parts of the mean power, 400 to 700 nm, within three standard deviations of the modes."""
+    lamp, true = read_lamp(kind), read_lamp(name).values
+    rows = (lamp.modes * floored(lamp.values)).T
+    prior = np.eye(len(lamp.modes)) * 0.05**2 * 30
+    code = np.linalg.solve(rows.T @ rows + prior, rows.T @ (true / true.mean() - lamp.values))
+    off = (true / true.mean() - lamp.values - rows @ code)[40:641]
+    assert np.sqrt(np.mean(off**2)) < limit
+    assert np.abs(code).max() < 3.2
+
+
+def test_modes_are_the_members_own_spread() -> None:
+    family = FAMILIES["fluorescent"]
+    assert isinstance(family, LampKind)
+    lamps = np.stack([read_lamp(member).values for member in family.members])
+    lamps /= lamps.mean(axis=1, keepdims=True)
+    lamp, n = read_lamp("fluorescent"), len(lamps)
+    assert lamp.values == pytest.approx(lamps.mean(axis=0))
+    # A sample of n tells (n - 1) / (n - 3) (1 + 1 / n) too little of the variance of one lamp more.
+    off = np.linalg.lstsq((lamp.modes * floored(lamp.values)).T, (lamps - lamp.values).T, rcond=None)[0]
+    assert off.var(axis=1, ddof=1) == pytest.approx(np.full(len(lamp.modes), (n - 3) / (n - 1) / (1 + 1 / n)))
+    mean, modes = principal_modes(list(lamps), 99)
+    assert len(modes) == n - 1
+    modes = modes * floored(mean)
+    assert near(np.cov(lamps.T) * (n - 1) / (n - 3) * (1 + 1 / n), modes.T @ modes, rel=1e-6)
+
+
+def test_a_temperature_tolerance_is_the_change_over_it() -> None:
+    lamp = with_tolerance(read_lamp("2856K"), "100K")
+    c2 = 1.4388e-2
+    wavelength = np.array([450e-9, 650e-9])
+    slope = c2 / (wavelength * 2856.0**2) / (1 - np.exp(-c2 / (wavelength * 2856.0))) * 100.0  # d ln L / dT by hand
+    found = lamp.modes[0][[140, 540]]
+    assert found[0] - found[1] == pytest.approx(slope[0] - slope[1], rel=2e-3)
+    both = with_tolerance(read_lamp("D55"), "300K,1%")
+    assert both.tolerance == pytest.approx(0.01)
+    assert both.modes.shape == (1, 681)
+    assert "300 K" in both.source
+    assert (read_lamp("D55").tolerance_kelvin, both.tolerance_kelvin) == (None, 300.0)
+    assert with_tolerance(both, "400K").tolerance_kelvin == 500.0  # variances add
+
+
+@pytest.mark.parametrize(
+    ("lamp", "text"), [("FL2", "300K"), ("D55", "much"), ("D55", "80%"), ("D55", "3000K"), ("D55", "0K"), ("E", "1K")]
+)
+def test_impossible_tolerances_are_named(lamp: str, text: str) -> None:
+    with pytest.raises(InvalidArgument) as refusal:
+        with_tolerance(read_lamp(lamp), text)
+    assert refusal.value.advice
+
+
+def test_an_unknown_lamp_widens_the_bands() -> None:
+    reflectance, true = chart_and_lamp("D:6300", slice(0, 24))
+    y = theory(reflectance, true, toy_camera())
+    widths = []
+    for spec in ("D:6300", "daylight", "white-led"):
+        lamp = read_lamp(spec)
+        answer = recovered(
+            y,
+            reflectance,
+            lamp.values,
+            standard_error=0.003 * y,
+            lamp_tolerance=lamp.tolerance,
+            lamp_modes=lamp.modes[None],
+        )
+        std = answer.peak()[1]
+        assert std is not None
+        widths.append(std.mean())
+    assert widths[0] < widths[1] < widths[2]

@@ -1,0 +1,682 @@
+"""Other people's files of lamps and cameras, judged by other people's readers and files."""
+
+import json
+import os
+import re
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import camssf
+from camssf.documents.document import document_bytes
+from camssf.errors import InvalidArgument, LampUnfit
+from camssf.exports import export, exported
+from camssf.grid import WAVELENGTHS, Floats
+from camssf.spectra import (
+    CameraLike,
+    MeasuredCurves,
+    colour_science,
+    lamp_names,
+    read_camera,
+    read_chart,
+    read_lamp,
+    shipped_cameras,
+)
+from camssf.spectra.lamps import NAMES_FORMAT, Lamp, lamp_aliases
+from camssf.spectra.readers import CURVES, LAMPS
+from camssf.spectra.tables import read_curves, read_spectrum
+from camssf.spectra.text import plain
+from tests.support.documents import document
+
+ROOT = Path(__file__).parents[2]
+THEIRS = Path(colour_science().__file__).parent / "io" / "tests" / "resources"
+"""colour-science installs its tests' files: a UPRtek's, a Sekonic's and a TM-27 file as instruments wrote them."""
+NM = np.arange(380, 731, 5)
+POWER = 1.0 + np.sin(NM / 40.0)
+
+
+def write(path: Path, text: str) -> str:
+    path.write_text(text, "utf-8")
+    return str(path)
+
+
+def theirs(name: str) -> Path:
+    path = THEIRS / name
+    if not path.is_file():
+        pytest.skip(f"this colour-science was installed without {name}")
+    return path
+
+
+def same_lamp(lamp: Lamp, nm: Any, power: Any, off: float = 1e-12) -> None:
+    expected = np.interp(WAVELENGTHS, np.asarray(nm, float), np.asarray(power, float))
+    np.testing.assert_allclose(lamp.values, expected / expected.mean(), rtol=off, atol=1e-15)
+
+
+# -- lamps ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "reader"),
+    [
+        ("ESPD2021_0104_231446.xls", "SpectralDistribution_UPRTek"),
+        ("uprtek.xls.txt", "SpectralDistribution_UPRTek"),
+        ("RANDOM_001_02._3262K.csv", "SpectralDistribution_Sekonic"),
+    ],
+)
+def test_meters_files_are_read_as_colour_science_reads_them(name: str, reader: str) -> None:
+    path = theirs(name)
+    judge = getattr(colour_science(), reader)(str(path)).read()
+    assert len(judge.wavelengths) == 401
+    lamp = read_lamp(str(path))
+    same_lamp(lamp, judge.wavelengths, judge.values)
+    assert lamp.source == f"file {name}"
+    assert lamp.tolerance == 0.01
+
+
+@pytest.mark.parametrize("quantity", ["irradiance", "relative"])
+def test_tm27_is_read_as_colour_science_writes_it(quantity: Any, tmp_path: Path) -> None:
+    science = colour_science()
+    path = tmp_path / "lamp.spdx"
+    given = science.SpectralDistribution_IESTM2714(
+        str(path), data=dict(zip(NM.astype(float), POWER, strict=True)), spectral_quantity=quantity
+    )
+    assert given.write()
+    judge = science.SpectralDistribution_IESTM2714(str(path)).read()
+    lamp = read_lamp(str(path))
+    same_lamp(lamp, judge.wavelengths, judge.values)
+    same_lamp(lamp, NM, POWER, 1e-11)  # it writes twelve digits
+
+
+def test_an_uneven_tm27_file_is_read_to_its_digits() -> None:
+    path = theirs("Fluorescent.spdx")
+    judge = colour_science().SpectralDistribution_IESTM2714(str(path)).read()
+    wavelengths, values = read_spectrum(path)
+    assert np.array_equal(wavelengths, judge.wavelengths)
+    assert np.array_equal(values, judge.values)
+    with pytest.raises(LampUnfit, match=r"a gap of 34\.2 nm: nothing from 714\.2 to 748\.4 nm"):  # lines alone
+        read_lamp(str(path))
+
+
+def test_a_gap_is_named_where_it_is(tmp_path: Path) -> None:
+    def without(*left_out: int) -> str:
+        return re.sub(rf'<SpectralData wavelength="({"|".join(map(str, left_out))})">[^<]*</SpectralData>', "", SPDX)
+
+    with pytest.raises(LampUnfit, match="a gap of 25 nm: nothing from 515 to 540 nm") as caught:
+        read_lamp(write(tmp_path / "x.spdx", without(520, 525, 530, 535)))
+    assert (caught.value.value, caught.value.threshold) == (25.0, 20.0)
+    read_lamp(write(tmp_path / "x.spdx", without(520, 525, 530)))  # 20 nm will do
+    beyond = '<SpectralData wavelength="790">1</SpectralData></SpectralDistribution>'
+    beyond = SPDX.replace("</SpectralDistribution>", beyond)
+    read_lamp(write(tmp_path / "x.spdx", beyond))  # of no matter beyond 720 nm
+
+
+DEVIATION = 0.01 * POWER
+
+
+@pytest.mark.parametrize("mark", [",", ";", "\t", " "])
+@pytest.mark.parametrize("head", [None, "wavelength_nm{0}power{0}std", "nm{0}W/m2{0}power_sigma", "nm{0}I{0}Error"])
+def test_a_lamp_of_three_columns_is_read_without_its_deviation(head: str | None, mark: str, tmp_path: Path) -> None:
+    rows = [f"{nm}{mark}{p!r}{mark}{s!r}" for nm, p, s in zip(NM, POWER.tolist(), DEVIATION.tolist(), strict=True)]
+    path = write(tmp_path / "lamp.csv", "\n".join(([] if head is None else [head.format(mark)]) + rows) + "\n")
+    same_lamp(read_lamp(path), NM, POWER)
+
+
+@pytest.mark.parametrize(
+    ("head", "third"),
+    [
+        (None, POWER[::-1]),
+        (None, -DEVIATION),
+        (None, 0.3 * POWER),
+        ("nm,lamp A,lamp B", DEVIATION),
+        (None, POWER * np.nan),
+    ],
+)
+def test_a_file_of_two_lamps_is_refused(head: str | None, third: Floats, tmp_path: Path) -> None:
+    rows = [f"{nm},{p},{s}" for nm, p, s in zip(NM, POWER, third, strict=True)]
+    with pytest.raises(InvalidArgument, match="no standard deviation"):
+        read_lamp(write(tmp_path / "lamp.csv", "\n".join(([head] if head else []) + rows)))
+    with pytest.raises(InvalidArgument, match="not a table of one spectrum"):  # one line with a column more
+        read_lamp(write(tmp_path / "lamp.csv", "\n".join([*(f"{nm},1" for nm in NM), "740,1,0.01"])))
+
+
+def test_what_a_file_holds_is_seen_from_its_content(tmp_path: Path) -> None:
+    for name in ("ESPD2021_0104_231446.xls", "RANDOM_001_02._3262K.csv"):
+        path = theirs(name)
+        other = tmp_path / "lamp.spdx"
+        other.write_bytes(path.read_bytes())
+        assert np.array_equal(read_lamp(str(other)).values, read_lamp(str(path)).values)
+
+
+def test_of_two_tables_the_finer_one_is_taken(tmp_path: Path) -> None:
+    """As a Sekonic writes them, 5 nm and 1 nm; a finer table that was cut off is not patched up by the coarse one."""
+    coarse = [f"Spectral Data {nm}[nm],1.0" for nm in range(380, 781, 5)]
+    fine = [f"Spectral Data {nm}[nm],{nm / 500}" for nm in range(380, 781)]
+    for lines in ((coarse, fine), (fine, coarse)):
+        path = write(tmp_path / "both.csv", "Title,x\n\n" + "\n".join([*lines[0], "", *lines[1], ""]))
+        same_lamp(read_lamp(path), WAVELENGTHS, WAVELENGTHS / 500)
+    path = write(tmp_path / "cut.csv", "\n".join([*coarse, *fine[:200]]))
+    with pytest.raises(LampUnfit, match="covers only 380 to 579 nm"):
+        read_lamp(path)
+
+
+def argyll(kind: str = "EMISSION", bands: int = 106, last: float = 730.0) -> tuple[str, Floats, Floats]:
+    """As spotread writes it: fields are named by whole nanometres, and 106 bands lie 3.33 nm apart."""
+    nm = np.linspace(380.0, 730.0, 106)
+    power = 2.0 + np.cos(nm / 30.0)
+    fields = " ".join(f"SPEC_{round(each)}" for each in nm)
+    numbers = " ".join(f"{each:.9f}" for each in power)
+    text = (
+        f'SPECT\n\nORIGINATOR "Argyll CMS"\nMEAS_TYPE "{kind}"\nSPECTRAL_BANDS "{bands}"\n'
+        f'SPECTRAL_START_NM "380.000000"\nSPECTRAL_END_NM "{last:f}"\nSPECTRAL_NORM "1.000000"\n'
+        f"NUMBER_OF_FIELDS 106\nBEGIN_DATA_FORMAT\n{fields}\nEND_DATA_FORMAT\n\nNUMBER_OF_SETS 1\nBEGIN_DATA\n"
+        f"{numbers}\nEND_DATA\n"
+    )
+    return text, nm, power
+
+
+def test_argyll_s_bands_lie_where_its_header_says(tmp_path: Path) -> None:
+    text, nm, power = argyll()
+    wavelengths, values = read_spectrum(Path(write(tmp_path / "lamp.sp", text)))
+    assert np.abs(wavelengths - nm).max() < 1e-12
+    assert np.abs(values - power).max() < 1e-9
+
+
+@pytest.mark.parametrize(("bands", "last"), [(105, 730.0), (106, 780.0)])
+def test_a_header_that_contradicts_the_names_is_not_believed(bands: int, last: float, tmp_path: Path) -> None:
+    text, nm, _ = argyll(bands=bands, last=last)
+    wavelengths, _ = read_spectrum(Path(write(tmp_path / "lamp.sp", text)))
+    assert np.array_equal(wavelengths, [round(each) for each in nm])
+
+
+def test_a_cgats_file_that_breaks_off_is_refused(tmp_path: Path) -> None:
+    """Its last number may have lost digits where nothing says that the table has ended."""
+    text = argyll()[0]
+    for length in (text.index("END_DATA\n", text.index("BEGIN_DATA\n")), text.rindex("END_DATA") - 4):
+        with pytest.raises(InvalidArgument, match="ends early"):
+            read_lamp(write(tmp_path / "cut.sp", text[:length]))
+
+
+@pytest.mark.parametrize("kind", ["REFLECTIVE", "TRANSMISSIVE"])
+def test_a_surface_is_no_lamp(kind: str, tmp_path: Path) -> None:
+    with pytest.raises(InvalidArgument, match="not of light"):
+        read_lamp(write(tmp_path / "paper.sp", argyll(kind)[0]))
+
+
+SPDX = (
+    '<?xml version="1.0" encoding="utf-8"?>\n<IESTM2714 xmlns="iestm2714" version="1.0"><Header/>'
+    "<SpectralDistribution><SpectralQuantity>relative</SpectralQuantity>"
+    + "".join(f'<SpectralData wavelength="{nm}">{value}</SpectralData>' for nm, value in zip(NM, POWER, strict=True))
+    + "</SpectralDistribution></IESTM2714>\n"
+)
+
+
+def test_the_file_that_is_broken_below_is_sound(tmp_path: Path) -> None:
+    same_lamp(read_lamp(write(tmp_path / "x.spdx", SPDX)), NM, POWER)
+    same_lamp(read_lamp(write(tmp_path / "x.spdx", SPDX.replace("IESTM2714", "IESTM2720"))), NM, POWER)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("</IESTM2714>", "", "not a TM-27"),
+        ("<Header/>", "<!DOCTYPE a><Header/>", "not a TM-27"),
+        ("IESTM2714", "IESXX2714", "not a TM-27"),
+        ("SpectralData ", "Other ", "not a TM-27"),
+        ("relative", "reflectance", "not light"),
+        ("relative", "T-Factor", "not light"),
+        (f">{POWER[3]}<", ">x<", "not a number"),
+        (f">{POWER[3]}<", "><", "not a number"),
+        ('wavelength="400"', 'nm="400"', "not a number"),
+        ('wavelength="400"', 'wavelength="395"', "do not increase"),
+        ("<Header/>", "<SpectralDistribution/>", "not a TM-27"),
+        ('encoding="utf-8"', 'encoding="nonsense"', None),  # the text is decoded already: no matter
+    ],
+)
+def test_a_broken_tm27_file_is_refused(old: str, new: str, words: str | None, tmp_path: Path) -> None:
+    text = SPDX.replace(old, new)
+    if new == "Other ":
+        text = text.replace("/SpectralData", "/Other")
+    assert text != SPDX
+    path = write(tmp_path / "x.spdx", text)
+    if words is None:
+        same_lamp(read_lamp(path), NM, POWER)
+        return
+    with pytest.raises(InvalidArgument, match=words):
+        read_lamp(path)
+
+
+def test_a_bomb_of_entities_is_refused_before_it_grows(tmp_path: Path) -> None:
+    layers = "".join(f'<!ENTITY e{i} "{f"&e{i - 1};" * 10}">' for i in range(1, 30))
+    bomb = f'<?xml version="1.0"?><!DOCTYPE x [<!ENTITY e0 "a">{layers}]><IESTM2714>&e29;</IESTM2714>'
+    with pytest.raises(InvalidArgument, match="not a TM-27"):
+        read_lamp(write(tmp_path / "bomb.spdx", bomb))
+
+
+@pytest.mark.parametrize("line", ["Spectral Data {}[nm],x", "Spectral Data {}[nm],1,2", "{}nm\t1\t2", "{}nm\t"])
+def test_a_meter_s_line_without_its_number_is_refused(line: str, tmp_path: Path) -> None:
+    path = write(tmp_path / "x.csv", "".join(line.format(nm) + "\n" for nm in NM))
+    with pytest.raises(InvalidArgument, match=r"line 1: 'x' is not a number|line 1 has [02] values at 380 nm"):
+        read_lamp(path)
+
+
+def test_a_chart_in_xml_is_read_by_its_content_as_well(tmp_path: Path) -> None:
+    from tools.fuzz import _cxf
+
+    found = []
+    for name in ("chart.cxf", "chart.txt"):
+        path = tmp_path / name
+        path.write_bytes(_cxf(24))
+        found.append(read_chart(str(path)).values)
+    assert np.array_equal(*found)
+    assert np.array_equal(found[0], np.full((24, 681), 0.5))
+
+
+# -- cameras ----------------------------------------------------------------------------------------------------
+
+
+def test_rawtoaces_own_camera_is_read() -> None:
+    """Against rawtoaces-data's table of the same camera, which somebody else made from such files."""
+    path = ROOT / "data" / "rawtoaces" / "Nikon_D850_380_780_5.json"
+    camera = read_camera(str(path))
+    assert camera.name == "Nikon D850"
+    table = json.loads(path.read_text("utf-8"))["spectral_data"]["data"]["main"]
+    ours = camera.values[::10]
+    np.testing.assert_allclose(ours, [table[str(nm)] for nm in range(380, 721, 5)], atol=1e-12)
+    np.testing.assert_allclose(ours / ours.max(axis=0), shipped_cameras()["Nikon D850"], atol=1e-12)
+
+
+def test_columns_of_rawtoaces_go_by_their_names(tmp_path: Path) -> None:
+    found = json.loads((ROOT / "data" / "rawtoaces" / "Nikon_D850_380_780_5.json").read_text("utf-8"))
+    expected = read_camera(str(ROOT / "data" / "rawtoaces" / "Nikon_D850_380_780_5.json")).values
+    table = found["spectral_data"]
+    table["index"]["main"] = ["B", "g", "R"]
+    table["data"]["main"] = {nm: row[::-1] for nm, row in reversed(table["data"]["main"].items())}
+    found["header"] = {}
+    camera = read_camera(write(tmp_path / "mine.json", json.dumps(found)))
+    assert camera.name == "mine"
+    assert np.array_equal(camera.values, expected)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda d: d.pop("spectral_data"),
+        lambda d: d["spectral_data"].pop("index"),
+        lambda d: d["spectral_data"]["index"].update(main=["R", "G"]),
+        lambda d: d["spectral_data"]["data"].update(main=[]),
+        lambda d: d["spectral_data"]["data"].update(main={}),
+        lambda d: d["spectral_data"]["data"]["main"].update({"400": [1, 2]}),
+        lambda d: d["spectral_data"]["data"]["main"].update({"400": [1, "2", 3]}),
+        lambda d: d["spectral_data"]["data"]["main"].update({"400": [1, True, 3]}),
+        lambda d: d["spectral_data"]["data"]["main"].update({"400": [1, 10**400, 3]}),
+        lambda d: d["spectral_data"]["data"]["main"].update({"400": [1, float("nan"), 3]}),
+        lambda d: d["spectral_data"]["data"]["main"].update({"x": [1, 2, 3]}),
+        lambda d: d["spectral_data"]["data"]["main"].update({"400.0": [1, 2, 3]}),
+        lambda d: d.update(header=3),
+    ],
+)
+def test_other_json_is_refused(change: Callable[[Any], Any], tmp_path: Path) -> None:
+    found = json.loads((ROOT / "data" / "rawtoaces" / "Nikon_D850_380_780_5.json").read_text("utf-8"))
+    change(found)
+    with pytest.raises(InvalidArgument):
+        read_camera(write(tmp_path / "x.json", json.dumps(found)))
+
+
+@pytest.mark.parametrize("text", ["{", "{}", '{"a":' * 5000, '{"header":{},"header":{}}', '{"a": NaN}'])
+def test_broken_json_is_refused(text: str, tmp_path: Path) -> None:
+    with pytest.raises(InvalidArgument, match="rawtoaces"):
+        read_camera(write(tmp_path / "x.json", text))
+
+
+def test_a_result_is_told_how_to_become_a_camera(tmp_path: Path) -> None:
+    with pytest.raises(InvalidArgument) as caught:
+        read_camera(write(tmp_path / "result.json", document_bytes(document("D55")).decode()))
+    assert "camssf export --to rawtoaces" in caught.value.advice
+
+
+@pytest.mark.parametrize("to", ["rawtoaces", "spectacle", "csv", "colour", "dcamprof"])
+def test_our_own_exports_are_cameras(to: str, tmp_path: Path) -> None:
+    given = document("D55")
+    path = tmp_path / "export"
+    path.write_bytes(export(given, to))
+    expected = exported(given).own
+    camera = read_camera(str(path))
+    step = {"rawtoaces": 10, "dcamprof": 10, "spectacle": 2}.get(to, 1)
+    np.testing.assert_allclose(camera.values[::step], expected[::step], atol=1e-12)
+
+
+@pytest.mark.parametrize("mark", [",", ";", "\t", "  "])
+def test_a_camera_of_four_columns_needs_no_header(mark: str, tmp_path: Path) -> None:
+    nm = np.arange(400, 701, 10)
+    curves = np.stack([np.exp(-(((nm - at) / 45.0) ** 2)) for at in (600, 530, 460)], axis=1)
+    rows = [mark.join(map(repr, [int(w), *row])) for w, row in zip(nm, curves.tolist(), strict=True)]
+    name, wavelengths, found = read_curves(Path(write(tmp_path / "mine.csv", "\n".join(["# measured", *rows]))), None)
+    assert name == "mine"
+    assert np.array_equal(wavelengths, nm)
+    assert np.array_equal(found, curves)
+    for broken, words in (
+        ([*rows, "710,1,2"], "line 32: .* is not four numbers"),
+        ([*rows, "710,1,2,x"], "line 3[23]: 'x'"),
+    ):
+        broken = [line.replace(",", mark) for line in broken]
+        with pytest.raises(InvalidArgument, match=words):
+            read_camera(write(tmp_path / "x.csv", "\n".join(broken)))
+    five = [f"{row}{mark}1" for row in rows]  # which of the five is which, nobody knows
+    with pytest.raises(InvalidArgument, match="first line must read"):
+        read_camera(write(tmp_path / "x.csv", "\n".join(five)))
+
+
+def cmf(sets: int = 3, kind: str | None = None) -> tuple[str, Floats, Floats]:
+    """As Argyll writes a .cmf: its .sp with the word CMF and three sets."""
+    nm = np.linspace(380.0, 730.0, 106)
+    curves = np.stack([np.exp(-(((nm - at) / 45.0) ** 2)) for at in (600, 530, 460, 440)[:sets]])
+    fields = " ".join(f"SPEC_{round(each)}" for each in nm)
+    rows = "\n".join(" ".join(f"{each:.9f}" for each in row) for row in curves)
+    kind_line = "" if kind is None else f'MEAS_TYPE "{kind}"\n'
+    text = (
+        f'CMF  \n\nORIGINATOR "Argyll CMS"\n{kind_line}SPECTRAL_BANDS "106"\nSPECTRAL_START_NM "380.000000"\n'
+        f'SPECTRAL_END_NM "730.000000"\nSPECTRAL_NORM "1.000000"\nNUMBER_OF_FIELDS 106\nBEGIN_DATA_FORMAT\n{fields}\n'
+        f"END_DATA_FORMAT\n\nNUMBER_OF_SETS {sets}\nBEGIN_DATA\n{rows}\nEND_DATA\n"
+    )
+    return text, nm, curves.T
+
+
+def test_argyll_s_cmf_is_a_camera(tmp_path: Path) -> None:
+    text, nm, curves = cmf()
+    name, wavelengths, found = read_curves(Path(write(tmp_path / "mine.cmf", text)), None)
+    assert name == "mine"
+    assert np.abs(wavelengths - nm).max() < 1e-12
+    assert np.abs(found - curves).max() < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("sets", "kind", "words"), [(1, None, "1 spectra"), (4, None, "4 spectra"), (3, "REFLECTIVE", "surf")]
+)
+def test_other_cgats_is_no_camera(sets: int, kind: str | None, words: str, tmp_path: Path) -> None:
+    with pytest.raises(InvalidArgument, match=words):
+        read_camera(write(tmp_path / "x.cmf", cmf(sets, kind)[0]))
+
+
+DCAMPROF = """// a camera's own file, as DCamProf's example lays it out
+{
+  // camera name, see http://example.org/names
+  "camera_name": "Maker \\"One\\" // 7",
+  /* bands in nanometres */
+  "ssf_bands": [ 400, 720, 10 ], // 400 nm to 720 nm
+  "red_ssf": [%s],
+  "green_ssf": [%s],
+  "blue_ssf": [%s]
+}
+"""
+DCAMPROF_NM = np.arange(400, 721, 10)
+DCAMPROF_CURVES = np.stack([np.exp(-(((DCAMPROF_NM - at) / 45.0) ** 2)) for at in (600, 530, 460)], axis=1)
+DCAMPROF_TEXT = DCAMPROF % tuple(", ".join(map(repr, curve.tolist())) for curve in DCAMPROF_CURVES.T)
+
+
+@pytest.mark.parametrize("listed", [False, True])
+def test_dcamprof_s_camera_is_read(listed: bool, tmp_path: Path) -> None:
+    """With its comments; bands as [first, last, step] or every wavelength. The channels keep their scale."""
+    text = DCAMPROF_TEXT
+    if listed:
+        text = text.replace("[ 400, 720, 10 ]", str(DCAMPROF_NM.tolist()))
+    name, nm, curves = read_curves(Path(write(tmp_path / "camera.json", text)), None)
+    assert name == 'Maker "One" // 7'
+    assert np.array_equal(nm, DCAMPROF_NM)
+    assert np.array_equal(curves, DCAMPROF_CURVES)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("400, 720, 10", "400, 720, 7"),
+        ("400, 720, 10", "400, 720, 0"),
+        ("400, 720, 10", "720, 400, 10"),
+        ("400, 720, 10", "400, 720, 1e-7"),
+        ("400, 720, 10", "400, 1e308, 1e-300"),
+        ("400, 720, 10", "400, 720, true"),
+        ("400, 720, 10", "400, 720"),
+        ('"red_ssf": [', '"red_ssf": [1.0, '),
+        ('"red_ssf": [', '"red_ssf": ["1.0", '),
+        ('"red_ssf": [', '"green_ssf": ['),
+        ('"blue_ssf"', '"blau_ssf"'),
+        ('"camera_name": "', '"camera_name": 7, "x": "'),
+        ("/* bands in nanometres */", "/* bands in nanometres"),
+        ("}", ""),
+    ],
+)
+def test_a_broken_file_of_dcamprof_is_refused(old: str, new: str, tmp_path: Path) -> None:
+    assert old in DCAMPROF_TEXT
+    with pytest.raises(InvalidArgument, match="DCamProf"):
+        read_camera(write(tmp_path / "camera.json", DCAMPROF_TEXT.replace(old, new)))
+
+
+def test_a_file_of_unended_comments_is_refused_at_once(tmp_path: Path) -> None:
+    with pytest.raises(InvalidArgument, match="DCamProf"):
+        read_camera(write(tmp_path / "x.json", '{"ssf_bands"' + "/*" * 2_000_000))
+
+
+SPECTACLE = """
+import sys, json, pathlib
+import scipy.integrate
+from spectacle import spectral
+print(json.dumps(spectral.load_spectral_response(pathlib.Path(sys.argv[1])).tolist()))
+"""
+
+
+def spectacle(tmp_path: Path) -> Path:
+    """A file with two greens, as a camera's own script of SPECTACLE saves it: np.savetxt with its header."""
+    nm = np.arange(390.0, 701.0)
+    columns = [np.exp(-(((nm - centre) / 40.0) ** 2)) for centre in (600, 530, 460, 534)]
+    folder = tmp_path / "calibration"
+    folder.mkdir()
+    path = folder / "spectral_response.csv"
+    table = np.column_stack([nm, *columns, *(0.01 * column for column in columns)])
+    np.savetxt(path, table, delimiter=",", header="wavelength,R,G,B,G2,R_err,G_err,B_err,G2_err")
+    return path
+
+
+@pytest.mark.parametrize("judge", ["numpy", "pyspectacle"])
+def test_spectacle_is_read_as_its_own_reader_does(judge: str, tmp_path: Path) -> None:
+    path = spectacle(tmp_path)
+    table = np.loadtxt(path, delimiter=",").T
+    if judge == "pyspectacle":
+        python = os.environ.get("CAMSSF_SPECTACLE")
+        if not python:
+            pytest.skip("CAMSSF_SPECTACLE names no Python that has pyspectacle")
+        done = subprocess.run(
+            [python, "-W", "ignore", "-c", SPECTACLE, str(tmp_path)],
+            capture_output=True, text=True, check=True, timeout=120, env=os.environ | {"HOME": str(tmp_path)},
+        )  # fmt: skip
+        table = np.array(json.loads(done.stdout.splitlines()[-1]))
+    name, nm, curves = read_curves(path, None)
+    assert name == "spectral_response"
+    assert np.array_equal(nm, table[0])
+    assert np.array_equal(curves, np.column_stack([table[1], 0.5 * (table[2] + table[4]), table[3]]))
+
+
+def test_a_line_of_spectacle_that_is_short_is_refused(tmp_path: Path) -> None:
+    path = spectacle(tmp_path)
+    lines = path.read_text("utf-8").splitlines()
+    for damaged in ([*lines[:50], lines[50].rpartition(",")[0], *lines[51:]], [*lines[:90], "390,x"]):
+        path.write_text("\n".join(damaged), "utf-8")
+        with pytest.raises(InvalidArgument, match="nine numbers"):
+            read_camera(str(path))
+
+
+def camspec(*names: str, mark: str = "\t", end: str = "\r\n") -> str:
+    text = ""
+    for i, name in enumerate(names):
+        text += f"{name}{end}"
+        for c in range(3):
+            text += mark.join(f"{np.exp(-(((nm - 600 + 70 * c - i) / 50) ** 2)):.6f}" for nm in range(400, 721, 10))
+            text += end
+    return text
+
+
+def by_colour_datasets(path: Path) -> dict[str, Floats]:
+    """As colour-datasets reads the list: lines that begin with a letter are names, others go on between tabs."""
+    found: dict[str, list[float]] = {}
+    for line in filter(None, (line.strip() for line in path.read_text("utf-8").splitlines())):
+        if re.match("[a-zA-Z]+", line):
+            found[camera := line] = []
+        else:
+            found[camera].extend(float(value) for value in line.split("\t"))
+    return {name: np.reshape(values, (3, 33)).T for name, values in found.items()}
+
+
+def test_the_list_of_camspec_is_read_as_colour_datasets_reads_it(tmp_path: Path) -> None:
+    names = ("Canon 1D Mark III", "Nikon D40", "Point Grey Grasshopper 50S5C")
+    path = Path(write(tmp_path / "camspec_database.txt", camspec(*names)))
+    for name, values in by_colour_datasets(path).items():
+        camera = read_camera(f"{path}:{name.upper()}")
+        assert camera.name == name
+        inside = (WAVELENGTHS >= 400) & (WAVELENGTHS % 10 == 0)
+        np.testing.assert_allclose(camera.values[inside], values, atol=1e-12)
+        assert not camera.values[WAVELENGTHS < 400].any()
+    with pytest.raises(InvalidArgument, match="has 3 cameras"):
+        read_camera(str(path))
+    with pytest.raises(InvalidArgument) as caught:
+        read_camera(f"{path}:Nikon D400")
+    assert "Did you mean Nikon D40?" in caught.value.advice
+    blanks = write(tmp_path / "one.txt", camspec("Nikon D40", mark="  ", end="\n\n"))
+    assert np.array_equal(read_camera(blanks).values, read_camera(f"{path}:Nikon D40").values) is False
+    assert read_camera(blanks).name == "Nikon D40"
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda text: text[: 3 * len(text) // 4],
+        lambda text: text.replace("Nikon D40\r\n", ""),
+        lambda text: text.replace("Nikon D40", "Canon 1D"),
+        lambda text: text.replace("Nikon D40", "40"),
+        lambda text: text + "Leica\r\n",
+        lambda text: text[:-40] + "x" + text[-39:],
+    ],
+)
+def test_a_broken_list_of_camspec_is_refused(damage: Callable[[str], str], tmp_path: Path) -> None:
+    """The whole list, even where another camera of it was asked for: lines that slip would mix cameras."""
+    path = write(tmp_path / "list.txt", damage(camspec("Canon 1D", "Nikon D40")))
+    with pytest.raises(InvalidArgument):
+        read_camera(f"{path}:Canon 1D")
+
+
+# -- objects of colour-science ----------------------------------------------------------------------------------
+
+
+def test_objects_of_colour_science_are_cameras() -> None:
+    from colour.characterisation import RGB_CameraSensitivities
+
+    science = colour_science()
+    known = science.MSDS_CAMERA_SENSITIVITIES["Nikon 5100 (NPL)"]
+    camera = read_camera(known)
+    assert np.array_equal(camera.values, read_camera("Nikon 5100 (NPL)").values)
+    assert camera.name == known.name
+    values, nm = np.asarray(known.values), np.asarray(known.wavelengths)
+    other = RGB_CameraSensitivities(values, nm, labels=["R", "G", "B"], name="mine")
+    turned = science.MultiSpectralDistributions(values[:, [2, 0, 1]], nm, labels=["B", "R", "G"], name="mine")
+    for each in (other, turned):
+        assert np.array_equal(read_camera(each).values, camera.values)
+        assert read_camera(each).name == "mine"
+    assert read_camera(camera) is camera
+
+
+@pytest.mark.parametrize("change", ["labels", "values", "wavelengths", "short", "nan"])
+def test_an_object_that_is_no_camera_is_refused(change: str) -> None:
+    class Mine:
+        wavelengths: Any = np.arange(400, 701, 10)
+        values: Any = np.ones((31, 3))
+        labels: Any = ("red", "green", "blue")
+
+    mine = Mine()
+    if change == "short":
+        mine.values = np.ones((31, 2))
+    elif change == "nan":
+        mine.values = np.full((31, 3), np.nan)
+    else:
+        setattr(mine, change, "x" if change == "values" else None)
+    read_camera(Mine())
+    with pytest.raises(InvalidArgument):
+        read_camera(mine)
+
+
+def test_a_validation_takes_an_object_as_truth() -> None:
+    import inspect
+    from typing import get_args
+
+    from camssf.calibration import calibrate, solve
+    from camssf_lab.simulation.frames import simulate
+
+    assert MeasuredCurves in get_args(CameraLike)
+    for function, name in ((calibrate, "truth"), (solve, "truth"), (simulate, "camera")):
+        assert "CameraLike" in str(inspect.signature(function).parameters[name].annotation)
+
+
+# -- what people call lamps -------------------------------------------------------------------------------------
+
+
+def test_the_names_are_data_and_each_says_one_thing() -> None:
+    place = Path(camssf.__file__).parent / "data" / "lamp-names.json"
+    assert json.loads(place.read_text("utf-8"))["format"] == NAMES_FORMAT
+    names = [plain(name) for alias in lamp_aliases() for name in alias.names]
+    assert len(names) == len(set(names)) > 80
+    assert not set(names) & {plain(name) for name in lamp_names()}  # a name that is known already means itself
+    for alias in lamp_aliases():
+        assert bool(alias.lamp) != bool(alias.advice)
+        assert alias.what
+
+
+@pytest.mark.parametrize("each", lamp_aliases(), ids=lambda each: each.names[0])
+def test_what_people_type_is_answered(each: Any) -> None:
+    for name in each.names:
+        for written in (name, name.upper(), name.replace(" ", "-"), f" {name} "):
+            if each.lamp:
+                lamp, meant = read_lamp(written), read_lamp(each.lamp)
+                assert np.array_equal(lamp.values, meant.values)
+                assert (lamp.name, lamp.tolerance) == (each.lamp, meant.tolerance)
+                assert np.array_equal(lamp.modes, meant.modes)
+                assert repr(written.strip()) in lamp.source
+            else:
+                with pytest.raises(InvalidArgument, match="does not say which lamp") as caught:
+                    read_lamp(written)
+                assert caught.value.advice == each.advice
+
+
+@pytest.mark.parametrize("each", [alias for alias in lamp_aliases() if alias.advice], ids=lambda each: each.names[0])
+def test_an_advice_names_lamps_that_are_read(each: Any) -> None:
+    words = re.findall(r"[\w:.-]*\w", each.advice)
+    named = [word for word in words if plain(word) in {plain(name) for name in lamp_names()} or ":" in word]
+    assert named or "bulb" in each.advice
+    for word in named:
+        read_lamp(word)
+
+
+@pytest.mark.parametrize(("spec", "words"), [("5500", "D:5500 for daylight"), ("2700", "2700K for a bulb")])
+def test_a_bare_number_is_asked_for_its_kind(spec: str, words: str) -> None:
+    with pytest.raises(InvalidArgument) as caught:
+        read_lamp(spec)
+    assert words in caught.value.advice
+
+
+def test_what_people_say_goes_before_a_file_of_that_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "halogen", "".join(f"{nm},{nm}\n" for nm in NM))
+    assert read_lamp("halogen").source.endswith("'halogen' was asked for")
+    assert read_lamp("./halogen").source == "file halogen"
+
+
+# -- docs -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.repository
+def test_the_page_of_tables_lists_formats_and_names() -> None:
+    page = (ROOT / "docs" / "tables.md").read_text("utf-8")
+    for each in (*LAMPS, *CURVES):
+        assert f"| {each.what} |" in page
+    for said in lamp_aliases():
+        row = next(line for line in page.splitlines() if line.startswith(f"| {', '.join(said.names)} |"))
+        assert (f"`{said.lamp}`" in row) if said.lamp else (said.advice in row)

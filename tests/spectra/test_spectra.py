@@ -1,0 +1,848 @@
+"""Judged by colour-science's own tables, by CIE values and formulas, and by writers that camssf does not use."""
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from camssf.errors import CalibrationError, ChartUnfit, InvalidArgument, LampUnfit
+from camssf.grid import STEP, WAVELENGTHS, Floats
+from camssf.spectra import (
+    CameraCurves,
+    ChartTable,
+    Lamp,
+    camera_names,
+    chart_names,
+    colour_science,
+    lamp_names,
+    read_camera,
+    read_chart,
+    read_lamp,
+    shipped_cameras,
+)
+from camssf.spectra.bundled import bundled
+from camssf.spectra.cameras import DEMO_PHONE
+from camssf.spectra.families import FAMILIES, DrawnKind, LampKind
+from tools import demo_phone
+
+DATA = Path(__file__).parents[2] / "data"
+TEN = np.arange(380, 731, 10)
+
+
+def at(values: Floats, nm: float) -> Floats:
+    return values[int(np.flatnonzero(nm == WAVELENGTHS)[0])]
+
+
+def relative(spec: str) -> Floats:
+    """A lamp with 560 nm = 100, as CIE tables give it."""
+    values = read_lamp(spec).values
+    return 100 * values / at(values, 560)
+
+
+def write(path: Path, text: str, encoding: str = "utf-8") -> str:
+    path.write_bytes(text.encode(encoding))
+    return str(path)
+
+
+# Lamps
+
+
+def test_every_name_reads() -> None:
+    for name in lamp_names():
+        lamp = read_lamp(name)
+        assert lamp.values.shape == (681,)
+        assert lamp.modes.shape == (0, 681) or name in FAMILIES
+        assert lamp.values.min() >= 0
+        assert lamp.values.mean() == pytest.approx(1)
+        assert not lamp.values.flags.writeable
+        family = FAMILIES.get(name)
+        usual = 0 if name == "equal-energy" else 0.02
+        drawn = bundled()["families"][name]["tolerance"] if isinstance(family, DrawnKind) else usual
+        assert lamp.tolerance == (family.left if isinstance(family, LampKind) else drawn)
+
+
+@pytest.mark.parametrize(
+    ("spec", "nm", "value"),  # CIE 15, tables of the illuminants
+    [
+        *[("A", nm, v) for nm, v in ((380, 9.7951), (450, 33.0859), (560, 100.0), (650, 165.028), (700, 198.261))],
+        *[("D65", nm, v) for nm, v in ((380, 49.9755), (400, 82.7549), (450, 117.008), (500, 109.354))],
+        *[("D65", nm, v) for nm, v in ((600, 90.0062), (650, 80.0268), (700, 71.6091), (720, 61.604))],
+        ("E", 400, 100.0),
+    ],
+)
+def test_illuminants_have_the_values_of_cie_15(spec: str, nm: float, value: float) -> None:
+    assert at(relative(spec), nm) == pytest.approx(value, rel=2e-5)
+
+
+def test_illuminant_a_is_its_formula() -> None:
+    """CIE S 014-2: A is Planck's form with 1.435e7 / 2848, at the table's nodes to its six digits."""
+    node = np.arange(380.0, 721.0, 5.0)
+    formula = 100 * (560 / node) ** 5 * np.expm1(1.435e7 / (2848 * 560)) / np.expm1(1.435e7 / (2848 * node))
+    np.testing.assert_allclose(relative("A")[::10], formula, rtol=1e-5)
+
+
+def test_names_agree_with_colour_science_at_every_node() -> None:
+    tables = colour_science().SDS_ILLUMINANTS
+    for name in set(lamp_names()) - {"equal-energy", *FAMILIES}:
+        table = tables[name]
+        inside = np.isin(table.wavelengths, WAVELENGTHS)
+        expected = table.values[inside]
+        found = read_lamp(name).values[np.isin(WAVELENGTHS, table.wavelengths)]
+        np.testing.assert_allclose(found * expected.sum(), expected * found.sum(), rtol=1e-12, err_msg=name)
+
+
+def test_lines_are_interpolated_linearly() -> None:
+    """F2 jumps from 3.44 to 15.69 and back to 3.85 within 10 nm: a smooth curve would leave that range."""
+    table = colour_science().SDS_ILLUMINANTS["FL2"]
+    assert [table[nm] for nm in (400, 405, 410)] == [3.44, 15.69, 3.85]
+    values = read_lamp("FL2").values
+    scale = at(values, 405) / 15.69
+    assert at(values, 402.5) / scale == pytest.approx((3.44 + 15.69) / 2)
+    assert at(values, 409) / scale == pytest.approx(15.69 + (3.85 - 15.69) * 0.8)
+    assert values.max() / scale == pytest.approx(
+        max(v for nm, v in zip(table.wavelengths, table.values, strict=True) if nm <= 720)
+    )
+
+
+@pytest.mark.parametrize("kelvin", [1000, 2700, 2856, 3000, 6500.5, 20000])
+def test_kelvin_is_planck(kelvin: float) -> None:
+    for spec in (f"{kelvin}K", f"{kelvin} k"):
+        values = read_lamp(spec).values
+        for nm in (380.0, 450.0, 720.0):
+            ratio = (560 / nm) ** 5 * np.expm1(1.4388e7 / (kelvin * 560)) / np.expm1(1.4388e7 / (kelvin * nm))
+            assert at(values, nm) / at(values, 560) == pytest.approx(ratio, rel=1e-12)
+
+
+def test_daylight_takes_its_temperature_as_it_stands() -> None:
+    """The D names date from c₂ = 1.4380e-2: D65 is 6504 K, D55 5503 K today."""
+    np.testing.assert_allclose(relative("D:6504"), relative("D65"), rtol=2e-3)
+    np.testing.assert_allclose(relative("d:5503K"), relative("D55"), rtol=2e-3)
+    exact = np.abs(relative("D:5503") / relative("D55") - 1).max()
+    literal = np.abs(relative("D:5500") / relative("D55") - 1).max()
+    assert exact < literal / 2
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [("f2", "FL2"), ("F3.1", "FL3.1"), ("d 65", "D65"), ("led_b3", "LED-B3"), ("CIE A", "A"), (" hp1 ", "HP1")],
+)
+def test_spelling_does_not_matter(one: str, other: str) -> None:
+    np.testing.assert_array_equal(read_lamp(one).values, read_lamp(other).values)
+    assert read_lamp(one).source == read_lamp(other).source
+
+
+def test_equal_energy_is_exactly_one() -> None:
+    assert (read_lamp("Equal-Energy").values == 1.0).all()
+
+
+@pytest.mark.parametrize("nothing", ["", "  ", None])
+def test_a_missing_lamp_is_explained(nothing: str) -> None:
+    with pytest.raises(InvalidArgument, match="lamp is missing") as caught:
+        read_lamp(nothing)
+    for word in ("One photo", r"Eq. (5)", "0.10", "D55", "LED-B1", "2856K", "D:5500", "equal-energy", ".spd"):
+        assert word in caught.value.advice
+
+
+@pytest.mark.parametrize(
+    ("spec", "advice"),
+    [
+        ("D56", "Did you mean D:5600?"),
+        ("LED-B33", "Did you mean LED-B3"),
+        ("daylihgt", "Lamps:"),
+        ("500K", "1000K"),
+        ("99999K", "20000K"),
+        ("D:3000", "3000K, without D"),
+        ("nowhere.csv", "Check the path"),
+        ("no/such/lamp.spd", "Check the path"),
+        ("a\0b", "Lamps:"),
+        ("x" * 5000, "Lamps:"),
+        (".", "Lamps:"),
+    ],
+)
+def test_a_wrong_lamp_gets_advice(spec: str, advice: str) -> None:
+    with pytest.raises(InvalidArgument) as caught:
+        read_lamp(spec)
+    assert advice in caught.value.advice
+
+
+RAMP = [(nm, nm / 100 - 3) for nm in range(380, 731, 5)]
+SP = """SPECT
+
+ORIGINATOR "Argyll 'spotread'"
+SPECTRAL_BANDS "71"
+SPECTRAL_NORM "1.0"
+NUMBER_OF_FIELDS 71
+BEGIN_DATA_FORMAT
+{fields}
+END_DATA_FORMAT
+NUMBER_OF_SETS 1
+BEGIN_DATA
+{values}
+END_DATA
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("plain.csv", "".join(f"{nm},{v}\n" for nm, v in RAMP)),
+        ("head.csv", "wavelength_nm,power\n" + "".join(f"{nm},{v}\n" for nm, v in RAMP)),
+        ("comment.txt", "# from a meter\n\n  # twice\n" + "".join(f"{nm}  {v}\n" for nm, v in RAMP)),
+        ("tab.spd", "nm\tW\r\n" + "".join(f"{nm}\t{v}\t\r\n" for nm, v in RAMP)),
+        ("blank.sp", "".join(f" {nm:.2f}   {v:e} \n" for nm, v in RAMP)),
+        ("comma blank.csv", "".join(f"{nm}, {v},\n" for nm, v in RAMP)),
+        ("german.csv", "Wellenlänge;Leistung\n" + "".join(f"{nm};{v};\n".replace(".", ",") for nm, v in RAMP)),
+        ("swedish.txt", "".join(f"{nm}\t{v}\n".replace(".", ",") for nm, v in RAMP)),
+        (
+            "argyll.sp",
+            SP.format(fields=" ".join(f"SPEC_{nm}" for nm, _ in RAMP), values=" ".join(f"{v:.6f}" for _, v in RAMP)),
+        ),
+    ],
+)
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "latin-1"])
+def test_lamp_files(tmp_path: Path, name: str, text: str, encoding: str) -> None:
+    lamp = read_lamp(write(tmp_path / name, text, encoding))
+    expected = WAVELENGTHS / 100 - 3
+    np.testing.assert_allclose(lamp.values, expected / expected.mean(), rtol=1e-9)
+    assert lamp.tolerance == 0.01
+    assert lamp.source == f"file {name}"
+
+
+def test_a_file_without_a_known_ending_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "lamp", "".join(f"{nm},{v}\n" for nm, v in RAMP))
+    assert read_lamp("lamp").source == "file lamp"
+
+
+def test_a_short_lamp_is_held_constant_and_says_so(tmp_path: Path) -> None:
+    lamp = read_lamp(write(tmp_path / "short.csv", "".join(f"{nm},{nm}\n" for nm in range(400, 701, 10))))
+    assert at(lamp.values, 380) == at(lamp.values, 400)
+    assert at(lamp.values, 720) == at(lamp.values, 700)
+    assert at(lamp.values, 700) / at(lamp.values, 400) == pytest.approx(7 / 4)
+    assert lamp.source == "file short.csv, held constant outside 400 to 700 nm"
+
+
+def test_a_narrow_line_between_grid_points_keeps_its_power(tmp_path: Path) -> None:
+    """A line of 0.04 nm at 546.1 nm lies between 546.0 and 546.5: sampling the grid would lose it."""
+    nm = np.round(np.arange(380, 720.005, 0.01), 2)
+    line = np.exp(-0.5 * ((nm - 546.1) / 0.02) ** 2) * 1000 + 1
+    lamp = read_lamp(write(tmp_path / "line.csv", "".join(f"{a},{b}\n" for a, b in zip(nm, line, strict=True))))
+    base = at(lamp.values, 600)
+    power = (lamp.values / base - 1).sum() * STEP
+    assert power == pytest.approx(1000 * 0.02 * np.sqrt(2 * np.pi), rel=1e-6)
+    assert np.flatnonzero(lamp.values > 2 * base).tolist() == [int(np.flatnonzero(WAVELENGTHS == 546)[0])]
+
+
+def test_a_grid_file_is_read_as_it_stands(tmp_path: Path) -> None:
+    values = read_lamp("FL11").values
+    path = write(
+        tmp_path / "fl11.csv", "".join(f"{a},{b!r}\n" for a, b in zip(WAVELENGTHS, values.tolist(), strict=True))
+    )
+    np.testing.assert_allclose(read_lamp(path).values, values, rtol=1e-12)
+
+
+def lamp_file(change: dict[int, object], nm: range = range(380, 721, 10)) -> str:
+    return "".join(f"{w},{change.get(w, 1)}\n" for w in nm)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (lamp_file({500: -0.1}), "negative"),
+        (lamp_file({500: "nan"}), "not a number"),
+        (lamp_file({500: "inf"}), "not a number"),
+        (lamp_file(dict.fromkeys(range(380, 721, 10), 0)), "no power"),
+        (lamp_file({}, range(420, 721, 10)), "covers only 420 to 720 nm"),
+        (lamp_file({}, range(380, 681, 10)), "covers only 380 to 680 nm"),
+        ("380,1\n550,1\n720,1\n", "only 3 wavelengths"),
+        (lamp_file(dict.fromkeys(range(380, 721, 10), 0) | {370: 1, 380: 0}, range(300, 721, 10)), None),
+    ],
+)
+def test_an_unfit_lamp_is_refused(tmp_path: Path, text: str, words: str | None) -> None:
+    path = write(tmp_path / "lamp.csv", text)
+    if words is None:  # light outside the grid only
+        text = "".join(f"{w},{1 if w < 375 else 0}\n" for w in range(300, 721, 10))
+        path, words = write(tmp_path / "uv.csv", text), "no power from 380 to 720"
+    with pytest.raises(LampUnfit, match=words):
+        read_lamp(path)
+
+
+def test_noise_below_zero_is_forgiven(tmp_path: Path) -> None:
+    assert at(read_lamp(write(tmp_path / "n.csv", lamp_file({500: -0.004}))).values, 500) == 0
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "# nothing\n",
+        "hello world\n",
+        "380,1\n390,x\n400,1\n",
+        "380,1,2\n390,1,2\n",
+        lamp_file({}) + "380,1\n",
+        lamp_file({}) + "720,1\n",
+        "".join(f"{w / 1000},1\n" for w in range(380, 721, 10)),
+        "".join(f"{w * 10},1\n" for w in range(380, 7201, 10)),
+        SP.format(fields="SPEC_380 SPEC_390", values="1 2"),
+        SP.format(fields=" ".join(f"SPEC_{w}" for w in TEN), values="1 2 3"),
+        SP.format(fields=" ".join(f"SPEC_{w}" for w in TEN), values="\n".join([" ".join(["1"] * len(TEN))] * 2)),
+        "BEGIN_DATA_FORMAT",
+    ],
+)
+def test_no_table_of_a_lamp(tmp_path: Path, text: str) -> None:
+    with pytest.raises(InvalidArgument):
+        read_lamp(write(tmp_path / "lamp.txt", text))
+
+
+def test_a_huge_file_is_not_read(tmp_path: Path) -> None:
+    path = tmp_path / "huge.csv"
+    with path.open("wb") as file:
+        file.truncate(20_000_001)
+    for read in (read_lamp, read_chart, read_camera):
+        with pytest.raises(InvalidArgument, match="20 MB"):
+            read(str(path))
+
+
+def test_a_folder_is_no_file(tmp_path: Path) -> None:
+    for read in (read_lamp, read_chart, read_camera):
+        with pytest.raises(InvalidArgument, match="no file"):
+            read(str(tmp_path))
+
+
+# Charts
+
+
+@pytest.mark.parametrize(
+    ("spec", "table"), [("classic24", "BabelColor Average"), ("nano24:OHTA", "ColorChecker N Ohta")]
+)
+def test_public_tables_are_colour_science_s(spec: str, table: str) -> None:
+    colour = colour_science()
+    chart = read_chart(spec)
+    assert (chart.table, chart.layout.name, chart.white) == (table, spec[:-5] if ":" in spec else spec, 18)
+    assert chart.patches[0] == "dark skin"
+    assert chart.patches[18] == "white 9.5 (.05 D)"
+    assert chart.values.shape == (24, 681)
+    assert not chart.values.flags.writeable
+    np.testing.assert_array_equal(chart.tolerance, 0.03)
+    np.testing.assert_array_equal(chart.with_tolerance(0.01).tolerance, np.full(24, 0.01))
+    for wrong in (-0.01, 1.0, float("nan")):
+        with pytest.raises(InvalidArgument, match=r"0 to 0\.5 is possible"):
+            chart.with_tolerance(wrong)
+    shape = colour.SpectralShape(380, 720, STEP)
+    for name, values in zip(chart.patches, chart.values, strict=True):
+        table_sd = colour.SDS_COLOURCHECKERS[table][name]
+        np.testing.assert_allclose(
+            [at(values, nm) for nm in range(380, 721, 10)], table_sd[list(range(380, 721, 10))]
+        )
+        expected = table_sd.copy().interpolate(shape, interpolator=colour.SpragueInterpolator).values
+        np.testing.assert_allclose(values, expected, atol=1e-12)
+
+
+def test_every_chart_name_reads() -> None:
+    assert len(chart_names()) == 8
+    for name in chart_names():
+        assert read_chart(name).layout.name == name.partition(":")[0]
+
+
+@pytest.mark.parametrize(
+    ("spec", "advice"),
+    [
+        ("clasic24", "Did you mean classic24"),
+        ("", "Charts:"),
+        (None, "Charts:"),
+        ("classic24:olta", "Check the path"),
+        ("sg140", "sg140:mine.txt"),
+        ("sg140:none.txt", "Check the path"),
+        (r"C:\charts\mine.csv", "Check the path"),
+        ("x" * 5000, "Charts:"),
+    ],
+)
+def test_a_wrong_chart_gets_advice(spec: str, advice: str) -> None:
+    with pytest.raises(InvalidArgument) as caught:
+        read_chart(spec)
+    assert advice in caught.value.advice
+
+
+def babel() -> tuple[list[str], Floats]:
+    """Names and (24, 36) reflectances of the BabelColor table as it is stored."""
+    table = colour_science().SDS_COLOURCHECKERS["BabelColor Average"]
+    return list(table), np.array([sd.values for sd in table.values()])
+
+
+def columns(names: list[str], rows: Floats, field: str = "{}", mark: str = ",") -> str:
+    """A CSV with the wavelengths as its first line."""
+    head = mark.join(["name", *(field.format(nm) for nm in TEN)])
+    return "\n".join([head, *(mark.join([n, *map(repr, row)]) for n, row in zip(names, rows.tolist(), strict=True))])
+
+
+def cgats(names: list[str], rows: Floats, field: str, mark: str, key: str = "SAMPLE_NAME") -> str:
+    head = mark.join(["SAMPLE_ID", key, "LAB_L", *(field.format(nm) for nm in TEN)])
+    body = [
+        mark.join([str(i), f'"{name}"', "50", *map(repr, row)])
+        for i, (name, row) in enumerate(zip(names, rows.tolist(), strict=True), 1)
+    ]
+    return "\n".join(
+        [
+            "CGATS.17",
+            'ORIGINATOR "test"',
+            "BEGIN_DATA_FORMAT",
+            head,
+            "END_DATA_FORMAT",
+            f"NUMBER_OF_SETS {len(names)}",
+            "BEGIN_DATA",
+            *body,
+            "END_DATA",
+            "",
+        ]
+    )
+
+
+def chart_formats() -> dict[str, str]:
+    names, rows = babel()
+    across = [",".join(["wavelength", *names])]
+    across += [",".join([str(nm), *map(repr, column)]) for nm, column in zip(TEN, rows.T.tolist(), strict=True)]
+    return {
+        "columns.csv": columns(names, rows),
+        "nm.csv": columns(names, rows, "nm{}"),
+        "percent.csv": columns(names, 100 * rows, "{} nm"),
+        "preamble.csv": "My instrument,v1\n\n# a note\n" + columns(names, rows, "R_{}"),
+        "german.csv": columns(names, rows, mark=";").replace(".", ","),
+        "tabs.txt": columns(names, rows, mark="\t"),
+        "rows.csv": "\n".join(across),
+        "cgats.txt": cgats(names, rows, "SPECTRAL_NM{}", "\t"),
+        "percent.txt": cgats(names, 100 * rows, "SPECTRAL_NM_{}", " "),
+        "short.txt": cgats(names, 100 * rows, "nm{}", "\t"),
+        "argyll.ti3": cgats(names, 100 * rows, "SPEC_{}", " "),
+        "plain.txt": cgats(names, rows, "SPECTRAL_{}", "\t"),
+    }
+
+
+@pytest.mark.parametrize("name", list(chart_formats()))
+def test_chart_files(tmp_path: Path, name: str) -> None:
+    table = read_chart(write(tmp_path / name, chart_formats()[name]))
+    known = read_chart("classic24")
+    np.testing.assert_allclose(table.values, known.values, atol=1e-12)
+    assert (table.layout.name, table.white, table.table) == ("classic24", 18, name)
+    if name != "german.csv":
+        assert table.patches == known.patches
+    np.testing.assert_array_equal(table.tolerance, 0.01)
+    assert table.source == f"file {name}"
+
+
+def test_rows_without_names_are_numbered(tmp_path: Path) -> None:
+    text = chart_formats()["rows.csv"].partition("\n")[2]
+    assert read_chart(write(tmp_path / "rows.csv", text)).patches[:2] == ("1", "2")
+
+
+def test_a_file_can_name_its_layout(tmp_path: Path) -> None:
+    path = write(tmp_path / "mine.csv", chart_formats()["columns.csv"])
+    assert read_chart(f"nano24:{path}").layout.name == "nano24"
+    with pytest.raises(InvalidArgument, match="holds 24 patches, sg140 has 140"):
+        read_chart(f"sg140:{path}")
+
+
+def cxf(path: Path, names: list[str], rows: Floats, first: int = 380, keep_range: bool = True) -> str:
+    """A CxF3 file by colour-cxf's own writer."""
+    from colour_cxf import cxf3, write_cxf
+
+    items = [
+        cxf3.Object(
+            object_type="Standard",
+            name=name,
+            id=str(i),
+            color_values=cxf3.ColorValues(
+                choice=[cxf3.ReflectanceSpectrum(value=row, start_wl=first, color_specification="S")]
+            ),
+        )
+        for i, (name, row) in enumerate(zip(names, rows.tolist(), strict=True))
+    ]
+    span = cxf3.WavelengthRange(start_wl=first, increment=10) if keep_range else None
+    specification = cxf3.ColorSpecification(id="S", measurement_spec=cxf3.MeasurementSpec(wavelength_range=span))
+    document = cxf3.CxF(
+        resources=cxf3.Resources(
+            object_collection=cxf3.ObjectCollection(object_value=items),
+            color_specification_collection=cxf3.ColorSpecificationCollection(color_specification=[specification]),
+        )
+    )
+    path.write_bytes(write_cxf(document))
+    return str(path)
+
+
+def test_cxf(tmp_path: Path) -> None:
+    names, rows = babel()
+    table = read_chart(cxf(tmp_path / "chart.cxf", names, rows))
+    np.testing.assert_allclose(table.values, read_chart("classic24").values, atol=1e-12)
+    assert table.patches == tuple(names)
+
+
+def test_cxf_without_wavelengths(tmp_path: Path) -> None:
+    names, rows = babel()
+    with pytest.raises(InvalidArgument, match="one set of wavelengths"):
+        read_chart(cxf(tmp_path / "chart.cxf", names, rows, keep_range=False))
+
+
+def test_a_short_chart_is_held_constant_and_says_so(tmp_path: Path) -> None:
+    names, rows = babel()
+    text = "\n".join(
+        ",".join(line.split(",")[:1] + line.split(",")[3:34]) for line in columns(names, rows).split("\n")
+    )
+    table = read_chart(write(tmp_path / "short.csv", text))
+    assert table.source == "file short.csv, held constant outside 400 to 700 nm"
+    np.testing.assert_allclose(table.values[:, 0], rows[:, 2])
+    np.testing.assert_allclose(table.values[:, -1], rows[:, 32])
+
+
+def test_uneven_wavelengths(tmp_path: Path) -> None:
+    """A file that leaves one wavelength out: smooth spectra lose little, and nothing at what is left."""
+    names, rows = babel()
+    lines = [line.split(",") for line in columns(names, rows).split("\n")]
+    text = "\n".join(",".join(line[:15] + line[16:]) for line in lines)
+    values = read_chart(write(tmp_path / "uneven.csv", text)).values
+    np.testing.assert_allclose(values[:, 0:681:20][:, :14], rows[:, :14], atol=1e-12)
+    assert np.abs(values - read_chart("classic24").values).max() < 0.01
+
+
+def sg() -> tuple[list[str], Floats]:
+    """140 distinct patches, column by column as SG files run: coloured but for whites and a black."""
+    names = [f"{letter}{number}" for letter in "ABCDEFGHIJKLMN" for number in range(1, 11)]
+    level = np.linspace(0.05, 0.8, 140)
+    rows = level[:, None] * (1 + 0.5 * np.sin((TEN[None, :] - 380) / 60 + np.arange(140)[:, None]))
+    for name, grey in (("A1", 0.9), ("E5", 0.89), ("N10", 0.9), ("J5", 0.03)):
+        rows[names.index(name)] = grey
+    return names, rows
+
+
+@pytest.mark.parametrize("prefix", ["", "sg140:"])
+def test_sg_by_file(tmp_path: Path, prefix: str) -> None:
+    names, rows = sg()
+    path = write(tmp_path / "sg.txt", cgats(names, 100 * rows, "nm{}", "\t", "SAMPLE_LOC"))
+    table = read_chart(prefix + path)
+    assert table.layout.name == "sg140"
+    assert table.patches[:15] == (*(f"{letter}1" for letter in "ABCDEFGHIJKLMN"), "A2")
+    assert table.patches[table.white] == "E5"
+    np.testing.assert_allclose(table.values[:, 0], [rows[names.index(name), 0] for name in table.patches])
+
+
+def test_a_plainly_brighter_white_than_e5_wins(tmp_path: Path) -> None:
+    names, rows = sg()
+    rows[names.index("E5")] = 0.6
+    table = read_chart(write(tmp_path / "sg.csv", columns(names, rows)))
+    assert table.patches[table.white] in ("A1", "N10")
+
+
+@pytest.mark.parametrize("by", ["letters are rows", "letters are columns"])
+def test_positions_order_24_patches(tmp_path: Path, by: str) -> None:
+    _, rows = babel()
+    if by == "letters are rows":
+        names = [f"{'ABCD'[i // 6]}{i % 6 + 1}" for i in range(24)]
+    else:
+        names = [f"{'ABCDEF'[i % 6]}{i // 6 + 1}" for i in range(24)]
+    shuffled = np.random.default_rng(0).permutation(24)
+    text = columns([names[i] for i in shuffled], rows[shuffled])
+    table = read_chart(write(tmp_path / "c.csv", text))
+    np.testing.assert_allclose(table.values, read_chart("classic24").values, atol=1e-12)
+    assert table.patches == tuple(names)
+
+
+@pytest.mark.parametrize(
+    ("order", "words"),
+    [
+        (np.arange(24)[::-1], "upside down"),
+        (np.arange(24).reshape(4, 6).T.ravel(), "by columns"),
+        (np.arange(24).reshape(4, 6)[::-1].T.ravel(), "by columns from below"),
+    ],
+)
+def test_another_order_is_refused(tmp_path: Path, order: Floats, words: str) -> None:
+    names, rows = babel()
+    with pytest.raises(ChartUnfit, match=f"run {words}\\."):
+        read_chart(write(tmp_path / "c.csv", columns([names[i] for i in order], rows[order])))
+
+
+def test_a_chart_of_other_colours_finds_its_white(tmp_path: Path) -> None:
+    """24 patches that are no ColorChecker: a glossy yellow is brighter than white, but not neutral."""
+    level = np.linspace(0.1, 0.6, 24)
+    rows = level[:, None] * (1 + 0.6 * np.sin((TEN[None, :] - 380) / 50 + np.arange(24)[:, None]))
+    rows[3], rows[7], rows[9] = 0.85, np.where(TEN > 500, 1.1, 0.1), 0.4
+    assert read_chart(write(tmp_path / "c.csv", columns([f"p{i}" for i in range(24)], rows))).white == 3
+
+
+def changed(row: int, column: int, value: float) -> str:
+    names, rows = babel()
+    rows[row, column] = value
+    return columns(names, rows)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (changed(2, 5, np.nan), "not a number"),
+        (changed(2, 5, -0.2), "reflectance of -0.2"),
+        (changed(2, 5, 1.4), "reflectance of 1.4"),
+        (changed(2, 5, 150.0), "reflectance of 1.5"),
+        (columns([str(i) for i in range(24)], np.tile(TEN / 800, (24, 1))), "no neutral patch"),
+        ("\n".join(line.rpartition(",")[0] for line in columns(*babel()).split("\n")), None),
+    ],
+)
+def test_an_unfit_chart_is_refused(tmp_path: Path, text: str, words: str | None) -> None:
+    if words is None:  # 380 to 680 nm
+        text = "\n".join(line.rsplit(",", 5)[0] for line in columns(*babel()).split("\n"))
+        words = "covers only 380 to 680 nm"
+    with pytest.raises(ChartUnfit, match=words):
+        read_chart(write(tmp_path / "c.csv", text))
+
+
+@pytest.mark.parametrize("count", [1, 23, 25, 96])
+def test_another_number_of_patches(tmp_path: Path, count: int) -> None:
+    text = columns([str(i) for i in range(count)], np.full((count, 36), 0.5))
+    with pytest.raises(InvalidArgument, match=f"holds {count} patches"):
+        read_chart(write(tmp_path / "c.csv", text))
+
+
+# Cameras
+
+
+def test_named_cameras_are_colour_science_s_and_the_shipped_ones() -> None:
+    tables = colour_science().MSDS_CAMERA_SENSITIVITIES
+    assert camera_names() == (*shipped_cameras(), *tables, DEMO_PHONE)
+    for name in tables:
+        camera = read_camera(name.upper())
+        assert camera.name == name
+        assert camera.values.shape == (681, 3)
+        assert not camera.values.flags.writeable
+        nodes = np.isin(WAVELENGTHS, tables[name].wavelengths)
+        inside = np.isin(tables[name].wavelengths, WAVELENGTHS)
+        np.testing.assert_allclose(camera.values[nodes], tables[name].values[inside], atol=1e-12)
+        assert camera.values.min() >= 0
+
+
+@pytest.mark.repository
+def test_the_demo_s_phone_is_the_draw_that_its_command_makes(capsys: pytest.CaptureFixture[str]) -> None:
+    """A camera that could be, and none that the basis was learned from: those stand nearer to each other."""
+    assert demo_phone.main(["--check"]) == 0, capsys.readouterr().err
+    phone = read_camera(DEMO_PHONE)
+    assert "no known phone" in phone.source
+    assert phone.values.min() >= 0
+    assert (np.abs(np.diff(phone.values, axis=0)).max(axis=0) < 0.05).all()
+
+
+def test_shipped_cameras_are_those_of_rawtoaces() -> None:
+    """The file that they were learned from, each channel's peak at 1; a name is read as the very camera."""
+    table = DATA / "ssf" / "rawtoaces.csv"
+    assert len(shipped_cameras()) == 52
+    for name, nodes in shipped_cameras().items():
+        camera = read_camera(name)
+        assert camera.name == name
+        np.testing.assert_allclose(camera.values[::10], nodes, atol=1e-12)
+        whole = read_camera(f"{table}:{name}").values[::10]
+        np.testing.assert_allclose(nodes, whole / whole.max(axis=0), atol=1e-12)
+    assert read_camera("nikon d5100").source == "Nikon D5100 (rawtoaces-data 1.1.0, Apache-2.0)"
+
+
+def test_a_camera_ends_where_its_measurement_does() -> None:
+    values = read_camera("Sigma SDMerill (NPL)").values  # 400 to 680 nm
+    assert not values[(WAVELENGTHS < 400) | (WAVELENGTHS > 680)].any()
+    assert (at(values, 400) > 0).any()
+
+
+def test_the_issue_s_spelling() -> None:
+    assert read_camera("Nikon D5100 (NPL)") is read_camera("nikon 5100")
+
+
+@pytest.mark.parametrize("header", ["wavelength_nm,red,green,blue", "Wavelength, R, G, B", "nm;r;g;b"])
+def test_camera_files_round_trip(tmp_path: Path, header: str) -> None:
+    known = read_camera("Nikon 5100 (NPL)").values
+    mark = ";" if ";" in header else ","
+    body = "\n".join(
+        mark.join(map(repr, [nm, *row])) for nm, row in zip(WAVELENGTHS.tolist(), known.tolist(), strict=True)
+    )
+    camera = read_camera(write(tmp_path / "truth.csv", f"{header}\n{body}\n"))
+    np.testing.assert_allclose(camera.values, known, atol=1e-12)
+    assert camera.name == "truth"
+
+
+def test_further_columns_of_ssf_csv_are_ignored(tmp_path: Path) -> None:
+    header = "wavelength_nm,red,green,blue,red_std,green_std,blue_std"
+    body = "\n".join(f"{nm},{nm / 720},0.5,0.25,9,9,9" for nm in range(380, 721, 5))
+    values = read_camera(write(tmp_path / "ssf.csv", f"{header}\n{body}")).values
+    np.testing.assert_allclose(
+        values, np.column_stack([WAVELENGTHS / 720, 0 * WAVELENGTHS + 0.5, 0 * WAVELENGTHS + 0.25])
+    )
+
+
+MANY = "camera,wavelength_nm,R,G,B\n" + "".join(
+    f"{name},{nm},{scale * nm},{scale},{scale}\n"
+    for name, scale in (("Canon EOS 5D", 1), ("Canon EOS 5D Mark II", 2))
+    for nm in range(380, 721, 10)
+)
+
+
+def test_one_camera_of_many(tmp_path: Path) -> None:
+    path = write(tmp_path / "many.csv", MANY)
+    camera = read_camera(f"{path}:canon eos 5d mark ii")
+    assert camera.name == "Canon EOS 5D Mark II"
+    assert camera.values[0].tolist() == pytest.approx([760, 2, 2])
+    with pytest.raises(InvalidArgument, match="has 2 cameras") as caught:
+        read_camera(path)
+    assert "many.csv:NAME" in caught.value.advice
+    with pytest.raises(InvalidArgument, match="none called 'Canon 5D'") as caught:
+        read_camera(f"{path}:Canon 5D")
+    assert "Did you mean Canon EOS 5D" in caught.value.advice
+
+
+def test_rawtoaces() -> None:
+    path = DATA / "ssf" / "rawtoaces.csv"
+    rows = [
+        line.split(",") for line in path.read_text("utf-8").splitlines() if line.startswith("Canon EOS 5D Mark II,")
+    ]
+    inside = np.array([[float(v) for v in row[1:]] for row in rows if 380 <= float(row[1]) <= 720])
+    values = read_camera(f"{path}:Canon EOS 5D Mark II").values
+    np.testing.assert_allclose(values[::10], inside[:, 1:], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("spec", "advice"),
+    [
+        ("Nikon D510", "Did you mean Nikon D5100"),
+        ("", "camssf cameras"),
+        (None, "camssf cameras"),
+        (r"C:\cameras.csv", "Check the path"),
+        (r"C:\cameras.csv:Canon EOS 5D", "Check the path"),
+        ("x.csv:" + "y" * 5000, "Check the path"),
+    ],
+)
+def test_a_wrong_camera_gets_advice(spec: str, advice: str) -> None:
+    with pytest.raises(InvalidArgument) as caught:
+        read_camera(spec)
+    assert advice in caught.value.advice
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "wavelength_nm,red,green,blue\n",
+        "wavelength_nm,red,green\n380,1,1\n",
+        "wavelength_nm,red,green,blue\n" + "".join(f"{nm},0,1,1\n" for nm in range(380, 721, 5)),
+        "wavelength_nm,red,green,blue\n" + "".join(f"{nm},nan,1,1\n" for nm in range(380, 721, 5)),
+        "wavelength_nm,red,green,blue\n" + "".join(f"{nm},1e300,1,1\n" for nm in range(380, 721, 5)),
+        "wavelength_nm,red,green,blue\n" + "".join(f"{nm},1,1,1\n" for nm in (385, *range(380, 721, 5))),
+        "wavelength_nm,red,green,blue\n" + "".join(f"{nm},1,1,1\n" for nm in range(800, 1000, 5)),
+        "wavelength_nm,red,green,blue\n380,1,1,1\n550,1,1,1\n",
+        "wavelength_nm,red,green,blue\n380,1,1,1\n385,1,1\n",
+    ],
+)
+def test_no_table_of_a_camera(tmp_path: Path, text: str) -> None:
+    with pytest.raises(InvalidArgument):
+        read_camera(write(tmp_path / "c.csv", text))
+
+
+def test_a_name_for_a_file_without_names(tmp_path: Path) -> None:
+    text = "wavelength_nm,red,green,blue\n" + "".join(f"{nm},1,1,1\n" for nm in range(380, 721, 5))
+    with pytest.raises(InvalidArgument, match="no column camera"):
+        read_camera(write(tmp_path / "c.csv", text) + ":Canon")
+
+
+# Whatever comes
+
+WORDS = st.sampled_from(
+    [
+        "BEGIN_DATA_FORMAT",
+        "END_DATA_FORMAT",
+        "BEGIN_DATA",
+        "END_DATA",
+        "wavelength_nm",
+        "camera",
+        "red",
+        "green",
+        "blue",
+        "nm380",
+        "SPEC_400",
+        "A1",
+        "380",
+        "nan",
+        "1e308",
+        "-1",
+        "1e-320",
+        "0,5",
+        '"',
+        ",",
+        ";",
+        "\t",
+        "\n",
+        "#",
+    ]
+)
+NUMBERS = st.floats(width=64) | st.floats(0, 1) | st.integers(380, 720)
+TABLES = st.lists(st.lists(NUMBERS, min_size=2, max_size=26), max_size=40).map(
+    lambda rows: "\n".join(",".join(map(repr, row)) for row in rows)
+)
+SPECTRA = st.tuples(st.lists(st.floats(), min_size=36, max_size=36), st.sampled_from(["", "nm,W\n"])).map(
+    lambda pair: pair[1] + "".join(f"{nm},{v!r}\n" for nm, v in zip(TEN, pair[0], strict=True))
+)
+CURVES = st.lists(st.floats(), min_size=36, max_size=36).map(
+    lambda v: "nm,r,g,b\n" + "".join(f"{nm},{x!r},1,{-x!r}\n" for nm, x in zip(TEN, v, strict=True))
+)
+CHARTS = st.lists(st.floats() | st.floats(0, 1), min_size=24, max_size=24).map(
+    lambda v: columns(list("abcdefghijklmnopqrstuvwx"), np.tile(np.array(v)[:, None], (1, 36)))
+)
+ANYTHING = st.binary(max_size=300) | (
+    st.text(max_size=200) | st.lists(WORDS, max_size=60).map(" ".join) | TABLES | SPECTRA | CURVES | CHARTS
+).map(lambda text: text.encode("utf-8", "surrogatepass"))
+
+
+def outcome(read: Callable[[str], Lamp | ChartTable | CameraCurves], spec: str) -> Floats | CalibrationError:
+    try:
+        return read(spec).values
+    except CalibrationError as error:
+        return error
+
+
+@pytest.mark.full
+@settings(max_examples=250, derandomize=True, deadline=None)
+@given(data=ANYTHING, suffix=st.sampled_from(["csv", "txt", "sp", "cxf"]))
+@example(data=b"\xff\xfe\x00", suffix="txt")
+@example(data="".join(f"{nm},1e308\n" for nm in TEN).encode(), suffix="csv")
+@example(data="".join(f"{nm},5e-324\n" for nm in TEN).encode(), suffix="csv")
+@example(data=("nm,r,g,b\n" + "".join(f"{nm},1e99,5e-324,1\n" for nm in TEN)).encode(), suffix="csv")
+@example(data=b"<?xml version='1.0'?><CxF/>", suffix="cxf")
+def test_garbage_gets_a_typed_error_or_a_sound_table(
+    tmp_path_factory: pytest.TempPathFactory, data: bytes, suffix: str
+) -> None:
+    path = tmp_path_factory.getbasetemp() / f"garbage.{suffix}"
+    path.write_bytes(data)
+    for read in (read_lamp, read_chart, read_camera):
+        values = outcome(read, str(path))
+        if isinstance(values, CalibrationError):
+            assert values.message
+            assert values.advice
+        else:
+            assert np.isfinite(values).all()
+            assert values.max() > 0
+
+
+@settings(max_examples=150, derandomize=True, deadline=None)
+@given(spec=st.text(max_size=30) | st.lists(WORDS, max_size=4).map("".join))
+def test_any_name_gets_a_typed_error_or_an_answer(spec: str) -> None:
+    for read in (read_lamp, read_chart, read_camera):
+        assert not isinstance(found := outcome(read, spec), CalibrationError) or found.advice
+
+
+@pytest.mark.full
+def test_nothing_warns_without_the_optional_packages() -> None:
+    """colour-science warns at import where Matplotlib is missing: a user must not see it, nor must pytest."""
+    code = (
+        "import sys; sys.modules['matplotlib'] = None\n"
+        "from camssf.spectra import read_camera, read_chart, read_lamp\n"
+        "assert 'colour' not in sys.modules\n"
+        "read_lamp('D55'), read_lamp('D:5000'), read_chart('classic24'), read_camera('Nikon 5100 (NPL)')\n"
+        "assert 'colour' not in sys.modules\nfrom camssf.spectra import colour_science\ncolour_science()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=False, timeout=120
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")

@@ -1,0 +1,371 @@
+"""What Python says of passports, for Kotlin: `python -m tests.support.signed_passports` writes them.
+
+Sound ones and broken ones, most of them signed well, with what `verify` and `read` answer.
+Keys are made here, sign, and are gone: the file holds the public ones only. So a new file has other bytes each time.
+"""
+
+from __future__ import annotations
+
+import base64
+import copy
+import gzip
+import json
+from dataclasses import asdict, replace
+from datetime import UTC, datetime, timedelta
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from cryptography.hazmat.primitives import serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.asymmetric.utils import decode_dss_signature, encode_dss_signature
+from cryptography.hazmat.primitives.hashes import SHA256
+
+from camssf.documents import forms
+from camssf.documents.document import Curves, document_bytes
+from camssf.documents.excerpt import Excerpt
+from camssf.errors import PassportInvalid
+from camssf.files import write_file
+from camssf.photo.read.unit import Unit
+from camssf.result import Result
+from camssf.verdict.reasons import Reason, Verdict
+from camssf_fleet.passport import revocations
+from camssf_fleet.passport.document import Passport, PassportRequest, create_passport, read, sign, verify
+from camssf_fleet.passport.excerpt import excerpt_of
+from camssf_fleet.passport.jws import ORDER
+from camssf_fleet.passport.keys import key_name
+from tests.support.documents import document
+
+FOLDER = Path(__file__).with_name("passports")
+NOW = datetime(2026, 11, 22, 3, 0, tzinfo=UTC)
+LATER = NOW + timedelta(days=30)
+PAYLOADS: dict[str, bytes] = {
+    "a list": b'[]', "a number": b'1', "no UTF-8": b'\xff', "a BOM": b'\xef\xbb\xbf{}', "nothing": b' ',
+    "two": b'{}{}', "deep": b"[" * 10_000, "an overlong letter": b'{"a":"\xc0\xaf"}',
+    "half a letter in UTF-8": b'{"a":"\xed\xa0\x80"}',
+}  # fmt: skip
+SNIPPETS: dict[str, bytes] = {
+    "NaN": b'"x":NaN', "Infinity": b'"x":-Infinity', "a word": b'"x":word', "True": b'"x":True', "00": b'"x":00',
+    "01": b'"x":01', "-": b'"x":-', "-01": b'"x":-01', "1.": b'"x":1.', ".5": b'"x":.5', "+1": b'"x":+1',
+    "1e": b'"x":1e', "1e+": b'"x":1e+', "0x1": b'"x":0x1', "1e999": b'"x":1e999', "-0.0E+5": b'"x":-0.0E+5',
+    "4300 digits": b'"x":' + b"9" * 4300, "4301 digits": b'"x":-' + b"9" * 4301,
+    "digits of a fraction": b'"x":0.' + b"9" * 4400, "a control character": b'"x":"\x01"',
+    "an end of line": b'"x":"\n"', "DEL": b'"x":"\x7f"', "an unknown escape": b'"x":"\\x41"',
+    "a short escape": b'"x":"\\u12"', "a wrong escape": b'"x":"\\u00g0"',
+    "escapes": b'"x":"\\"\\\\\\/\\b\\f\\n\\r\\t\\u00e9\\uD83D\\uDE00"', "half a letter": b'"x":"\\ud800"',
+    "single quotes": b"'x':1", "no quotes": b'x:1', "a comma behind": b'"x":[1,]', "two commas": b'"x":[1,,2]',
+    "a comment": b'/* */"x":1', "no colon": b'"x" 1', "blanks": b' \t\r\n"x" \n: [ 1 , {} , [ ] ] ',
+    "a hard blank": b'\xc2\xa0"x":1', "a form feed": b'\x0c"x":1',
+    "deep but not too deep": b'"x":' + b"[" * 150 + b"]" * 150, "twice": b'"x":1,"x":2',
+    "twice by an escape": b'"x":1,"\\u0078":2', "twice inside": b'"x":{"y":[{"z":1,"z":1}]}',
+    "exp twice": b'"exp":9999999999', "literals": b'"x":[true,false,null]', "a surrogate pair": '"x":"😀"'.encode(),
+}  # fmt: skip
+HEADERS: list[dict[str, Any]] = [
+    {"alg": "none"}, {"alg": "None"}, {"alg": "HS256"}, {"alg": "ES384"}, {"alg": "RS256"}, {"alg": "es256"},
+    {"alg": ["ES256"]}, {"alg": None}, {"typ": "JWT"}, {"typ": None}, {"kid": ""}, {"kid": None}, {"kid": 1},
+    {"crit": ["exp"]}, {"b64": False}, {"jwk": {"kty": "EC"}}, {"jku": "https://example.org"}, {"zip": "DEF"},
+    {"cty": "JWT"}, {"x": "y" * 1024},
+]  # fmt: skip
+
+
+class Desk:
+    """A signer and another one, and what was gathered of them."""
+
+    def __init__(self) -> None:
+        self.keys = {name: ec.generate_private_key(ec.SECP256R1()) for name in ("signer", "other")}
+        self.cases: list[dict[str, Any]] = []
+
+    def public(self, name: str) -> dict[str, Any]:
+        key = self.keys[name].public_key()
+        return {key_name(key): key}
+
+    def pem(self, name: str) -> str:
+        form = serialization.PublicFormat.SubjectPublicKeyInfo
+        return self.keys[name].public_key().public_bytes(serialization.Encoding.PEM, form).decode()
+
+    def raw(self, text: bytes, name: str = "signer") -> bytes:
+        """Anything, signed well."""
+        r, s = decode_dss_signature(self.keys[name].sign(text, ec.ECDSA(SHA256())))
+        return text + b"." + numbers(r, s)
+
+    def add(self, name: str, data: bytes, *, at: datetime = LATER, revoked: tuple[str, ...] = ()) -> None:
+        case = {"name": name, "data": data.decode("latin-1"), "at": int(at.timestamp()), "revoked": list(revoked)}
+        self.cases.append(case | answer(data, self.public("signer"), at, revoked))
+
+
+def claimed(passport: Passport) -> dict[str, Any]:
+    """The payload as plain data; the result first, so that its letters repeat from one case to the next."""
+    claims = dict(forms.to_plain(passport.claims()))
+    return {"result": claims.pop("result")} | claims
+
+
+def answer(data: bytes, trusted: dict[str, Any], at: datetime, revoked: tuple[str, ...]) -> dict[str, Any]:
+    """What `verify` and `read` say: the words of the refusal, or the claims but for the result."""
+    answers: dict[str, Any] = {}
+    asks = {
+        "verified": lambda: verify(data, trusted, now=at, revoked=revoked),
+        "read": lambda: read(data)[0],
+    }
+    for call, ask in asks.items():
+        try:
+            answers[call] = {name: value for name, value in claimed(ask()).items() if name != "result"}
+        except PassportInvalid as error:
+            answers[call] = error.message
+    return answers
+
+
+def numbers(r: int, s: int) -> bytes:
+    return b64(r.to_bytes(32, "big") + s.to_bytes(32, "big"))
+
+
+def small_result() -> dict[str, Any]:
+    """The excerpt of a result, as short as its form allows, as plain data."""
+    return copy.deepcopy(_small_result())
+
+
+@cache
+def _small_result() -> dict[str, Any]:
+    names = ("format", "generator", "camera", "chart", "basis", "engine", "ssf", "channel_gain", "gap", "gamma", "l2",
+             "shots", "scores", "verdict", "assumptions", "hashes")  # fmt: skip
+    short = {name: value for name, value in forms.to_plain(excerpt_of(document())).items() if name in names}
+    grid = short["ssf"]["wavelength_nm"]
+    short["ssf"] = {"wavelength_nm": grid} | {colour: [1] + [0] * 680 for colour in ("red", "green", "blue")}
+    short["verdict"] = {"status": "accepted", "reasons": []}
+    short["assumptions"] = []
+    return short
+
+
+def small_document() -> Result:
+    """A whole result with letters that are easily written wrong."""
+    made = document()
+    assert made.capture is not None
+    assert made.answer is not None
+    (shot,) = made.capture.shots
+    shot = replace(shot, photo=replace(shot.photo, make="Maker", model="Model A"))
+    red = np.array([1.0, 0.123455, 0.123445, 0.015625, -1e-7, 12e-6] + [0] * 675)
+    flat = np.array([1.0] + [0.0] * 680)
+    curves = Curves(red, flat, flat)
+    return replace(
+        made,
+        capture=replace(made.capture, shots=(shot,), chart=replace(made.capture.chart, source=NOTE)),
+        answer=replace(made.answer, curves=curves, std=Curves(np.abs(red), flat, flat)),
+        verdict=Verdict("doubtful", (Reason("glare", "m", "a", None, 1e-300),)),
+    )
+
+
+NOTE = '"a  b" \\ {\ud800} \u00e9 \u2028'
+
+
+def small() -> Passport:
+    return Passport(
+        id="0123456789abcdef" * 2, issued=NOW, begins=NOW, ends=NOW + timedelta(days=365),
+        unit=Unit("Maker", "Model", focal_length=24.7), captured="", chart_serial="", lamp_serials=("",),
+        software="0.1.0", result_sha256="5e" * 32, result=forms.from_plain(small_result(), Excerpt, "it", ""),
+    )  # fmt: skip
+
+
+RESULTS: dict[str, Any] = {
+    "ssf 5": {"ssf": 5}, "no ssf": {"ssf": "absent"}, "no format": {"format": "absent"},
+    "another format": {"format": "camssf-result/2"}, "no camera": {"camera": "absent"},
+    "a camera's name": {"camera": "x"},
+    "make 1": {"camera": {"make": 1, "model": "x"}}, "no verdict": {"verdict": "absent"},
+    "refused": {"verdict": {"status": "refused", "reasons": []}}, "a refusal in one word": {"verdict": "refused"},
+    "refused, in words": {"verdict": {"status": "refused", "reasons": [{"code": "glare"}]}, "ssf": "absent"},
+    "another verdict": {"verdict": {"status": "good", "reasons": []}}, "no shots": {"shots": []},
+    "shots as text": {"shots": "x"}, "a shot as text": {"shots": ["x"]}, "no gains": {"channel_gain": "absent"},
+    "two gains": {"channel_gain": [1, 1]}, "a gain as text": {"channel_gain": ["1", 1, 1]},
+    "a covariance": {"code_covariance": [1.0] * 6}, "a truth": {"truth": None},
+    "an excerpt of its own": {"excerpt": {}},
+    "bands": {"ssf_std": "ssf"}, "no bands": {"ssf_std": None}, "bands 5": {"ssf_std": 5},
+    "a member of a later release": {"further": {"x": 1}},
+}  # fmt: skip
+CURVES: dict[str, Any] = {
+    "no red": {"red": "absent"}, "red as text": {"red": "x"}, "680 numbers": {"red": [1] + [0] * 679},
+    "682 numbers": {"red": [1] + [0] * 681}, "no peak": {"red": [0] * 681}, "peak 2": {"red": [2] + [0] * 680},
+    "a word": {"red": [1, "0"] + [0] * 679}, "true": {"red": [1, True] + [0] * 679},
+    "null": {"red": [1, None] + [0] * 679},
+    "huge": {"red": [1, -1e13] + [0] * 679}, "peak 1.0": {"red": [0, 1.0] + [0] * 679},
+    "negative": {"red": [1, -0.25] + [0] * 679}, "another grid": {"wavelength_nm": [380 + i / 4 for i in range(681)]},
+    "a further colour": {"clear": [1] + [0] * 680},
+}  # fmt: skip
+
+
+@cache
+def other_results() -> dict[str, dict[str, Any]]:
+    """Results of which most are none."""
+    results = {}
+    for name, change in RESULTS.items():
+        results[f"result: {name}"] = _changed(small_result(), change)
+    for name, change in CURVES.items():
+        results[f"curve: {name}"] = small_result() | {"ssf": _changed(small_result()["ssf"], change)}
+    results["bands without a peak"] = small_result() | {"ssf_std": small_result()["ssf"] | {"red": [0.01] * 681}}
+    shot = small_result()["shots"][0]
+    for name, more in {"a pose": {"pose": {}}, "a patch": {"patches": [{}]}, "a light": {"light": {}}}.items():
+        results[f"shot: {name}"] = small_result() | {"shots": [shot | more]}
+    results["shot: no lamp"] = small_result() | {"shots": [_changed(shot, {"lamp": "absent"})]}
+    results["shot: lamp's power"] = small_result() | {"shots": [shot | {"lamp": shot["lamp"] | {"power": [1] * 681}}]}
+    return results
+
+
+def _changed(whole: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
+    both = {name: value for name, value in (whole | change).items() if not (name in change and value == "absent")}
+    return {name: both["ssf"] if value == "ssf" else value for name, value in both.items()}
+
+
+def gather(result: bytes) -> Desk:
+    """All cases."""
+    desk = Desk()
+    signer = desk.keys["signer"]
+    good = sign(small(), signer)
+    kid = next(iter(desk.public("signer")))
+    header, payload, signature = good.split(b".")
+    said = PassportRequest(Unit(serial='Ä "1" \\ 😀'), "2026-11-20T10:00:00+01:00", "chart\t7", ("lamp 3",), days=90)
+    whole = create_passport(result, said, now=NOW)
+    desk.add("small", good)
+    desk.add("whole", sign(whole, signer))
+
+    for at in (NOW - timedelta(seconds=1), NOW, small().ends - timedelta(seconds=1), small().ends):
+        desk.add(f"at {at.isoformat()}", good, at=at)
+    for name in (small().id, kid, "f" * 32):
+        desk.add(f"revoked {name}", good, revoked=(name,))
+    for name, other in other_results().items():
+        desk.add(name, desk.raw(header + b"." + b64(compact(claimed(small()) | {"result": other}))))
+    desk.add(
+        "a hash of zeros",
+        desk.raw(header + b"." + b64(compact(claimed(small()) | {"result_sha256": "0" * 64}))),
+    )
+
+    form = json.loads(base64.urlsafe_b64decode(header + b"=" * (-len(header) % 4)))
+    for change in HEADERS:
+        head = {k: v for k, v in (form | change).items() if v is not None}
+        desk.add(f"header {change}"[:60], desk.raw(b64(json.dumps(head).encode()) + b"." + payload))
+    text = json.dumps(form)
+    for head in (b"[]", b"null", text[:-1].encode(), f'{text[:-1]}, "alg": "ES256"}}'.encode(), b"\xff" * 20):
+        desk.add(f"header {head!r}"[:60], desk.raw(b64(head) + b"." + payload))
+    spelt = text.replace("alg", "\\u0061lg", 1).replace(", ", " ,\n ").encode()
+    desk.add("a header in another spelling", desk.raw(b64(spelt) + b"." + payload))
+
+    r, s = (int.from_bytes(unb64(signature)[at : at + 32], "big") for at in (0, 32))
+    front = header + b"." + payload + b"."
+    for pair in ((r, ORDER - s), (s, r), (0, 0), (0, 1), (1, 0), (ORDER, 1), (1, ORDER), (2**256 - 1, 2**256 - 1)):
+        desk.add(f"signature {pair[0] % 97} {pair[1] % 97}", front + numbers(*pair))
+    desk.add("DER", front + b64(encode_dss_signature(r, s)))
+    desk.add("no signature", front)
+    desk.add("two parts", front[:-1])
+    for bits in (1, 2, 8, 15):
+        last = LETTERS.index(signature[-1:])
+        desk.add(f"unread bits {bits}", good[:-1] + LETTERS[last ^ bits : (last ^ bits) + 1])
+    for more in (b"\n", b" ", b"\r\n", b"\0", b".", b".e30", b"=", b"==", b"\xef\xbb\xbf"):
+        desk.add(f"behind {more!r}", good + more)
+        desk.add(f"before {more!r}", more + good)
+    for alphabet in (b"+/", b"!?"):
+        desk.add(f"the letters {alphabet!r}", good.replace(b"A", alphabet[:1], 1))
+    desk.add("another signer", sign(small(), desk.keys["other"]))
+    desk.add("another signer in this one's name", desk.raw(front[:-1], "other"))
+    desk.add(
+        "another payload",
+        b".".join((header, b64(compact(claimed(replace(small(), id="f" * 32)))), signature)),
+    )
+
+    for name in claimed(small()):
+        for value in ("absent", None, "", -1, 1.5, True, [], {}, "x" * 32, 10**12, float(2**60)):
+            claims = claimed(small()) | {name: value}
+            if value == "absent":
+                del claims[name]
+            desk.add(f"{name} is {value!r}", desk.raw(header + b"." + b64(compact(claims))))
+    parts = {"unit": tuple(asdict(Unit())), "serials": ("chart", "lamps"), "software": ("version",)}
+    for name, inside in parts.items():
+        for member in inside:
+            for value in ("absent", None, 7, -7, "", [], ["", 1]):
+                claims = claimed(small())
+                claims[name][member] = value
+                if value == "absent":
+                    del claims[name][member]
+                desk.add(f"{name} {member} {value!r}", desk.raw(header + b"." + b64(compact(claims))))
+    stamp = f'"iat":{int(NOW.timestamp())}'.encode()
+    for word in (b"-0", b"0", b"1.0", b"1e3", b"253402300799", b"253402300800", b"9" * 30, b'"1"'):
+        claims = compact(claimed(small())).replace(stamp, b'"iat":' + word, 1)
+        desk.add(f"iat as {word!r}", desk.raw(header + b"." + b64(claims)))
+    claims = compact(claimed(small()))
+    for name, content in PAYLOADS.items():
+        desk.add(f"payload: {name}", desk.raw(header + b"." + b64(content)))
+    for name, snippet in SNIPPETS.items():
+        desk.add(f"JSON: {name}", desk.raw(header + b"." + b64(claims[:-1] + b"," + snippet + b"}")))
+    desk.add("JSON: cut off", desk.raw(header + b"." + b64(claims[:-1])))
+    return desk
+
+
+LETTERS = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_"
+
+
+def b64(data: bytes) -> bytes:
+    return base64.urlsafe_b64encode(data).rstrip(b"=")
+
+
+def compact(value: Any) -> bytes:
+    """As JSON without blanks, so that hundreds of payloads stay a small file."""
+    return json.dumps(value, separators=(",", ":")).encode()
+
+
+def unb64(text: bytes) -> bytes:
+    return base64.urlsafe_b64decode(text + b"=" * (-len(text) % 4))
+
+
+def rounded(value: Any) -> Any:
+    """With numbers of four digits, which nobody reads here: a file of a third of the size."""
+    if isinstance(value, dict):
+        return {name: rounded(member) for name, member in value.items()}
+    if isinstance(value, list | tuple):
+        return [rounded(member) for member in value]
+    return float(f"{value:.4g}") if isinstance(value, float) else value
+
+
+def lists(desk: Desk) -> list[dict[str, Any]]:
+    """Signed lists of what was called back, most of them spoilt, and what `read_revoked` says of them."""
+    signer, other = (desk.keys[name] for name in ("signer", "other"))
+    names = [small().id, next(iter(desk.public("other")))]
+    good = revocations.sign_revocations(names, signer, now=NOW, days=60)
+    header, payload, signature = good.split(b".")
+    form = json.loads(unb64(payload))
+    made = {
+        "good": good, "empty": revocations.sign_revocations([], signer, now=NOW, days=60), "a stranger's":
+        revocations.sign_revocations(names, other, now=NOW, days=60),
+        "not signed": f"# a list\n{small().id}\n".encode(),
+        "nothing": b"", "changed": b".".join((header, b64(compact(form | {"revoked": []})), signature)),
+        "a passport": sign(small(), signer), "no object": desk.raw(header + b"." + b64(b"[]")),
+        "no base64": good + b"=", "ended": revocations.sign_revocations(names, signer, now=NOW, days=29),
+        "issued later": revocations.sign_revocations(names, signer, now=LATER + timedelta(days=1)),
+    }  # fmt: skip
+    for name in form:
+        for value in ("absent", None, "x", -1, 1.5, 10**12, [], ["x"], [1], {}):
+            spoilt = {k: v for k, v in (form | {name: value}).items() if k != name or value != "absent"}
+            made[f"{name} {value!r}"] = desk.raw(header + b"." + b64(compact(spoilt)))
+    answers = []
+    for name, data in made.items():
+        try:
+            said: Any = sorted(revocations.read_revoked(data, desk.public("signer"), LATER))
+        except PassportInvalid as error:
+            said = error.message
+        answers.append({"name": name, "data": data.decode("latin-1"), "told": said})
+    return answers
+
+
+def stored() -> dict[str, Any]:
+    """What Kotlin is held to."""
+    return dict(json.loads(gzip.decompress((FOLDER / "python.json.gz").read_bytes())))
+
+
+def main() -> None:
+    result = forms.pretty(rounded(forms.to_plain(document()))).encode()
+    desk = gather(result)
+    keys = {name: {"pem": desk.pem(name), "name": next(iter(desk.public(name)))} for name in desk.keys}
+    both = {"result": result.decode(), "small": document_bytes(small_document()).decode()}
+    whole = {"keys": keys, **both, "lists": lists(desk), "cases": desk.cases}
+    write_file(FOLDER / "python.json.gz", gzip.compress(json.dumps(whole).encode(), mtime=0))
+    valid = sum(isinstance(case["verified"], dict) for case in desk.cases)
+    print(f"{len(desk.cases)} passports, {valid} of them valid; {len(whole['lists'])} lists")
+
+
+if __name__ == "__main__":
+    main()
