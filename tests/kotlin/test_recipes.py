@@ -1,4 +1,4 @@
-"""The recipes of docs/jvm.md and docs/android.md, word for word, from an empty folder to a first result, and KDoc.
+"""The recipes of docs/jvm.md, android.md, live.md, word for word, from an empty folder to a first result, and KDoc.
 
 They need `mvn -f android-bindings verify`, Java, and Maven Central for the Kotlin compilers that are in no cache.
 """
@@ -21,6 +21,7 @@ REPOSITORY = BINDINGS / "packaging" / "target" / "repository"
 ROBOLECTRIC = BINDINGS / "camera2" / "target"
 JVM_PAGE = (ROOT / "docs" / "jvm.md").read_text("utf-8")
 ANDROID_PAGE = (ROOT / "docs" / "android.md").read_text("utf-8")
+LIVE_PAGE = (ROOT / "docs" / "live.md").read_text("utf-8")
 
 pytestmark = pytest.mark.full
 if shutil.which("mvn") is None or shutil.which("java") is None:
@@ -180,6 +181,8 @@ SCREEN = """package example
 
 import android.content.ContentResolver
 import android.content.Context
+import android.graphics.Bitmap
+import android.graphics.Color
 import android.hardware.camera2.CameraCaptureSession
 import android.hardware.camera2.CameraCharacteristics
 import android.hardware.camera2.CameraDevice
@@ -188,6 +191,8 @@ import android.media.Image
 import android.media.ImageReader
 import android.net.Uri
 import android.os.Handler
+import android.widget.ImageView
+import androidx.camera.core.Camera
 import androidx.camera.core.CameraSelector
 import androidx.camera.core.ImageAnalysis
 import androidx.camera.core.ImageCapture
@@ -230,11 +235,25 @@ class Screen(private val contentResolver: ContentResolver, private val filesDir:
 {camera}
     }}
 
-    fun coloured(
-        result: Recovered, frame: RawFrame, nextFrame: RawFrame,
-        whiteArea: Region, stripArea: Region, previewArea: Region,
+    fun repeated(
+        characteristics: CameraCharacteristics, device: CameraDevice, reader: ImageReader,
+        session: CameraCaptureSession, callback: CameraCaptureSession.CaptureCallback, handler: Handler,
     ) {{
-{colours}
+{lock}
+    }}
+
+    suspend fun locked(camera: ChartCamera, bound: Camera, capture: ImageCapture) {{
+{lock_camerax}
+    }}
+
+    fun live(
+        first: Mosaic, frame: Mosaic, whiteArea: Region, stripArea: Region, previewArea: Region, view: ImageView,
+        x: Int, y: Int,
+    ) {{
+{white}
+{live}
+{picture}
+{preview}
     }}
 
 {language}
@@ -243,8 +262,11 @@ class Screen(private val contentResolver: ContentResolver, private val filesDir:
 SCREEN_TEST = """package example
 
 import android.net.Uri
+import android.widget.ImageView
 import java.io.File
 import kotlinx.coroutines.runBlocking
+import org.camssf.photo.PhotoSource
+import org.camssf.photo.Region
 import org.junit.Assert.assertTrue
 import org.junit.Test
 import org.junit.runner.RunWith
@@ -266,6 +288,11 @@ class ScreenTest {{
         val result = File(app.filesDir, "result.json").readText()
         assertTrue(result, "\\"curves\\":" in result)
         File("result.json").writeText(result)
+        screen.shown.clear()
+        val mosaic = PhotoSource.of(photo).read(null)
+        val area = Region.ofSize(left = 22, top = 94, width = 16, height = 16)
+        screen.live(mosaic, mosaic, area, area, area, ImageView(app), 30, 100)
+        assertTrue("${{screen.shown}}", screen.shown.size == 2 && screen.shown[1].startsWith("L* is uncertain by "))
     }}
 }}
 """
@@ -359,13 +386,17 @@ def test_a_new_android_module_by_the_page_alone(tmp_path: Path, cache: Path) -> 
         "camera": "CaptureRequirements.check",
         "binding": "bindToLifecycle",
         "camerax": "awaitChart",
-        "colours": "Standardiser.of",
         "language": "inWords",
+        "lock": "setRepeatingRequest",
+        "lock_camerax": "camera.lock",
+        "white": "LightWatch(",
+        "live": "watch.look",
+        "picture": "picture.strips",
+        "preview": "RawPixels.of",
     }
-    code = {
-        name: next(block for block in blocks(ANDROID_PAGE, "kotlin") if begin in block)
-        for name, begin in begins.items()
-    }
+    pages = [block for page in (ANDROID_PAGE, LIVE_PAGE) for block in blocks(page, "kotlin")]
+    code = {name: next(block for block in pages if begin in block) for name, begin in begins.items()}
+    assert set(blocks(LIVE_PAGE, "kotlin")) <= set(code.values())
     lines = [line for block in code.values() for line in block.splitlines()]
     imports = "\n".join(sorted({line for line in lines if line.startswith("import ")}))
     code = {name: re.sub(r"^import .*\n", "", block, flags=re.MULTILINE) for name, block in code.items()}

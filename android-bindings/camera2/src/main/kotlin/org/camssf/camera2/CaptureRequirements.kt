@@ -65,12 +65,78 @@ public object CaptureRequirements {
     public fun apply(builder: CaptureRequest.Builder, camera: CameraCharacteristics, exposureTime: Long, iso: Int) {
         for ((key, value) in settings(camera)) builder.set(key, value)
         builder.set(CaptureRequest.FLASH_MODE, CameraMetadata.FLASH_MODE_OFF)
-        if (!isManual(camera)) return
+        if (isManual(camera)) set(builder, manual(exposureTime, iso))
+    }
+
+    /**
+     * Sets [locks] in a request of live frames, whose exposure and white balance should stay the same. The next request
+     * without them is unlocked.
+     *
+     * @param builder of the repeating request.
+     * @param exposureTime ns.
+     * @param iso sensitivity.
+     */
+    @JvmStatic
+    public fun lock(builder: CaptureRequest.Builder, camera: CameraCharacteristics, exposureTime: Long, iso: Int) {
+        set(builder, locks(camera, exposureTime, iso))
+    }
+
+    /**
+     * The settings that keep exposure time, ISO and white balance the same in successive frames, as far as the camera
+     * offers them, for an API that takes keys with values; [checkLocks] lists what it does not offer. Without
+     * MANUAL_SENSOR the automatic exposure is kept as it is. The focus is the app's.
+     *
+     * @param exposureTime ns.
+     * @param iso sensitivity.
+     * @return values of the keys' own types.
+     */
+    @JvmStatic
+    public fun locks(camera: CameraCharacteristics, exposureTime: Long, iso: Int): Map<CaptureRequest.Key<*>, Any> {
+        val found = LinkedHashMap<CaptureRequest.Key<*>, Any>()
+        if (isManual(camera)) {
+            found += manual(exposureTime, iso)
+        } else if (camera.get(CameraCharacteristics.CONTROL_AE_LOCK_AVAILABLE) == true) {
+            found[CaptureRequest.CONTROL_AE_LOCK] = true
+        }
+        if (camera.get(CameraCharacteristics.CONTROL_AWB_LOCK_AVAILABLE) == true) {
+            found[CaptureRequest.CONTROL_AWB_LOCK] = true
+        }
+        return found
+    }
+
+    /** What [locks] cannot keep the same with this camera; fatal is an exposure that it does not offer. */
+    @JvmStatic
+    public fun checkLocks(camera: CameraCharacteristics, exposureTime: Long, iso: Int): List<Shortfall> {
+        val found = Findings()
+        if (isManual(camera)) {
+            found.offered(camera, exposureTime, iso)
+        } else {
+            val locked = camera.get(CameraCharacteristics.CONTROL_AE_LOCK_AVAILABLE)
+            val kept = "The automatic exposure is kept as it is: let it settle on the scene before it is locked."
+            val scaled =
+                "The exposure stays automatic: keep the white in each frame, or colours are scaled by what " +
+                    "the frames state of it."
+            val advice = if (locked == true) kept else scaled
+            found.unless(false, "capability MANUAL_SENSOR", "missing", "offered", false, advice)
+            found.unless(locked == true, "control.aeLockAvailable", locked, "true", false, scaled)
+        }
+        val white = camera.get(CameraCharacteristics.CONTROL_AWB_LOCK_AVAILABLE)
+        val preview = "The preview's colours may change from frame to frame; RAW samples do not depend on it."
+        found.unless(white == true, "control.awbLockAvailable", white, "true", false, preview)
+        return found.list
+    }
+
+    private fun manual(exposureTime: Long, iso: Int): Map<CaptureRequest.Key<*>, Any> = mapOf(
         // A scene mode would override the values below.
-        builder.set(CaptureRequest.CONTROL_MODE, CameraMetadata.CONTROL_MODE_AUTO)
-        builder.set(CaptureRequest.CONTROL_AE_MODE, CameraMetadata.CONTROL_AE_MODE_OFF)
-        builder.set(CaptureRequest.SENSOR_EXPOSURE_TIME, exposureTime)
-        builder.set(CaptureRequest.SENSOR_SENSITIVITY, iso)
+        CaptureRequest.CONTROL_MODE to CameraMetadata.CONTROL_MODE_AUTO,
+        CaptureRequest.CONTROL_AE_MODE to CameraMetadata.CONTROL_AE_MODE_OFF,
+        CaptureRequest.SENSOR_EXPOSURE_TIME to exposureTime,
+        CaptureRequest.SENSOR_SENSITIVITY to iso,
+    )
+
+    @Suppress("UNCHECKED_CAST") // each value has its key's type
+    private fun set(builder: CaptureRequest.Builder, settings: Map<CaptureRequest.Key<*>, Any>) {
+        for ((key, value) in settings) builder.set(key as CaptureRequest.Key<Any>, value)
     }
 
     /**
@@ -208,10 +274,15 @@ public object CaptureRequirements {
             exposure(mode)
             if (mode != CameraMetadata.CONTROL_AE_MODE_OFF) return
             manual(camera)
+            val time = request.get(CaptureRequest.SENSOR_EXPOSURE_TIME)
+            offered(camera, time, request.get(CaptureRequest.SENSOR_SENSITIVITY))
+        }
+
+        fun offered(camera: CameraCharacteristics, exposureTime: Long?, iso: Int?) {
             val times = camera.get(CameraCharacteristics.SENSOR_INFO_EXPOSURE_TIME_RANGE)
-            within(times, "sensor.exposureTime", request.get(CaptureRequest.SENSOR_EXPOSURE_TIME))
+            within(times, "sensor.exposureTime", exposureTime)
             val sensitivities = camera.get(CameraCharacteristics.SENSOR_INFO_SENSITIVITY_RANGE)
-            within(sensitivities, "sensor.sensitivity", request.get(CaptureRequest.SENSOR_SENSITIVITY))
+            within(sensitivities, "sensor.sensitivity", iso)
         }
 
         private fun <T : Comparable<T>> within(offered: Range<T>?, key: String, value: T?) {

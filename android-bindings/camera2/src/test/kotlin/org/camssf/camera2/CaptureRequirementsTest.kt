@@ -141,6 +141,58 @@ class CaptureRequirementsTest {
         assertEquals(emptyList<String>(), lacking(CaptureRequirements.check(applied(fixed, off), fixed)))
     }
 
+    /** A camera with these locks; null where it does not say. */
+    private fun lockable(exposure: Boolean? = true, white: Boolean? = true, manual: Boolean = true) = camera {
+        if (exposure != null) it[CameraCharacteristics.CONTROL_AE_LOCK_AVAILABLE] = exposure
+        if (white != null) it[CameraCharacteristics.CONTROL_AWB_LOCK_AVAILABLE] = white
+        if (!manual) it[CameraCharacteristics.REQUEST_AVAILABLE_CAPABILITIES] = intArrayOf(0, 3)
+    }
+
+    private fun locked(camera: CameraCharacteristics): Map<String, Any> =
+        CaptureRequirements.locks(camera, 10_000_000L, 100).mapKeys { it.key.name.substringAfter("android.") }
+
+    @Test
+    fun `exposure and white balance are locked by hand where the camera can`() {
+        assertEquals(emptyList<String>(), lacking(CaptureRequirements.checkLocks(lockable(), 10_000_000L, 100)))
+        val request = CaptureRequest.Builder(CameraMetadataNative(), false, -1, "0", null)
+        CaptureRequirements.lock(request, lockable(), 10_000_000L, 100)
+        assertEquals(CameraMetadata.CONTROL_AE_MODE_OFF, request.get(CaptureRequest.CONTROL_AE_MODE))
+        assertEquals(10_000_000L, request.get(CaptureRequest.SENSOR_EXPOSURE_TIME))
+        assertEquals(100, request.get(CaptureRequest.SENSOR_SENSITIVITY))
+        assertEquals(true, request.get(CaptureRequest.CONTROL_AWB_LOCK))
+        assertEquals(null, request.get(CaptureRequest.CONTROL_AE_LOCK))
+    }
+
+    @Test
+    fun `each lock that a camera lacks is said and not asked for`() {
+        fun said(camera: CameraCharacteristics) = CaptureRequirements.checkLocks(camera, 10_000_000L, 100)
+        for (absent in listOf(false, null)) {
+            val white = lockable(white = absent)
+            assertEquals(listOf("control.awbLockAvailable"), lacking(said(white)))
+            assertTrue("control.awbLock" !in locked(white))
+            val nothing = lockable(exposure = absent, white = absent, manual = false)
+            val names = listOf("capability MANUAL_SENSOR", "control.aeLockAvailable", "control.awbLockAvailable")
+            assertEquals(names, lacking(said(nothing)))
+            assertEquals(emptyMap<String, Any>(), locked(nothing))
+            assertTrue(said(nothing).none { it.fatal } && said(nothing).none { "kept as it is" in it.advice })
+        }
+        val automatic = lockable(manual = false)
+        assertEquals(listOf("capability MANUAL_SENSOR"), lacking(said(automatic)))
+        assertTrue("kept as it is" in said(automatic).single().advice)
+        assertEquals(mapOf("control.aeLock" to true, "control.awbLock" to true), locked(automatic))
+    }
+
+    @Test
+    fun `an exposure that the camera does not offer cannot be locked`() {
+        for ((time, iso, key) in listOf(
+            Triple(99_999L, 100, "sensor.exposureTime"),
+            Triple(10_000_000L, 3201, "sensor.sensitivity"),
+        )) {
+            val found = CaptureRequirements.checkLocks(lockable(), time, iso)
+            assertEquals(listOf(key to true), found.map { it.key to it.fatal })
+        }
+    }
+
     private fun lacking(found: List<Shortfall>) = found.map { it.key }
 
     /** A request made by [CaptureRequirements.apply], then changed. */

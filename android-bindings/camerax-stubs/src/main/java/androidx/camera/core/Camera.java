@@ -2,5 +2,7 @@ package androidx.camera.core;
 
 /** A bound camera. */
 public interface Camera {
+    CameraControl getCameraControl();
+
     CameraInfo getCameraInfo();
 }

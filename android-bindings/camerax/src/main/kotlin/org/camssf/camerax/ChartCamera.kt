@@ -9,13 +9,17 @@ import android.hardware.camera2.CameraMetadata
 import android.hardware.camera2.CaptureRequest
 import android.hardware.camera2.TotalCaptureResult
 import android.util.Size
+import androidx.camera.camera2.interop.Camera2CameraControl
 import androidx.camera.camera2.interop.Camera2CameraInfo
 import androidx.camera.camera2.interop.Camera2Interop
+import androidx.camera.camera2.interop.CaptureRequestOptions
+import androidx.camera.core.CameraControl
 import androidx.camera.core.CameraInfo
 import androidx.camera.core.ImageAnalysis
 import androidx.camera.core.ImageCapture
 import androidx.camera.core.ImageCaptureException
 import androidx.camera.core.ImageProxy
+import com.google.common.util.concurrent.ListenableFuture
 import kotlinx.coroutines.channels.awaitClose
 import kotlinx.coroutines.flow.Flow
 import kotlinx.coroutines.flow.callbackFlow
@@ -40,6 +44,7 @@ import org.camssf.photo.Corners
 import org.camssf.photo.PhotoSource
 import org.camssf.photo.PreviewMap
 import java.io.File
+import java.util.concurrent.ExecutionException
 import java.util.concurrent.Executors
 import kotlin.coroutines.resume
 import kotlin.coroutines.resumeWithException
@@ -48,8 +53,8 @@ import kotlin.coroutines.resumeWithException
  * A camera of CameraX that photographs a chart: [imageCapture] is to be bound, with an [ImageAnalysis] of the app;
  * [awaitChart] guides the user by the analysis' frames, and [takeDng] takes the RAW photo.
  *
- * The chart alone can be photographed so, with automatic exposure. For white and dark frames, which need the chart's
- * exposure, use [CaptureRequirements] with Camera2.
+ * The chart alone can be photographed so, with automatic exposure. White and dark frames need the chart's exposure, and
+ * regions of several photos are compared best with one: [lock] it.
  *
  * ```kotlin
  * suspend fun photograph(camera: ChartCamera, analysis: ImageAnalysis, capture: ImageCapture, file: File): Shot {
@@ -164,6 +169,51 @@ public class ChartCamera @Throws(CameraAccessException::class) constructor(
         }
         shortfalls = found
         return PhotoSource.of(file)
+    }
+
+    /**
+     * Locks exposure time, ISO and white balance of all frames and photos, as far as the camera offers it
+     * ([CaptureRequirements.locks]). Returns when frames have these settings; other options of the app's
+     * [Camera2CameraControl] are replaced. If CameraX gives up, since the camera was closed or other options were set,
+     * its own exception is thrown.
+     *
+     * @param control of the bound camera.
+     * @param exposureTime ns.
+     * @param iso sensitivity.
+     * @return what the camera cannot lock; if one of it is fatal, nothing was locked.
+     */
+    public suspend fun lock(control: CameraControl, exposureTime: Long, iso: Int): List<Shortfall> {
+        val unlocked = CaptureRequirements.checkLocks(characteristics, exposureTime, iso)
+        if (unlocked.any { it.fatal }) return unlocked
+        val options = CaptureRequestOptions.Builder()
+        for ((key, value) in CaptureRequirements.locks(characteristics, exposureTime, iso)) {
+            @Suppress("UNCHECKED_CAST") // each value has its key's type
+            options.setCaptureRequestOption(key as CaptureRequest.Key<Any>, value)
+        }
+        finished(Camera2CameraControl.from(control).setCaptureRequestOptions(options.build()))
+        return unlocked
+    }
+
+    /**
+     * Makes exposure and white balance automatic again; other options of the app's [Camera2CameraControl] are cleared,
+     * too. Exceptions as of [lock].
+     *
+     * @param control of the bound camera.
+     */
+    public suspend fun unlock(control: CameraControl) {
+        finished(Camera2CameraControl.from(control).clearCaptureRequestOptions())
+    }
+
+    private suspend fun finished(future: ListenableFuture<Void>) = suspendCancellableCoroutine { waiting ->
+        val listener = Runnable {
+            try {
+                future.get()
+                waiting.resume(Unit)
+            } catch (error: ExecutionException) {
+                waiting.resumeWithException(error.cause ?: error)
+            }
+        }
+        future.addListener(listener, Runnable::run)
     }
 
     /** Keeps the result of each photo; the callback is called for the preview's frames, too. */

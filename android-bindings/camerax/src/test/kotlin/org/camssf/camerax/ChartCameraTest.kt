@@ -9,9 +9,13 @@ import android.hardware.camera2.CameraMetadata
 import android.hardware.camera2.CaptureRequest
 import android.hardware.camera2.CaptureResult
 import android.hardware.camera2.TotalCaptureResult
+import android.util.Range
 import android.util.SizeF
+import androidx.camera.camera2.interop.Camera2CameraControl
 import androidx.camera.camera2.interop.Camera2CameraInfo
 import androidx.camera.camera2.interop.Camera2Interop
+import androidx.camera.camera2.interop.CaptureRequestOptions
+import androidx.camera.core.CameraControl
 import androidx.camera.core.CameraInfo
 import androidx.camera.core.ImageAnalysis
 import androidx.camera.core.ImageCapture
@@ -20,6 +24,7 @@ import androidx.camera.core.ImageCaptureException
 import androidx.camera.core.ImageProxy
 import androidx.camera.core.ZoomState
 import androidx.lifecycle.LiveData
+import com.google.common.util.concurrent.ListenableFuture
 import kotlinx.coroutines.flow.first
 import kotlinx.coroutines.runBlocking
 import org.camssf.Channel
@@ -57,6 +62,7 @@ import org.mockito.Mockito.withSettings
 import org.robolectric.RobolectricTestRunner
 import org.robolectric.annotation.Config
 import java.io.File
+import java.util.concurrent.ExecutionException
 import java.util.concurrent.Executor
 import kotlin.math.abs
 
@@ -238,6 +244,64 @@ class ChartCameraTest {
         val silent = camera.shortfalls.single()
         assertEquals("TotalCaptureResult is missing", "$silent".substringBefore(','))
         assertTrue("$silent", !silent.fatal && "noise reduction" in silent.advice)
+    }
+
+    /** What CameraX answers when options were set: nothing, or that it gave up. */
+    private fun answer(failure: Exception? = null): ListenableFuture<Void> {
+        @Suppress("UNCHECKED_CAST")
+        val future = mock(ListenableFuture::class.java) as ListenableFuture<Void>
+        `when`(future.get()).thenAnswer { failure?.let { throw ExecutionException(it) } }
+        `when`(future.addListener(any(), any())).thenAnswer { call ->
+            call.getArgument<Executor>(1).execute(call.getArgument(0))
+        }
+        return future
+    }
+
+    /** What a call with a bound camera's control returned, and what CameraX was told: options by Camera2's names. */
+    private data class Told<T>(val returned: T, val options: Map<String, Any>, val interop: Camera2CameraControl)
+
+    private fun <T> told(future: ListenableFuture<Void>, call: suspend (CameraControl) -> T): Told<T> {
+        val control = mock(CameraControl::class.java)
+        val interop = mock(Camera2CameraControl::class.java)
+        `when`(interop.setCaptureRequestOptions(any())).thenReturn(future)
+        `when`(interop.clearCaptureRequestOptions()).thenReturn(future)
+        val options = HashMap<String, Any>()
+        val settings = withSettings().defaultAnswer { set ->
+            if (set.method.name == "build") return@defaultAnswer mock(CaptureRequestOptions::class.java)
+            options[set.getArgument<CaptureRequest.Key<*>>(0).name.substringAfter("android.")] = set.arguments[1]
+            set.mock
+        }
+        mockStatic(Camera2CameraControl::class.java).use { static ->
+            static.`when`<Camera2CameraControl> { Camera2CameraControl.from(control) }.thenReturn(interop)
+            mockConstruction(CaptureRequestOptions.Builder::class.java, settings).use {
+                return Told(runBlocking { call(control) }, options, interop)
+            }
+        }
+    }
+
+    @Test
+    fun `exposure and white balance are locked and unlocked, and what cannot be is said`() {
+        values[CameraCharacteristics.CONTROL_AE_LOCK_AVAILABLE] = true
+        val camera = camera()
+        val (automatic, kept, _) = told(answer()) { camera.lock(it, 10_000_000L, 100) }
+        assertEquals(listOf("capability MANUAL_SENSOR", "control.awbLockAvailable"), automatic.map { it.key })
+        assertEquals(mapOf("control.aeLock" to true), kept)
+        values[CameraCharacteristics.CONTROL_AWB_LOCK_AVAILABLE] = true
+        values[CameraCharacteristics.REQUEST_AVAILABLE_CAPABILITIES] = intArrayOf(1)
+        values[CameraCharacteristics.SENSOR_INFO_EXPOSURE_TIME_RANGE] = Range(100_000L, 1_000_000_000L)
+        val (all, set, locking) = told(answer()) { camera.lock(it, 10_000_000L, 100) }
+        assertEquals(emptyList<Any>(), all)
+        assertEquals(listOf<Any?>(10_000_000L, 100), listOf(set["sensor.exposureTime"], set["sensor.sensitivity"]))
+        assertEquals(listOf<Any?>(0, true), listOf(set["control.aeMode"], set["control.awbLock"]))
+        verify(locking).setCaptureRequestOptions(any())
+        val (beyond, none, untouched) = told(answer()) { camera.lock(it, 99_999L, 100) }
+        assertTrue("$beyond", beyond.single().fatal && none.isEmpty())
+        verify(untouched, never()).setCaptureRequestOptions(any())
+        val (_, _, unlocking) = told(answer()) { camera.unlock(it) }
+        verify(unlocking).clearCaptureRequestOptions()
+        val cause = IllegalStateException("Camera is closed")
+        val failed = runCatching { told(answer(cause)) { camera.lock(it, 10_000_000L, 100) } }
+        assertSame(cause, failed.exceptionOrNull())
     }
 
     @Test

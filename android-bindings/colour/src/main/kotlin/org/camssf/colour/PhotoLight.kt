@@ -111,8 +111,9 @@ public class PhotoLight internal constructor(
         }
 
         /**
-         * χ² of the reference's two ratios above which the named lamp is rejected; its probability is 1 in 10,000.
+         * χ² of a white's two raw ratios above which its light is not the named or the earlier one; its probability is
+         * 1 in 10,000.
          */
-        private const val CONTRADICTED = 18.4
+        const val CONTRADICTED = 18.4
     }
 }

@@ -51,12 +51,12 @@ public class Standardiser private constructor(
     private val contexts: List<LampContext>,
     private val weights: DoubleArray,
     private val light: PhotoLight,
-    private val camera: ColourCamera,
+    internal val camera: ColourCamera,
 
     /** How colours are stated. */
     public val view: View,
 ) {
-    private val reference: Reference get() = light.reference
+    internal val reference: Reference get() = light.reference
 
     /** Of pictures, by the white that they are adapted to; made when it is first needed. */
     private val pictureLights = PictureSpace.values().map { it.white }.distinct().associateWith { white ->
@@ -91,14 +91,18 @@ public class Standardiser private constructor(
      *   does not state it.
      * @throws UnitDiffers another physical camera or lens.
      */
-    public fun colourOf(region: RawRegion): StandardColour {
-        val factor = factor(region.source)
-        return colourOf(region.sharedRaw.times(factor), region.sharedError.times(factor))
+    public fun colourOf(region: RawRegion): StandardColour = colourOf(region, reference)
+
+    /** The same relative to another reference in the same light. */
+    internal fun colourOf(region: RawRegion, white: Reference): StandardColour {
+        val factor = factor(region.source, white)
+        return reached(white.relative(region.sharedRaw.times(factor), region.sharedError.times(factor)))
     }
 
-    private fun factor(source: SignalSource): Double {
+    /** What brings signals of another photo of this camera to the exposure of a reference. */
+    internal fun factor(source: SignalSource, white: Reference = reference): Double {
         camera.camera.check(source)
-        return reference.source?.factor(source) ?: 1.0
+        return white.source?.factor(source) ?: 1.0
     }
 
     /**
@@ -114,7 +118,12 @@ public class Standardiser private constructor(
         if (raw.size != 3 || standardError.size != 3) {
             throw InvalidArgument("A colour has three signals, not ${raw.size}.", "Give R, G, B.")
         }
-        val colour = colourOf(reference.relative(raw, standardError))
+        return reached(reference.relative(raw, standardError))
+    }
+
+    /** The colour of signals (3) that a surface can have. */
+    private fun reached(signals: RelativeSignals): StandardColour {
+        val colour = colourOf(signals)
         if (colour.reach > SurfaceDistance.FARTHEST) {
             throw Refusal.of(
                 "colour_out_of_reach.colour", "distance" to colour.reach, value = colour.reach,

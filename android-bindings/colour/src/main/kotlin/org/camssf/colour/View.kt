@@ -88,10 +88,7 @@ public class Reference private constructor(
         if (sharedRaw.size != 3 || sharedError.size != 3) {
             throw InvalidArgument("A reference has three signals, not ${sharedRaw.size}.", "Give R, G, B.")
         }
-        if (!(0..2).all {
-                sharedRaw[it] > 10 * sharedError[it] && sharedRaw[it].isFinite() && sharedError[it] >= 0
-            }
-        ) {
+        if (!isLit(sharedRaw, sharedError)) {
             throw InvalidArgument("The reference is too dark.", "Choose a lit white or grey surface.")
         }
     }
@@ -136,6 +133,11 @@ public class Reference private constructor(
         /** Default relative error of a reference. */
         const val TOLERANCE = 0.01
     }
+}
+
+/** Whether signals (3) exceed ten standard errors, which a reference needs. */
+internal fun isLit(raw: DoubleArray, standardError: DoubleArray): Boolean = (0..2).all {
+    raw[it] > 10 * standardError[it] && raw[it].isFinite() && standardError[it] >= 0
 }
 
 /** Sources of a colour's uncertainty. */

@@ -3,6 +3,7 @@ package org.camssf.packaging
 import kotlinx.coroutines.runBlocking
 import org.camssf.Recovered
 import org.camssf.SsfCalibrator
+import org.camssf.colour.LightWatch
 import org.camssf.colour.RawPixels
 import org.camssf.colour.RawRegion
 import org.camssf.colour.Reference
@@ -14,6 +15,7 @@ import org.camssf.photo.Region
 import org.camssf.photo.Shot
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
+import java.io.ByteArrayOutputStream
 import java.io.File
 import kotlin.math.abs
 
@@ -29,14 +31,17 @@ internal object Suspending {
         if (found is Recovered) colours(found, File(words[0]))
     }
 
-    /** The chart's own white beside itself, and a preview of it. */
+    /** The chart's own white beside itself, in a watched light, its preview and its picture. */
     private fun colours(found: Recovered, photo: File) {
         val mosaic = PhotoSource.of(photo).read(null)
         val area = Region.ofSize(left = 22, top = 94, width = 16, height = 16)
         val (white, same) = RawRegion.measure(mosaic, listOf(area, area))
         val standardiser = Standardiser.of(found, Lamp.read("D55"), Reference(white))
-        val lightness = standardiser.colourOf(same).lab[0]
+        val live = LightWatch(standardiser).look(listOf(same), white)
+        val lightness = live.colours.single().lab[0]
         val pixels = standardiser.standardise(mosaic, RawPixels.of(area))
+        standardiser.picture(mosaic).writePng(ByteArrayOutputStream(), bits = 8)
+        check(live.guidance.isEmpty()) { "${live.guidance}" }
         check(abs(lightness - 100) < 0.25 && pixels.all { it.isFinite() }) { "L* of white is $lightness" }
     }
 }

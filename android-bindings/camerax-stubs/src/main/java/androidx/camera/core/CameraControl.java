@@ -1,0 +1,5 @@
+package androidx.camera.core;
+
+/** What changes a bound camera. */
+public interface CameraControl {
+}
