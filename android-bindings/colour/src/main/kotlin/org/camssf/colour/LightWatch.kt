@@ -58,12 +58,12 @@ public class LightWatch(public val standardiser: Standardiser) {
     /** What to do if this is not the light of the calibration, and its lamp was not named; null otherwise. */
     private val ofCalibration: Reason? = standardiser.camera.ownWhite?.let { own ->
         val change = start.since(WhiteRatios(own.raw, DoubleArray(3), WhiteSignal.OWN_WHITE))
-        if (standardiser.lamps.size == 1 || change.chiSquared <= PhotoLight.CONTRADICTED) {
+        if (standardiser.lamps.size == 1 || change.chiSquared <= WhiteRatios.CONTRADICTED) {
             null
         } else {
             Refusal.of(
                 "lamp_unfit.uncalibrated_light", "red" to change.red, "blue" to change.blue,
-                value = change.chiSquared, threshold = PhotoLight.CONTRADICTED,
+                value = change.chiSquared, threshold = WhiteRatios.CONTRADICTED,
             ).reason
         }
     }
@@ -96,14 +96,14 @@ public class LightWatch(public val standardiser: Standardiser) {
         val level = standardiser.factor(white.source) * seen.sharedRaw[1] / reference.sharedRaw[1]
         // It is one surface: its tolerance is that of both.
         val change = WhiteRatios.of(seen, 0.0).since(start)
-        if (change.chiSquared <= PhotoLight.CONTRADICTED) {
+        if (change.chiSquared <= WhiteRatios.CONTRADICTED) {
             return LiveColours(
                 colours(regions, seen), listOfNotNull(ofCalibration).frozen(), change.chiSquared, level,
             )
         }
         val changed = Refusal.of(
             "lamp_unfit.light_changed", "red" to change.red, "blue" to change.blue, value = change.chiSquared,
-            threshold = PhotoLight.CONTRADICTED,
+            threshold = WhiteRatios.CONTRADICTED,
         )
         return LiveColours(emptyList(), listOf(changed.reason).frozen(), change.chiSquared, level)
     }
@@ -143,6 +143,12 @@ internal class WhiteRatios(raw: DoubleArray, standardError: DoubleArray, ratioEr
     }
 
     companion object {
+        /**
+         * χ² of a white's two raw ratios above which its light is not the named or the earlier one; chance exceeds it
+         * once in 10,000.
+         */
+        const val CONTRADICTED = 18.4
+
         fun of(reference: Reference, ratioError: Double): WhiteRatios =
             WhiteRatios(reference.sharedRaw, reference.sharedError, ratioError)
     }

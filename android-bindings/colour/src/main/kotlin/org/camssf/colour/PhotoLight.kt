@@ -102,18 +102,12 @@ public class PhotoLight internal constructor(
 
         private fun check(light: SurfaceResponse) {
             val chiSquared = light.chiSquared ?: return
-            if (chiSquared > CONTRADICTED) {
+            if (chiSquared > WhiteRatios.CONTRADICTED) {
                 throw Refusal.of(
                     "lamp_unfit.reference", "lamp" to light.names.single(), "misfit" to chiSquared,
-                    value = chiSquared, threshold = CONTRADICTED,
+                    value = chiSquared, threshold = WhiteRatios.CONTRADICTED,
                 )
             }
         }
-
-        /**
-         * χ² of a white's two raw ratios above which its light is not the named or the earlier one; its probability is
-         * 1 in 10,000.
-         */
-        const val CONTRADICTED = 18.4
     }
 }

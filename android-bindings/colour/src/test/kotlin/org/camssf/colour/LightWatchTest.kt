@@ -34,12 +34,13 @@ class LightWatchTest {
         exposure: Double = 0.01,
         model: String = "phone",
         seed: Long = 1,
+        noise: Double = 0.01,
     ): Mosaic {
         val random = Random(seed)
         val light = doubleArrayOf(level * red, level, level * blue)
         val origin = PaintedPhoto.origin(model = model, exposure = exposure, camera = PhysicalCamera("0", "S-1"))
         return PaintedPhoto.of(40, 60, origin = origin) { _, y, c ->
-            light[c] * exposure / 0.01 * (if (y < 30) 1.0 else 0.3 * balance[c]) + 0.01 * random.nextGaussian()
+            light[c] * exposure / 0.01 * (if (y < 30) 1.0 else 0.3 * balance[c]) + noise * random.nextGaussian()
         }
     }
 
@@ -59,7 +60,7 @@ class LightWatchTest {
     fun `in the same light a region has its colour, and nothing is said`() {
         val found = watch().look(frame(seed = 2))
         assertEquals(emptyList<Any>(), found.guidance)
-        assertTrue(found.chiSquared!! < PhotoLight.CONTRADICTED)
+        assertTrue(found.chiSquared!! < WhiteRatios.CONTRADICTED)
         assertEquals(1.0, found.level!!, 0.003)
         val colour = found.colours.single()
         for (c in 0..2) {
@@ -128,7 +129,7 @@ class LightWatchTest {
             WhiteRatios(DoubleArray(3) { raw[it] + error[it] * random.nextGaussian() }, error, 0.0)
         val draws = 100_000
         val found = DoubleArray(draws) { drawn(later).since(drawn(first)).chiSquared }
-        for (bound in listOf(1.0, 4.6, 9.2, PhotoLight.CONTRADICTED)) {
+        for (bound in listOf(1.0, 4.6, 9.2, WhiteRatios.CONTRADICTED)) {
             val wanted = draws * exp(-bound / 2) // of χ² with two degrees of freedom
             val count = found.count { it > bound }
             assertTrue(abs(count - wanted) < 4 * sqrt(wanted), "$count of $wanted above $bound")
@@ -148,7 +149,7 @@ class LightWatchTest {
 
     @Test
     fun `a white in the dark is refused with advice`() {
-        val error = assertThrows(Underexposed::class.java) { watch().look(frame(level = 1e-4)) }
+        val error = assertThrows(Underexposed::class.java) { watch().look(frame(level = 1e-4, noise = 0.001)) }
         assertEquals("strip.dng: the white is too dark to compare its light.", error.message)
     }
 

@@ -15,7 +15,6 @@ import org.camssf.photo.Region
 import org.camssf.photo.Shot
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
-import java.io.ByteArrayOutputStream
 import java.io.File
 import kotlin.math.abs
 
@@ -31,7 +30,7 @@ internal object Suspending {
         if (found is Recovered) colours(found, File(words[0]))
     }
 
-    /** The chart's own white beside itself, in a watched light, its preview and its picture. */
+    /** The chart's own white beside itself, in a watched light, and a preview of it. */
     private fun colours(found: Recovered, photo: File) {
         val mosaic = PhotoSource.of(photo).read(null)
         val area = Region.ofSize(left = 22, top = 94, width = 16, height = 16)
@@ -40,7 +39,6 @@ internal object Suspending {
         val live = LightWatch(standardiser).look(listOf(same), white)
         val lightness = live.colours.single().lab[0]
         val pixels = standardiser.standardise(mosaic, RawPixels.of(area))
-        standardiser.picture(mosaic).writePng(ByteArrayOutputStream(), bits = 8)
         check(live.guidance.isEmpty()) { "${live.guidance}" }
         check(abs(lightness - 100) < 0.25 && pixels.all { it.isFinite() }) { "L* of white is $lightness" }
     }
