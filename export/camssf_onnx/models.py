@@ -99,7 +99,8 @@ OF_VERDICT: dict[str, list[str | int]] = {
 
 CELLS: list[str | int] = ["h", 2, "w", 2]
 OF_STRIP: dict[str, list[str | int]] = {
-    "mosaic": CELLS, "clipped": CELLS, "gains": CELLS, "photon_noise": [3], "matrix": [3, 3], "curved": [],
+    "mosaic": CELLS, "clipped": CELLS, "dark": CELLS, "gains": CELLS, "photon_noise": [3], "matrix": [3, 3],
+    "curved": [],
 }  # fmt: skip
 OF_TABLE: dict[str, list[str | int]] = {
     "roots": [RATIO_NODES**2, 3], "covariance": [COVARIANCE_NODES**2, len(PAIRS)], "distance": [COVARIANCE_NODES**2],

@@ -31,6 +31,11 @@ def cases() -> Iterator[Json]:
     yield picture("xyz-d50", "XYZ for ICC.", space="xyz-d50")
     yield picture("shading", "The lens's map applied.", photo="patches-mapped.dng", shading="apply")
     yield picture("corner", "Colours at the edge, from mirrored samples.", area=[156, 120, 24, 12])
+    yield picture("dark", "A dark frame subtracted.", dark="patches-dark.dng")
+    yield picture(
+        "torch", "With the torch minus without it: the noise of both photos.", photo="patches-white.dng",
+        dark="patches-chart.dng", lamp="auto",
+    )  # fmt: skip
     yield picture(
         "clipped", "Patches at the ceiling.", photo="patches-clipped.dng", white=None, area=[20, 92, 40, 20]
     )
@@ -47,8 +52,8 @@ def cases() -> Iterator[Json]:
 def picture(name: str, comment: str, *, expect: str = "success", **changes: Any) -> Json:
     """One case of the stage `picture`."""
     inputs = {
-        "result": RESULT, "lamp": "daylight", "photo": CHART, "white": WHITE, "space": "srgb", "shading": "as-stored",
-        "area": AREA, **changes,
+        "result": RESULT, "lamp": "daylight", "photo": CHART, "dark": None, "white": WHITE, "space": "srgb",
+        "shading": "as-stored", "area": AREA, **changes,
     }  # fmt: skip
     return contract.case(f"picture/{name}", comment, inputs, expect=expect)
 
@@ -56,13 +61,14 @@ def picture(name: str, comment: str, *, expect: str = "success", **changes: Any)
 def run(call: Call) -> dict[str, Any]:
     """Part of the picture and of its uncertainty: `area` is x, y, width, height, all even; the whole if null."""
     given = call.given
-    photo = read_photo(given["photo"])
+    photo, dark = (None if given[role] is None else read_photo(given[role]) for role in ("photo", "dark"))
+    assert photo is not None
     white = None
     if given["white"] is not None:
-        (region,) = measure_regions(photo, [given["white"]], lens_shading=given["shading"])
+        (region,) = measure_regions(photo, [given["white"]], dark=dark, lens_shading=given["shading"])
         white = white_of_region(region, REFLECTANCE)
     made = standard_picture(
-        camera_in(given["result"]), given["lamp"], photo, white=white, space=given["space"],
+        camera_in(given["result"]), given["lamp"], photo, dark=dark, white=white, space=given["space"],
         lens_shading=given["shading"],
     )  # fmt: skip
     pixels, layer = (np.concatenate(strips) for strips in zip(*made.strips(), strict=True))
@@ -73,7 +79,9 @@ def run(call: Call) -> dict[str, Any]:
 
 STAGE = Stage(
     name="picture",
-    keys=Keys(words("result lamp photo white space shading area"), words("picture uncertainty"), arrays=frozenset()),
+    keys=Keys(
+        words("result lamp photo dark white space shading area"), words("picture uncertainty"), arrays=frozenset()
+    ),
     requires=always("colour"),
     cases=cases,
     run=run,

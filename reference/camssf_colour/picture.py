@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from camssf.colorimetry import D65_XY
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.photo.patches import check_alike
 from camssf.photo.read.dng import Mosaic, shading_of_samples
 from camssf.recovery.covariance import CHART_CORRELATION, smooth_errors
 from camssf.spectra import LampLike
@@ -96,12 +97,16 @@ class WhiteSignal:
             the calibration gives for the lamp, and a level at which the first channel saturates.
         reference: the errors of `raw`, and the raw signals that tell the light.
         photon_noise: (3,) variance of a sample over its signal, relative to `raw`; None if it is not known.
+        signal_to_noise: (3,) of a pixel of the white surface, after the subtraction; None without one.
+        dark_share: (3,) part of the light on it that was subtracted, 0 to 1; None without a dark photo.
     """
 
     raw: Floats
     from_reference: bool
     reference: Reference
     photon_noise: Floats | None
+    signal_to_noise: Floats | None = None
+    dark_share: Floats | None = None
 
 
 def white_of_region(white: Region, reflectance: float) -> WhiteSignal:
@@ -111,8 +116,12 @@ def white_of_region(white: Region, reflectance: float) -> WhiteSignal:
         InvalidArgument: a reference that is too dark, or a reflectance outside 0.02 to 1.2.
     """
     check_reference(white, reflectance)
-    raw = white.raw / reflectance
-    return WhiteSignal(raw, True, reference_of(white), white.deviation**2 / white.raw / raw)
+    raw, light = white.raw / reflectance, white.raw + white.dark
+    noise = white.deviation**2 / light
+    return WhiteSignal(
+        raw, True, reference_of(white), noise / raw, white.raw / np.sqrt(noise * (light + white.dark)),
+        white.dark / light if white.dark.any() else None,
+    )  # fmt: skip
 
 
 def white_of_camera(camera: Camera, lamp: LampLike, photo: Mosaic) -> WhiteSignal:
@@ -150,6 +159,7 @@ class StandardPicture:
 
     Attributes:
         photo: the RAW photo.
+        dark: the photo that is subtracted from it; None for the black level.
         white: what its signals are divided by.
         space: of the picture's numbers.
         lens_shading: "as-stored" or "apply", as for `measure_patches`.
@@ -160,6 +170,7 @@ class StandardPicture:
     """
 
     photo: Mosaic
+    dark: Mosaic | None
     white: WhiteSignal
     space: PictureSpace
     lens_shading: str
@@ -212,16 +223,26 @@ class StandardPicture:
         # Cells in which red is not first are mirrored: the filters are the same.
         down = _with_margin(rows, photo.samples.shape[0])[:: 1 - 2 * row]
         right = _with_margin(columns, photo.samples.shape[1])[:: 1 - 2 * column]
-        samples = photo.samples[np.ix_(down, right)]
+        samples, clipped = photo.samples[np.ix_(down, right)], photo.samples[np.ix_(down, right)] >= photo.white
         gains = shading_of_samples(photo, down, right) if self.lens_shading == "apply" else np.ones(samples.shape)
         black, white = photo.black[:: 1 - 2 * row, :: 1 - 2 * column], self.white.raw[np.array(CELL)]
 
         def in_cells(values: NDArray[T]) -> NDArray[T]:
             return values.reshape(len(down) // 2, 2, len(right) // 2, 2)
 
+        def relative(light: Floats) -> Floats:
+            return np.asarray(light * in_cells(gains) / white[:, None, :])
+
+        light = in_cells(samples) - black[:, None, :]
+        dark_light = np.zeros_like(light)
+        if self.dark is not None:
+            subtracted = self.dark.samples[np.ix_(down, right)]
+            dark_light = in_cells(subtracted) - black[:, None, :]
+            clipped |= subtracted >= photo.white
         strip = StripInputs(
-            mosaic=(in_cells(samples) - black[:, None, :]) * in_cells(gains) / white[:, None, :],
-            clipped=in_cells(samples >= photo.white).astype(np.float64),
+            mosaic=relative(light - dark_light),
+            clipped=in_cells(clipped).astype(np.float64),
+            dark=relative(dark_light),
             gains=in_cells(gains),
             photon_noise=np.zeros(3) if self.white.photon_noise is None else self.white.photon_noise,
             matrix=self.matrix,
@@ -258,6 +279,7 @@ def standard_picture(
     lamp: LampLike,
     photo: Mosaic,
     *,
+    dark: Mosaic | None = None,
     white: WhiteSignal | None = None,
     space: str = "srgb",
     lens_shading: str = "as-stored",
@@ -268,7 +290,10 @@ def standard_picture(
         camera: a result, the excerpt of one, or a Camera.
         lamp: as for `standard_colour`.
         photo: the RAW photo, by the same camera.
-        white: by `white_of_region`; unless given, by `white_of_camera`, which needs a named lamp.
+        dark: the same view with the same settings, and the torch off: the picture is that in the torch's light alone.
+            Nothing may move between the two.
+        white: by `white_of_region`, of a region that was measured with `dark`, too; unless given, by
+            `white_of_camera`, which needs a named lamp.
         space: one of SPACES.
         lens_shading: "apply" multiplies the samples by the file's gain maps.
 
@@ -276,10 +301,13 @@ def standard_picture(
         InvalidArgument: an unknown space; no lamp and nothing that tells it; curves from which no colour can be
             computed.
         LampUnfit: the reference's raw ratios contradict the lamp.
+        FramesDiffer, UnitDiffers: a dark photo by another camera, or with other settings.
         UnsupportedRaw: gain maps that cannot be applied.
     """
     if space not in SPACES:
         raise InvalidArgument(f"There is no space {space!r} for a picture.", f"Take one of {', '.join(SPACES)}.")
+    if dark is not None:
+        check_alike(photo, dark, "dark")
     camera, target = as_camera(camera), SPACES[space]
     signal = white or white_of_camera(camera, lamp, photo)
     try:
@@ -292,6 +320,5 @@ def standard_picture(
     if not (np.isfinite(table.roots).all() and np.isfinite(table.covariance).all()):
         raise no_colour()
     lamps = tuple((light.name, float(weight)) for light, weight in zip(seen, weights, strict=True))
-    return StandardPicture(
-        photo, signal, target, lens_shading, table, target.matrix(xyz), lamps, seen[int(weights.argmax())].chi_squared
-    )
+    chi_squared = seen[int(weights.argmax())].chi_squared
+    return StandardPicture(photo, dark, signal, target, lens_shading, table, target.matrix(xyz), lamps, chi_squared)

@@ -25,10 +25,14 @@ class WhiteOfPicture:
         source: reference, a white or grey surface in the photo; or calibration, the white balance that the result
             gives for the lamp, and the level at which the photo saturates, to which lightness is then relative.
         raw: raw signal of a perfect white diffuser, DN above black.
+        signal_to_noise: of a pixel of the white surface; null without one.
+        dark_share: part of the light on the white surface that was subtracted; null without a dark photo.
     """
 
     source: Annotated[str, Words(("reference", "calibration"))]
     raw: Rgb
+    signal_to_noise: Rgb | None
+    dark_share: Rgb | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +44,7 @@ class PictureDocument:
         generator: the program that wrote it.
         result: the calibration.
         photo: the photo.
+        dark: the photo that was subtracted; null for none.
         unit: serial number of the camera; "" if the photo does not state it.
         exposure: time, s; null if the photo does not state it.
         iso: sensitivity; null if the photo does not state it.
@@ -53,6 +58,7 @@ class PictureDocument:
     generator: Generator
     result: SourceResult
     photo: PhotoName
+    dark: PhotoName | None
     unit: Text
     exposure: Size | None
     iso: Size | None
@@ -62,12 +68,14 @@ class PictureDocument:
     note: Text
 
 
-def picture_document(picture: StandardPicture, name: str, curves: ExportedCurves, lamp: str) -> PictureDocument:
+def picture_document(
+    picture: StandardPicture, name: str, curves: ExportedCurves, lamp: str, dark: str = ""
+) -> PictureDocument:
     """The document of a picture.
 
     Args:
         picture: the picture.
-        name: of the photo's file.
+        name, dark: of the photo's file and the dark photo's; "" for none.
         curves: of the camera.
         lamp: as the user gave it.
     """
@@ -77,11 +85,14 @@ def picture_document(picture: StandardPicture, name: str, curves: ExportedCurves
         generator=Generator("camssf", __version__),
         result=SourceResult.of(curves),
         photo=PhotoName(name, picture.photo.sha256),
+        dark=None if picture.dark is None else PhotoName(dark, picture.dark.sha256),
         unit=picture.photo.unit.serial,
         exposure=picture.photo.exposure,
         iso=picture.photo.iso,
         space=picture.space.name,
         lamp=WeighedLamp(lamp, tuple(LampWeight(*pair) for pair in picture.lamps), picture.chi_squared),
-        white=WhiteOfPicture("reference" if white.from_reference else "calibration", white.raw),
+        white=WhiteOfPicture(
+            "reference" if white.from_reference else "calibration", white.raw, white.signal_to_noise, white.dark_share
+        ),
         note=NO_DIAGNOSIS,
     )

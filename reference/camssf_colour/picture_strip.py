@@ -26,6 +26,7 @@ class StripInputs:
     Attributes:
         mosaic: (h, 2, w, 2) samples of cells red, green / green, blue, relative to those of a perfect white diffuser.
         clipped: (h, 2, w, 2), 1 for clipped samples, else 0.
+        dark: (h, 2, w, 2) what was subtracted from the samples besides black, in the same units; its noise remains.
         gains: (h, 2, w, 2) what the samples were multiplied by to correct lens shading.
         photon_noise: (3,) variance of a sample over its signal.
         matrix: (3, 3) from XYZ over white to linear numbers, of which 1 is the largest.
@@ -34,6 +35,7 @@ class StripInputs:
 
     mosaic: Array
     clipped: Array
+    dark: Array
     gains: Array
     photon_noise: Array
     matrix: Array
@@ -53,8 +55,12 @@ def picture_strip(inputs: StripInputs, table: PixelTable) -> tuple[Array, Array]
     numbers = xp.where(xp.reshape(reached, (4 * h * w,)) > 0.5, FULL, numbers)
 
     cells = 0.25 * sum(xp.reshape(signals[:, :, i, :, j], (3, h * w)) for i, j in PLACES)
-    gains = 0.25 * sum(xp.reshape(inputs.gains[1 : h + 1, i, 1 : w + 1, j], (h * w,)) for i, j in PLACES)
-    variance = inputs.photon_noise[:, None] * xp.maximum(cells, 0.0) * gains
+    gains, dark = (
+        0.25 * sum(xp.reshape(values[1 : h + 1, i, 1 : w + 1, j], (h * w,)) for i, j in PLACES)
+        for values in (inputs.gains, inputs.dark)
+    )
+    # Of the light of both photos: the photo's own is the difference and the dark photo's once more.
+    variance = inputs.photon_noise[:, None] * xp.maximum(cells + 2.0 * dark, 0.0) * gains
     noise = constant(xp, [noise_shares()[i, j] for i, j in PAIRS]) @ variance
     places = places_of(cells)
     layer = xp.minimum(PER_UNIT * xp.sqrt(lab_variances(table, places, noise)), OUT_OF_REACH - 1.0)

@@ -33,13 +33,15 @@ class Region:
         rectangle: its position.
         raw: (3,) DN above black.
         error: (3,) standard error of `raw`, DN.
-        deviation: (3,) standard deviation of its samples, DN.
+        deviation: (3,) standard deviation of the photo's samples, DN.
+        dark: (3,) what was subtracted besides black, DN: the light of a dark photo; zeros without one.
     """
 
     rectangle: Rectangle
     raw: Floats
     error: Floats
     deviation: Floats
+    dark: Floats
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,12 @@ def measure_regions(
 ) -> list[Region]:
     """Measure rectangles of one photo. Dust and hot pixels are left out, as in patches.
 
+    Args:
+        photo: the photo.
+        rectangles: in it.
+        dark: the same view with the lens cap on or the torch off, which is subtracted instead of the black level.
+        lens_shading: as for `measure_patches`.
+
     Raises:
         InvalidArgument: a rectangle that extends beyond the photo or holds too few samples.
         Overexposed: clipped samples.
@@ -107,11 +115,13 @@ def measure_regions(
     for number, clipped in enumerate(means.chart.clipped.max(axis=1), 1):
         if clipped > CLIPPED:
             raise fail("overexposed.region", value=float(clipped), threshold=CLIPPED, region=number, share=clipped)
-    black = means.black if means.dark is None else means.dark.mean
-    of_black = 0.0 if means.dark is None else means.dark.standard_error
-    raw, spread = means.chart.mean - black, np.hypot(means.chart.standard_error, of_black)
+    light = means.chart.mean - means.black
+    dark_light = np.zeros_like(light) if means.dark is None else means.dark.mean - means.black
+    of_dark = 0.0 if means.dark is None else means.dark.standard_error
+    spread = np.hypot(means.chart.standard_error, of_dark)
     deviation = means.chart.standard_error * np.sqrt(means.chart.count)
-    return [Region(*fields) for fields in zip(rectangles, raw, spread, deviation, strict=True)]
+    columns = zip(rectangles, light - dark_light, spread, deviation, dark_light, strict=True)
+    return [Region(*fields) for fields in columns]
 
 
 def check_reference(white: Region, reflectance: float) -> None:

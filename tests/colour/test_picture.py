@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import re
+import shutil
+import subprocess
 from dataclasses import replace
 from functools import cache
 from importlib.resources import files
@@ -22,7 +25,7 @@ from camssf.colorimetry import delta_e00, lab, signals_of, white_of
 from camssf.documents.document import document_bytes
 from camssf.documents.forms import from_plain, to_plain
 from camssf.documents.schema import schema
-from camssf.errors import InvalidArgument
+from camssf.errors import FramesDiffer, InvalidArgument, LampUnfit
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.photo.read.colour_matrix import ColourMatrix
 from camssf.photo.read.dng import Mosaic
@@ -71,22 +74,31 @@ def camera() -> Camera:
     return Camera("phone", mean / mean.max(axis=0), modes, OwnWhite(np.array([0.55, 1.0, 0.7]), read_lamp("D55")))
 
 
-def scene(cfa: str = "RGGB", sensor: Sensor = SENSOR, lamp: str = LAMP, **changes: Any) -> Mosaic:
-    """The 24 patches in rows of six, SIDE pixels each; patch 18 is the white."""
+def scene(
+    cfa: str = "RGGB", sensor: Sensor = SENSOR, lamp: str = LAMP, level: float = 0.8, ambient: float = 0.0,
+    seed: int = 1, **changes: Any,
+) -> Mosaic:  # fmt: skip
+    """The 24 patches in rows of six, SIDE pixels each; patch 18 is the white.
+
+    Args:
+        level, ambient: largest signal by the lamp, and by a bulb that is lit, too; 1 is saturation.
+    """
     own = camera().own
     assert own is not None
-    raw = (CHART * read_lamp(lamp).values) @ camera().values * own.raw / (own.lamp.values @ camera().values)
-    raw *= 0.8 * (sensor.white_level - sensor.black) / raw.max()
+    raw = np.zeros((24, 3))
+    for light, part in ((lamp, level), ("A", ambient)):
+        by_it = (CHART * read_lamp(light).values) @ camera().values * own.raw / (own.lamp.values @ camera().values)
+        raw += part * (sensor.white_level - sensor.black) * by_it / by_it.max()
     blocks = raw.reshape(4, 6, 3).repeat(SIDE, axis=0).repeat(SIDE, axis=1)
     light = np.empty(blocks.shape[:2], dtype=np.float32)
     for place, letter in enumerate(cfa):
         rows, columns = slice(place // 2, None, 2), slice(place % 2, None, 2)
         light[rows, columns] = blocks[rows, columns, "RGB".index(letter)]
-    return replace(mosaic(count(light, sensor, np.random.default_rng(1)), replace(sensor, cfa=cfa)), **changes)
+    return replace(mosaic(count(light, sensor, np.random.default_rng(seed)), replace(sensor, cfa=cfa)), **changes)
 
 
-def white(photo: Mosaic) -> WhiteSignal:
-    (region,) = measure_regions(photo, [(1.0, 3.0 * SIDE + 1.0, SIDE - 2.0, SIDE - 2.0)])
+def white(photo: Mosaic, dark: Mosaic | None = None) -> WhiteSignal:
+    (region,) = measure_regions(photo, [(1.0, 3.0 * SIDE + 1.0, SIDE - 2.0, SIDE - 2.0)], dark=dark)
     return white_of_region(region, 0.9)
 
 
@@ -161,6 +173,33 @@ def test_patches_have_the_colours_of_standard_colour(space: str) -> None:
     assert delta_e00(lab(xyz, against), theirs)[inside].max() < 0.5
 
 
+@pytest.mark.full
+@pytest.mark.parametrize("space", ["srgb", "display-p3"])
+def test_other_programs_read_the_colours_that_are_meant(space: str, tmp_path: Path) -> None:
+    """exiftool the profile's name, RawTherapee the colours, which it writes in sRGB by the file's profile."""
+    for program in ("exiftool", "rawtherapee-cli"):
+        if shutil.which(program) is None:
+            pytest.skip(f"{program} is not on this machine")
+    made = standard_picture(camera(), LAMP, scene(), white=white(scene()), space=space)
+    path, theirs = tmp_path / "picture.tif", tmp_path / "theirs.tif"
+    write_picture(made, path, '{"format": "camssf-picture/1"}', 16)
+    read = subprocess.run(["exiftool", "-j", path], capture_output=True, check=True)
+    (tags,) = json.loads(read.stdout)
+    assert tags["ProfileDescription"] == {"srgb": "sRGB (IEC 61966-2-1)", "display-p3": "Display P3"}[space]
+    assert tags["BitsPerSample"] == "16 16 16"
+    assert tags["ImageDescription"] == '{"format": "camssf-picture/1"}'
+    subprocess.run(
+        ["rawtherapee-cli", "-q", "-o", theirs, "-Y", "-t", "-b16", "-c", path],
+        check=True, capture_output=True, timeout=300, env=os.environ | {"HOME": str(tmp_path)},
+    )  # fmt: skip
+    to_xyz = SPACES["srgb"].to_xyz
+    xyz = linear(inner(tifffile.imread(theirs).astype(float)).mean(axis=1)) @ to_xyz.T
+    y = signals_of(CHART, read_lamp(LAMP).values, camera().values)
+    ours = standard_colour(camera(), LAMP, y, reference=Reference(), view=View(white="D65")).lab
+    inside = np.arange(24) != 17  # cyan is none of sRGB's colours
+    assert delta_e00(lab(xyz, to_xyz.sum(axis=1)), ours)[inside].max() < 0.5
+
+
 def linear(numbers: Floats) -> Floats:
     """RGB before the curve of sRGB (IEC 61966-2-1)."""
     encoded = numbers / 65535.0
@@ -190,6 +229,54 @@ def test_pixels_scatter_as_their_noise_says() -> None:
     scattered = lab(inner(pixels) / XYZ_ONE, white_of(read_lamp("D65").values)).std(axis=1)
     stated = inner(layer).mean(axis=1) / PER_UNIT
     assert (scattered < 1.2 * stated).all()  # the rest of the stated one is the same for all pixels of a patch
+
+
+def test_a_dark_photo_leaves_the_colours_of_the_torch_and_the_noise_of_both_photos() -> None:
+    """In a room whose light is as bright as the torch, and unlike it."""
+    sure, against = replace(camera(), modes=camera().modes[:0]), white_of(read_lamp("D65").values)
+
+    def patches(photo: Mosaic, dark: Mosaic | None = None) -> tuple[Floats, Floats]:
+        """Lab (24, n, 3) of each patch's pixels, and the stated deviations (24, 3)."""
+        made = standard_picture(sure, LAMP, photo, dark=dark, white=white(photo, dark), space="xyz-d65")
+        pixels, layer = whole(made)
+        return lab(inner(pixels) / XYZ_ONE, against), inner(layer).mean(axis=1) / PER_UNIT
+
+    def with_torch(sensor: Sensor) -> tuple[Mosaic, Mosaic]:
+        return scene(sensor=sensor, level=0.4, ambient=0.4), scene(sensor=sensor, level=0.0, ambient=0.4, seed=2)
+
+    lit, dark = with_torch(SENSOR)
+    in_torch = patches(scene(level=0.4))[0].mean(axis=1)
+    assert delta_e00(patches(lit, dark)[0].mean(axis=1), in_torch).max() < 0.1
+    with pytest.raises(LampUnfit):
+        patches(lit)
+    noisy, stated = patches(*with_torch(Sensor()))
+    alone, stated_alone = patches(scene(sensor=Sensor(), level=0.4))
+    scatter = noisy.std(axis=1) / stated
+    assert 0.7 < np.median(scatter) < 1.0  # the stated one is of curves and lamp, too
+    assert scatter.max() < 1.5
+    assert np.median(noisy.std(axis=1) / alone.std(axis=1)) > 1.3
+    assert np.median(stated / stated_alone) > 1.3
+    with pytest.raises(FramesDiffer, match="exposure"):
+        standard_picture(sure, LAMP, replace(lit, exposure=0.02), dark=replace(dark, exposure=0.01), white=white(lit))
+
+
+def test_a_signal_to_noise_ratio_is_that_of_the_white_surfaces_pixels() -> None:
+    sensor = Sensor()
+    pairs = [
+        (
+            scene(sensor=sensor, level=0.4, ambient=0.4, seed=i),
+            scene(sensor=sensor, level=0.0, ambient=0.4, seed=i + 9),
+        )
+        for i in range(8)
+    ]
+    greens = [
+        (lit.samples.astype(float) - dark.samples)[3 * SIDE + 2 : 4 * SIDE - 2 : 2, 3 : SIDE - 2 : 2]
+        for lit, dark in pairs
+    ]
+    ratio = np.mean(greens) / np.std(np.stack(greens) - np.mean(greens))
+    stated = white(*pairs[0]).signal_to_noise
+    assert stated is not None
+    assert stated[1] == pytest.approx(ratio, rel=0.15)
 
 
 def test_without_a_reference_the_calibration_balances_and_is_less_sure() -> None:
@@ -305,7 +392,8 @@ def test_the_model_computes_the_same_strip() -> None:
     rng = np.random.default_rng(4)
     strip = StripInputs(
         rng.uniform(-0.01, 1.1, (5, 2, 7, 2)), (rng.uniform(size=(5, 2, 7, 2)) > 0.95).astype(float),
-        rng.uniform(1.0, 2.0, (5, 2, 7, 2)), np.full(3, 1e-3), made.matrix, np.array(1.0),
+        rng.uniform(0.0, 1.0, (5, 2, 7, 2)), rng.uniform(1.0, 2.0, (5, 2, 7, 2)), np.full(3, 1e-3),
+        made.matrix, np.array(1.0),
     )  # fmt: skip
     session = onnx_runtime().InferenceSession(files("camssf").joinpath("data", "surfaces-picture.onnx").read_bytes())
     theirs = session.run(["picture", "uncertainty"], vars(strip) | vars(made.table))
@@ -350,6 +438,15 @@ def test_the_command_writes_the_picture_of_a_simulated_photo(
     check_schema(schema(PictureDocument))
     assert json.loads(Image.open(tmp_path / "a.png").text["Description"]) == said
     assert said["white"]["source"] == "reference"
+    covered = made.shots[1].dark
+    assert covered is not None
+    lit = [*command, "--lamp", "bulb", "--white-region", f"{x:.0f},{y:.0f},56,56,0.9"]
+    assert cli.main([*lit, "--dark", str(covered)]) == 0
+    printed = capsys.readouterr()
+    subtracted = json.loads(printed.out)
+    assert subtracted["dark"]["name"] == covered.name
+    assert max(subtracted["white"]["dark_share"]) < 0.01  # a lens cap
+    assert "subtracted: 0%" in printed.err
     patch = outline_of(result, 14)
     seen = np.asarray(Image.open(tmp_path / "a.png"))[patch].reshape(-1, 3).mean(axis=0)
     assert seen[0] > 2 * max(seen[1:])  # the red one

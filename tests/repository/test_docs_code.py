@@ -121,6 +121,7 @@ NOT_RUN = {
     "camssf calibrate first.dng": "a unit's two photos: test_previous.py makes them and runs both commands",
     "camssf calibrate later.dng": "likewise",
     "camssf calibrate on.dng": "a torch, on and off: test_previous.py solves the means of such photos",
+    "camssf picture out/result.json on.dng": "likewise: test_picture.py makes such photos",
     "camssf app": "it serves until Ctrl-C: test_app.py runs it",
     "camssf direct rgb.dng": "frames of a spectrograph: test_direct.py makes them and runs the command",
     "camssf calibrate photo.dng --lamp daylight --corners": "corners of another photo: test_cli.py has its own",

@@ -108,7 +108,7 @@ def measure_patches(
     frames = [chart]
     for word, frame in (("white", white), ("dark", dark)):
         if frame is not None:
-            _check_alike(chart, frame, word)
+            check_alike(chart, frame, word)
             frames.append(frame)
     cells = cells_of(chart.cfa)
     raw = np.array(
@@ -134,8 +134,18 @@ def measure_patches(
     )
 
 
-def _check_alike(chart: Mosaic, frame: Mosaic, word: str) -> None:
-    """Raise FramesDiffer or UnitDiffers unless the frame was taken with the chart photo's camera and settings."""
+def check_alike(chart: Mosaic, frame: Mosaic, word: str) -> None:
+    """Check that a frame was taken with the chart photo's camera and settings.
+
+    Args:
+        chart: the photo that it belongs to.
+        frame: the frame.
+        word: what it is called, for messages.
+
+    Raises:
+        FramesDiffer: size, CFA, camera, levels, exposure or ISO differ.
+        UnitDiffers: the physical camera or lens differs.
+    """
     differ = []
     if frame.samples.shape != chart.samples.shape:
         differ.append(f"size {_size(frame)} against {_size(chart)}")

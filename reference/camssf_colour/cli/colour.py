@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from camssf.cli.terminal import emit, say
-from camssf_colour.cli.regions import Regions, WhiteRegion, measure, read_curves_of
+from camssf_colour.cli.regions import DarkPhoto, Regions, WhiteRegion, measure, read_curves_of
 
 
 def colour(
@@ -26,9 +26,7 @@ def colour(
     ] = None,
     observer: Annotated[str, typer.Option(metavar="YEAR", help="1931 (2°) or 1964 (10°).")] = "1931",
     adapt: Annotated[str, typer.Option(metavar="WHITE", help="lamp, or adapted by CAT16 to D50 or D65.")] = "lamp",
-    dark: Annotated[
-        str | None, typer.Option(metavar="DNG", show_default=False, help="Dark frame: lens cap on, same exposure.")
-    ] = None,
+    dark: DarkPhoto = None,
 ) -> None:
     """Standard colour of regions of a photo, with its uncertainty.
 

@@ -12,6 +12,7 @@ from camssf.cli.reading import parse_rectangle
 from camssf.cli.terminal import emit, say
 from camssf.errors import InvalidArgument
 from camssf_colour.cli.regions import (
+    DarkPhoto,
     Regions,
     WhiteRegion,
     check_unit,
@@ -43,6 +44,7 @@ def picture(
             "lamp of the result's first shot unless given.",
         ),
     ] = None,
+    dark: DarkPhoto = None,
     space: Annotated[
         str, typer.Option(metavar="NAME", help="srgb, display-p3, or linear XYZ: xyz-d65, xyz-d50.")
     ] = "srgb",
@@ -74,6 +76,7 @@ def picture(
     """
     from camssf.documents.forms import to_plain
     from camssf.exports import exported
+    from camssf.photo.read.raw import read_raw
     from camssf_colour.picture import standard_picture, white_of_region
     from camssf_colour.picture_document import picture_document
     from camssf_colour.picture_file import write_picture
@@ -81,6 +84,11 @@ def picture(
 
     if compare is not None:
         there = other_region or region or [], other_white_region or white_region
+        if dark is not None:
+            raise InvalidArgument(
+                "Two pictures are compared as they were taken, without a photo to subtract.",
+                "Leave --dark away, or write each picture by itself.",
+            )
         _write_comparison(out, (document, photo, region or [], white_region), (*compare, *there), lamp)
         return
     if region or other_region or other_white_region:
@@ -94,17 +102,21 @@ def picture(
             "Add --white-region x,y,w,h of a white or grey surface in it, or name the lamp: --lamp daylight.",
         )
     result, mosaic, shading = _read(document, photo)
-    curves, white = exported(result), None
+    curves, white, dark_photo = exported(result), None, read_raw(dark) if dark else None
     if white_region is not None:
         rectangle, reflectance = parse_white_region(white_region)
-        (measured,) = measure_regions(mosaic, [rectangle], lens_shading=shading)
+        (measured,) = measure_regions(mosaic, [rectangle], dark=dark_photo, lens_shading=shading)
         white = white_of_region(measured, reflectance)
     spec = curves.lamps[0] if lamp is None else lamp
-    made = standard_picture(result, spec, mosaic, white=white, space=space, lens_shading=shading)
-    about = picture_document(made, Path(photo).name, curves, spec)
+    made = standard_picture(result, spec, mosaic, dark=dark_photo, white=white, space=space, lens_shading=shading)
+    about = picture_document(made, Path(photo).name, curves, spec, Path(dark or "").name)
     written = write_picture(made, out, json.dumps(to_plain(about)), bits)
     emit(to_plain(about))
     say("[green]wrote[/]", f": {written.picture} and {written.uncertainty}")
+    if made.white.dark_share is not None and made.white.signal_to_noise is not None:
+        share, ratio = made.white.dark_share.max(), made.white.signal_to_noise.min()
+        words = f": {share:.0%} of the light on the white surface; signal to noise of its pixels: {ratio:.0f}"
+        say("subtracted", words)
     for share, words in (
         (written.clipped, "clipped, white in the picture"),
         (written.out_of_reach, "none that a surface has under this light"),

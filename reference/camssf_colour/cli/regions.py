@@ -31,6 +31,16 @@ WhiteRegion: TypeAlias = Annotated[
     ),
 ]
 
+DarkPhoto: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        metavar="DNG",
+        show_default=False,
+        help="Photo to subtract, with the same exposure: lens cap on; or the same view with the torch off, for the "
+        "colours under the torch alone.",
+    ),
+]
+
 
 def read_curves_of(source: str) -> Result | Excerpt:
     """A result, or the excerpt that `passport verify` printed; prints a warning for the latter: no covariance."""

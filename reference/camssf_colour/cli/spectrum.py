@@ -10,7 +10,7 @@ import typer
 from camssf.cli.reading import spare
 from camssf.cli.terminal import emit, say
 from camssf.errors import InvalidArgument
-from camssf_colour.cli.regions import Regions, WhiteRegion, measure, read_curves_of
+from camssf_colour.cli.regions import DarkPhoto, Regions, WhiteRegion, measure, read_curves_of
 
 
 def spectrum(
@@ -44,9 +44,7 @@ def spectrum(
             help="Index of absorbance: erythema, melanin, or a file of wavelengths and weights; may be repeated.",
         ),
     ] = None,
-    dark: Annotated[
-        str | None, typer.Option(metavar="DNG", show_default=False, help="Dark frame: lens cap on, same exposure.")
-    ] = None,
+    dark: DarkPhoto = None,
     out: Annotated[
         list[Path] | None,
         typer.Option(

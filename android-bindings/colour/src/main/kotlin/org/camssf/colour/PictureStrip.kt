@@ -8,10 +8,17 @@ import kotlin.math.round
 /**
  * One strip of a picture, as the model of a strip takes it: whole CFA cells, red first, with a margin of one cell.
  *
+ * @param parts the photo.
+ * @param dark what is subtracted from it, of the same size; null for the black level.
  * @param start its first row in the order of [PictureParts]; even.
  * @param shading whether the file's gain maps are applied.
  */
-internal class PictureStrip(private val parts: PictureParts, private val start: Int, private val shading: Boolean) {
+internal class PictureStrip(
+    private val parts: PictureParts,
+    private val dark: PictureParts?,
+    private val start: Int,
+    private val shading: Boolean,
+) {
     /** Rows of the upright picture. */
     val rows: Int = minOf(parts.step, parts.length - start)
 
@@ -38,28 +45,37 @@ internal class PictureStrip(private val parts: PictureParts, private val start: 
         return upright(numbers.getValue("picture"), 1) to upright(numbers.getValue("uncertainty"), 2)
     }
 
-    /** `mosaic`, `clipped` and `gains`, (h, 2, w, 2) each. */
+    /** `mosaic`, `clipped`, `dark` and `gains`, (h, 2, w, 2) each. */
     private fun cells(white: WhiteSignal): Map<String, Tensor> {
-        val photo = parts.around(start)
         val sensor = facts.sensor
         val scale = DoubleArray(4) { white.raw["RGB".indexOf(sensor.cfa[it])] }
         val size = down.size * right.size
         val gains = if (shading) Shading.ofSamples(facts, down, right) else DoubleArray(size) { 1.0 }
-        val mosaic = DoubleArray(size)
         val clipped = DoubleArray(size)
+        val mosaic = light(parts, gains, scale, clipped)
+        val subtracted = dark?.let { light(it, gains, scale, clipped) } ?: DoubleArray(size)
+        for (at in mosaic.indices) mosaic[at] -= subtracted[at]
+        return mapOf("mosaic" to mosaic, "clipped" to clipped, "dark" to subtracted, "gains" to gains).mapValues {
+            Tensor(it.value, down.size / 2, 2, right.size / 2, 2)
+        }
+    }
+
+    /** The samples above black, relative to those of white; `clipped` gets 1 where one is clipped. */
+    private fun light(of: PictureParts, gains: DoubleArray, white: DoubleArray, clipped: DoubleArray): DoubleArray {
+        val photo = of.around(start)
+        val sensor = facts.sensor
+        val light = DoubleArray(gains.size)
         for (i in down.indices) {
             val row = (down[i] - photo.region.top) * photo.region.width - photo.region.left
             for (j in right.indices) {
                 val at = i * right.size + j
                 val place = down[i] % 2 * 2 + right[j] % 2
                 val sample = photo.samples[row + right[j]].toInt() and 0xffff
-                mosaic[at] = (sample - sensor.sharedBlack[place]) * gains[at] / scale[place]
+                light[at] = (sample - sensor.sharedBlack[place]) * gains[at] / white[place]
                 if (sample >= sensor.white) clipped[at] = 1.0
             }
         }
-        return mapOf("mosaic" to mosaic, "clipped" to clipped, "gains" to gains).mapValues {
-            Tensor(it.value, down.size / 2, 2, right.size / 2, 2)
-        }
+        return light
     }
 
     /**

@@ -26,14 +26,23 @@ public class RawRegion internal constructor(
     internal val sharedRaw: DoubleArray,
     internal val sharedError: DoubleArray,
     internal val source: SignalSource,
-    /** (3) standard deviation of its samples, DN; null if it is not known. */
-    internal val sharedDeviation: DoubleArray? = null,
+    /** (3) variance of a sample over the light of its photo, DN; null if it is not known. */
+    internal val sharedPhotonNoise: DoubleArray? = null,
+    /** (3) what was subtracted besides black, DN: the light of a dark photo. */
+    private val sharedDark: DoubleArray = DoubleArray(3),
 ) {
     /** (3) R, G, B, DN above black or dark frame. */
     public val raw: Rows get() = Rows(sharedRaw, 3)
 
     /** (3) standard error of [raw], DN. */
     public val standardError: Rows get() = Rows(sharedError, 3)
+
+    /** (3) signal of a pixel over its noise, that of a dark photo among it; null if the noise is not known. */
+    public val signalToNoise: Rows?
+        get() = sharedPhotonNoise?.let { noise ->
+            val ratios = DoubleArray(3) { sharedRaw[it] / sqrt(noise[it] * (sharedRaw[it] + 2 * sharedDark[it])) }
+            Rows(ratios, 3)
+        }
 
     override fun toString(): String = "RawRegion($area, raw=${sharedRaw.joinToString { short(it) }})"
 
@@ -46,7 +55,8 @@ public class RawRegion internal constructor(
          * Threads: any but the main one.
          *
          * @param areas rectangles of at least 12 × 12 pixels.
-         * @param dark a dark frame with the same settings; its signal is subtracted instead of the black level.
+         * @param dark with the same settings, subtracted instead of the black level: a photo with the lens covered; or
+         *   of the same view with the torch off, for the signals in the torch's light alone.
          * @throws InvalidArgument an area that extends beyond the photo or holds too few samples; `lensShading` is
          *   APPLY, but the file holds no gain maps.
          * @throws Overexposed clipped samples.
@@ -83,20 +93,23 @@ public class RawRegion internal constructor(
                         threshold = limit,
                     )
                 }
-                val night = means.dark
+                val darkFrame = means.dark
+                val light = DoubleArray(3) { means.chart.sharedMean[3 * i + it] - means.sharedBlack[it] }
+                val darkLight = DoubleArray(3) {
+                    if (darkFrame == null) 0.0 else darkFrame.sharedMean[3 * i + it] - means.sharedBlack[it]
+                }
                 RawRegion(
                     area,
+                    DoubleArray(3) { light[it] - darkLight[it] },
                     DoubleArray(3) {
-                        val black = night?.sharedMean?.get(3 * i + it) ?: means.sharedBlack[it]
-                        means.chart.sharedMean[3 * i + it] - black
-                    },
-                    DoubleArray(3) {
-                        hypot(means.chart.sharedError[3 * i + it], night?.sharedError?.get(3 * i + it) ?: 0.0)
+                        hypot(means.chart.sharedError[3 * i + it], darkFrame?.sharedError?.get(3 * i + it) ?: 0.0)
                     },
                     source,
                     DoubleArray(3) {
-                        means.chart.sharedError[3 * i + it] * sqrt(means.chart.sharedCount[3 * i + it].toDouble())
+                        val error = means.chart.sharedError[3 * i + it]
+                        error * error * means.chart.sharedCount[3 * i + it] / light[it]
                     },
+                    darkLight,
                 )
             }
         }

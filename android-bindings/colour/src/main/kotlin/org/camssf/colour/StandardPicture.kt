@@ -10,6 +10,7 @@ import org.camssf.RuntimeUnfit
 import org.camssf.UnitDiffers
 import org.camssf.UnsupportedRaw
 import org.camssf.frozen
+import org.camssf.photo.Alike
 import org.camssf.photo.LensShading
 import org.camssf.photo.PhotoSource
 import org.camssf.photo.Shading
@@ -61,6 +62,7 @@ public class PictureShares internal constructor(public val clipped: Double, publ
  */
 public class StandardPicture internal constructor(
     private val parts: PictureParts,
+    private val dark: PictureParts?,
     private val whiteSignal: WhiteSignal,
 
     /** The colour space of its numbers. */
@@ -72,6 +74,7 @@ public class StandardPicture internal constructor(
 ) {
     init {
         if (lensShading == LensShading.APPLY) Shading.check(parts.facts)
+        dark?.let { Alike.check(parts.facts, it.facts, "dark") }
     }
 
     /** Columns of the upright picture. */
@@ -110,13 +113,14 @@ public class StandardPicture internal constructor(
         try {
             for (start in if (parts.backwards) starts.reversed() else starts) {
                 if (Thread.interrupted()) throw InterruptedException("The picture was interrupted.")
-                val strip = PictureStrip(parts, start, lensShading == LensShading.APPLY)
+                val strip = PictureStrip(parts, dark, start, lensShading == LensShading.APPLY)
                 val (pixels, uncertainty) = strip.run(whiteSignal, space, lights.table)
                 receiver.take(top, strip.rows, pixels, uncertainty)
                 top += strip.rows
             }
         } finally {
             parts.release()
+            dark?.release()
         }
     }
 
@@ -252,7 +256,7 @@ public class StandardPicture internal constructor(
             val (white, light) = WhiteSignal.of(camera, lamp, parts.facts)
             val response = SurfaceResponse.of(camera, listOf(light), View(white = space.white))
             val lights = PictureLights(listOf(response), doubleArrayOf(1.0))
-            return StandardPicture(parts, white, space, lensShading, lights)
+            return StandardPicture(parts, null, white, space, lensShading, lights)
         }
     }
 }

@@ -164,6 +164,8 @@ public class Standardiser private constructor(
      * @param photo the whole photo, by the same camera.
      * @param space of the picture's numbers.
      * @param lensShading APPLY multiplies the samples by the file's gain maps; the same as for the reference.
+     * @param dark the same view with the same settings and the torch off, if the reference was measured so: the picture
+     *   is that in the torch's light alone. Nothing may move between the two.
      * @throws InvalidArgument a photo of which only a part is there, another lens shading than the reference's, or
      *   curves from which no colour can be computed.
      * @throws FramesDiffer another camera than the result's or the reference's, or a photo of another exposure that
@@ -176,7 +178,8 @@ public class Standardiser private constructor(
         photo: Mosaic,
         space: PictureSpace = PictureSpace.SRGB,
         lensShading: LensShading = LensShading.AS_STORED,
-    ): StandardPicture = picture(PhotoSource.of(photo), space, lensShading)
+        dark: Mosaic? = null,
+    ): StandardPicture = picture(PhotoSource.of(photo), space, lensShading, dark?.let { PhotoSource.of(it) })
 
     /**
      * As the other `picture`, for a photo that is read in bands, since it is too large for memory.
@@ -188,11 +191,18 @@ public class Standardiser private constructor(
         photo: PhotoSource,
         space: PictureSpace = PictureSpace.SRGB,
         lensShading: LensShading = LensShading.AS_STORED,
+        dark: PhotoSource? = null,
     ): StandardPicture {
         val parts = PictureParts.of(photo)
         val source = SignalSource(parts.facts, lensShading)
         val white = WhiteSignal.of(reference, factor(source), source)
-        return StandardPicture(parts, white, space, lensShading, pictureLights.getValue(space.white).value)
+        return StandardPicture(
+            parts,
+            dark?.let {
+                PictureParts.of(it)
+            },
+            white, space, lensShading, pictureLights.getValue(space.white).value,
+        )
     }
 
     /**

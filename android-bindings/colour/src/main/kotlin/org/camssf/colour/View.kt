@@ -63,8 +63,8 @@ public class Reference private constructor(
     public val reflectance: Double,
     public val tolerance: Double,
     internal val source: SignalSource?,
-    /** (3) standard deviation of its samples, DN; null if it is not known. */
-    internal val sharedDeviation: DoubleArray? = null,
+    /** As of [RawRegion]. */
+    internal val sharedPhotonNoise: DoubleArray? = null,
 ) {
     internal val sharedRaw: DoubleArray = raw.copyOf()
     internal val sharedError: DoubleArray = standardError.copyOf()
@@ -113,7 +113,7 @@ public class Reference private constructor(
     /** A reference measured in a photo, with whose camera and exposure those of other regions are compared. */
     @JvmOverloads
     public constructor(region: RawRegion, reflectance: Double = 1.0, tolerance: Double = TOLERANCE) :
-        this(region.sharedRaw, region.sharedError, reflectance, tolerance, region.source, region.sharedDeviation)
+        this(region.sharedRaw, region.sharedError, reflectance, tolerance, region.source, region.sharedPhotonNoise)
 
     /**
      * A reference of raw signals whose photo is not known, so that its camera and exposure are not checked.

@@ -27,13 +27,10 @@ internal class WhiteSignal(val raw: DoubleArray, val fromReference: Boolean, val
          */
         fun of(reference: Reference, factor: Double, source: SignalSource): WhiteSignal {
             val raw = DoubleArray(3) { 1.0 / reference.scale[it] / factor }
-            val deviation = reference.sharedDeviation ?: return WhiteSignal(raw, true, DoubleArray(3))
+            val photonNoise = reference.sharedPhotonNoise ?: return WhiteSignal(raw, true, DoubleArray(3))
             // The noise of photons depends on the exposure time alone, since ISO scales signal and noise.
             val longer = reference.source?.timeOver(source) ?: 1.0
-            val noise = DoubleArray(3) {
-                deviation[it] * deviation[it] / reference.sharedRaw[it] * reference.scale[it] * longer
-            }
-            return WhiteSignal(raw, true, noise)
+            return WhiteSignal(raw, true, DoubleArray(3) { photonNoise[it] * reference.scale[it] * longer })
         }
 
         /**

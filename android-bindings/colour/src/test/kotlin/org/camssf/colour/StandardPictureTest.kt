@@ -171,6 +171,31 @@ class StandardPictureTest {
     }
 
     @Test
+    fun `with a dark photo the picture is that in the torch's light, and the noise that of both photos`() {
+        fun photo(level: Double, exposure: Double = 0.01) =
+            PaintedPhoto.of(40, 30, origin = PaintedPhoto.origin(exposure = exposure)) { x, y, _ ->
+                level + 0.02 * ((7 * x + 13 * y + x * y) % 5 - 2) // noise, as far as a measurement knows
+            }
+        val (room, torch) = 0.3 to 0.4
+        val area = listOf(Region(0, 0, 30, 28))
+        val white = RawRegion.measure(photo(room + torch), area, photo(room)).single()
+        val alone = RawRegion.measure(photo(torch), area).single()
+        val (both, less) = white.signalToNoise!!.toDoubleArray() to alone.signalToNoise!!.toDoubleArray()
+        assertTrue(both.indices.all { both[it] < less[it] })
+        val lit = Standardiser.read(text, d55, Reference(white))
+        val made = numbers(lit.picture(photo(room + 0.2), dark = photo(room)))
+        val known = numbers(Standardiser.read(text, d55, Reference(alone)).picture(photo(0.2)))
+        val middle = { of: Numbers -> of.pixels.sorted()[of.pixels.size / 2].toDouble() }
+        assertEquals(middle(known), middle(made), 600.0)
+        val deviation = { of: Numbers -> of.uncertainty.average() }
+        assertTrue(deviation(made) > deviation(known))
+        val other = assertThrows(CalibrationException::class.java) {
+            lit.picture(photo(room + 0.2), dark = photo(room, exposure = 0.02))
+        }
+        assertEquals("frames_differ", other.code)
+    }
+
+    @Test
     fun `spaces have Python's names`() {
         assertEquals(PictureSpace.values().toList(), PictureSpace.values().map { PictureSpace.of(it.word) })
         val error = assertThrows(InvalidArgument::class.java) { PictureSpace.of("adobe") }

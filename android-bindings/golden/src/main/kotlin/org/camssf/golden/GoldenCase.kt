@@ -178,7 +178,7 @@ internal class GoldenCase private constructor(val name: String, private val json
             "colour" to setOf("result", "lamp", "signals", "standard_error", "reference", "view"),
             "spectrum" to setOf("result", "photos", "prior", "view"),
             "regions" to setOf("photo", "areas", "dark", "lens_shading"),
-            "picture" to setOf("result", "lamp", "photo", "white", "space", "shading", "area"),
+            "picture" to setOf("result", "lamp", "photo", "dark", "white", "space", "shading", "area"),
             "finder" to setOf("dng", "form"),
         )
         private val OUTPUTS = mapOf(

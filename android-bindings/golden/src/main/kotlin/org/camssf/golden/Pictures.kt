@@ -2,6 +2,7 @@ package org.camssf.golden
 
 import kotlinx.serialization.json.JsonArray
 import kotlinx.serialization.json.JsonElement
+import kotlinx.serialization.json.contentOrNull
 import kotlinx.serialization.json.int
 import kotlinx.serialization.json.jsonArray
 import kotlinx.serialization.json.jsonObject
@@ -41,11 +42,12 @@ internal class Pictures(private val colours: Colours, private val photos: Photos
         val camera = colours.camera(colours.result(case.inputs.getValue("result").jsonObject), anonymous = true)
         val lamp = case.inputs.text("lamp").let { if (it == "auto") Lamp.auto() else Lamp.read(it) }
         val photo = photos.read(case.inputs.text("photo"))
+        val dark = case.inputs["dark"]?.jsonPrimitive?.contentOrNull?.let { photos.read(it) }
         val white = (case.inputs.getValue("white") as? JsonArray)?.let { region(it) }
             ?: return StandardPicture.of(camera, lamp, PhotoSource.of(photo), space, shading)
-        val region = RawRegion.measure(photo, listOf(white), lensShading = shading).single()
+        val region = RawRegion.measure(photo, listOf(white), dark, shading).single()
         val reference = Reference(region, REFLECTANCE)
-        return Standardiser.of(camera, lamp, reference, View()).picture(photo, space, shading)
+        return Standardiser.of(camera, lamp, reference, View()).picture(photo, space, shading, dark)
     }
 
     /** Of x, y, width and height. */
