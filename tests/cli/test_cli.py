@@ -3,6 +3,7 @@
 import io
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -239,6 +240,9 @@ def test_demo(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         assert all(f"{value:.3f}" in err for value in found)
     for found in (without, unnamed["scores"]["rmse"]):
         assert all(f"{value:.3f}" in page for value in found)
+    (shown,) = re.findall(r"```text\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.DOTALL)
+    printed = {" ".join(line.split()).replace("┃", "│") for line in err.splitlines()}
+    assert {" ".join(line.split()) for line in shown.splitlines()} <= printed
     assert np.mean(unnamed["scores"]["rmse"]) < 0.8 * np.mean(without)  # the photo is worth something
     assert cli.main(["demo", "-o", str(out)]) == 0  # its own it replaces
 
