@@ -12,6 +12,7 @@ import yaml
 from packaging.utils import canonicalize_name
 
 from camssf import __version__
+from tools.mutants import mutants
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
@@ -47,3 +48,12 @@ def test_the_citation_is_whole() -> None:
     assert citation["license"] == PROJECT["project"]["license"]
     (paper,) = citation["references"]
     assert re.fullmatch(r"10\.\d{4}/\S+", paper["doi"])
+
+
+def test_the_table_of_mutants_is_one_of_todays_code() -> None:
+    """`python -m tools.mutants` runs them, in a quarter of an hour."""
+    table = mutants()
+    for mutant in table:
+        assert mutant.text(ROOT) != (ROOT / mutant.file).read_text("utf-8")
+        assert all((ROOT / file).is_file() for file in mutant.tests.split()), mutant.what
+    assert len({mutant.what for mutant in table}) == len(table)
