@@ -135,6 +135,16 @@ def test_fallbacks_are_named_with_their_shot() -> None:
     np.testing.assert_allclose(signals.dark[1], 512)
 
 
+def test_the_white_patch_is_taken_above_its_own_dark_signal() -> None:
+    """Without a white frame, where the dark signal differs from patch to patch."""
+    dark = 512.0 + 10.0 * np.arange(24.0)[:, None]
+    signals = normalise([replace(SHOT, white=None, dark=means(dark, 3))], CLASSIC)
+    light = CHART - dark
+    np.testing.assert_allclose(signals.values[0], light / light[WHITE], rtol=1e-12)
+    equation_5 = (signals.chart - signals.dark) / (signals.white - signals.dark)
+    np.testing.assert_allclose(equation_5, signals.values, rtol=1e-12)
+
+
 def test_clipped_patches_are_not_used() -> None:
     clipped = np.zeros((24, 3))
     clipped[3, 1], clipped[5, 2] = 0.011, 0.009

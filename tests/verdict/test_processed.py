@@ -78,6 +78,16 @@ def test_samples_that_a_program_has_mixed_are_doubted(change: Change | None, rea
     assert reasons_of(change) == reasons
 
 
+@pytest.mark.parametrize("period", [3.0, 5.0, 9.0])
+def test_a_weave_is_no_noise(period: float) -> None:
+    """A pattern that all rows share, as of cloth or of a lamp's flicker, is not taken for correlated noise."""
+
+    def woven(light: Floats) -> Floats:
+        return light * (1.0 + 0.02 * np.sin(2.0 * np.pi / period * np.arange(light.shape[1])))
+
+    assert reasons_of(woven) == []
+
+
 def test_the_noise_of_a_sensor_shows_no_mixture_and_that_of_a_mixture_shows_how_much() -> None:
     rng = np.random.default_rng(2)
     signal = rng.uniform(100.0, 9000.0, (24, 3))
