@@ -12,6 +12,7 @@ from camssf.errors import ChartNotFound, FramesDiffer
 from camssf.photo.find.pose import Pose
 from camssf.photo.patches import measure_patches
 from camssf.photo.read.dng import CFA_ORDERS, Mosaic
+from camssf.photo.samples import SHRINK, samples_in
 from camssf_lab.simulation.camera import Sensor
 from camssf_lab.simulation.scene import Scene
 from tests.support.scenes import SIZE, mosaic, shoot
@@ -127,6 +128,15 @@ def test_share_of_clipped_samples_is_counted_before_anything() -> None:
     samples[30:50] = 16383
     got = measure_patches(mosaic(samples), PATCH).chart
     assert got.clipped[0] == pytest.approx([10 / 21, 410 / 840, 0.5])
+
+
+def test_corners_are_rounded_to_a_sixteenth_of_a_pixel() -> None:
+    """A border 0.02 px before a column still holds it, one 0.04 px before does not."""
+    for short, last in ((0.02, 30), (0.04, 28)):
+        ends = np.array([[10.0, 10.0], [30.0 - short, 10.0], [30.0 - short, 30.0 - short], [10.0, 30.0 - short]])
+        centre = ends.mean(axis=0)
+        rows, columns = samples_in(centre + (ends - centre) / SHRINK, (0, 0), (60, 60), 1)
+        assert (columns.min(), columns.max(), rows.max()) == (10, last, last)
 
 
 def test_steep_gradient_rejects_nothing_and_is_not_noise() -> None:

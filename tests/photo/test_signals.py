@@ -145,6 +145,15 @@ def test_the_white_patch_is_taken_above_its_own_dark_signal() -> None:
     np.testing.assert_allclose(equation_5, signals.values, rtol=1e-12)
 
 
+def test_the_dark_frames_error_hardly_counts_near_white() -> None:
+    """∂y/∂D = (y - 1) / b: with an error of the dark frame alone."""
+    shot = PatchMeans(means(CHART, 0.0), means(9000.0, 0.0), means(512.0, 7.0), np.full(3, 512.0), 16383.0)
+    signals = normalise([shot], CLASSIC)
+    light = CHART - 512.0
+    expected = np.abs(light / 8488.0 - 1.0) * 7.0 / 8488.0
+    np.testing.assert_allclose(signals.standard_error[0], expected, rtol=1e-9)
+
+
 def test_clipped_patches_are_not_used() -> None:
     clipped = np.zeros((24, 3))
     clipped[3, 1], clipped[5, 2] = 0.011, 0.009

@@ -338,6 +338,13 @@ def test_the_gap_bounds_the_distance_to_the_optimum(size: float, l2: float, nonn
 
 
 @pytest.mark.parametrize("nonnegative", [False, True])
+def test_where_nothing_is_worth_its_penalty_zero_is_proven(nonnegative: bool) -> None:
+    """γ twice what makes every code 0: the residual itself is dual, and must not be scaled up."""
+    g = np.abs(problem_of(6, 0.0, 1.0).g).max()
+    assert duality_gap(problem_of(6, 0.0, 2.0 * g, nonnegative), np.zeros(12))[1] == pytest.approx(0.0, abs=1e-15)
+
+
+@pytest.mark.parametrize("nonnegative", [False, True])
 def test_with_l2_the_gap_is_of_second_order(nonnegative: bool) -> None:
     """Ten times nearer along the support, a hundred times smaller; by scaling it would be ten times."""
     problem = problem_of(6, 0.5, 2.0, nonnegative)

@@ -27,6 +27,7 @@ from camssf.recovery.unfamiliar_camera import code_length
 from camssf.rules import rules
 from camssf.spectra import ChartTable, Lamp, read_chart, read_lamp
 from camssf.spectra.layouts import LAYOUTS
+from camssf.verdict.exposure_and_noise import FEW_PATCHES, exposure, few
 from camssf.verdict.goodness_of_fit import EXPLANATION, GoodnessOfFit, VerdictInputs, signal_covariance
 from camssf.verdict.judge import judge
 from camssf.verdict.lamp import OTHER_LAMP_REFUSES, RIVAL, Neutral, Rival
@@ -653,6 +654,21 @@ def test_few_patches() -> None:
     scene = Scene(clean())
     few: Signals = replace(scene.signals, used=scene.signals.used & (np.arange(24) < 9))
     assert codes(scene.judged(signals=few)) == ["underexposed"]
+
+
+def test_as_many_patches_as_the_limit_are_enough() -> None:
+    scene = Scene(clean())
+    for count, reasons in ((FEW_PATCHES, []), (FEW_PATCHES - 1, ["underexposed.few_dark"])):
+        assert [reason.key for reason in few(np.arange(24) < count, 0, scene.shots[0], Checks())] == reasons
+
+
+def test_stray_light_is_seen_in_any_channel() -> None:
+    """The darkest patch of one channel is bright, that of the others is not."""
+    scene = Scene(clean())
+    values = scene.signals.values.copy()
+    values[..., 2] = np.maximum(values[..., 2], 0.2)
+    reasons = exposure(replace(scene.signals, values=values), 0, scene.shots[0], Checks())
+    assert [reason.key for reason in reasons] == ["glare.darkest_patch"]
 
 
 def test_a_basis_without_a_prior_is_judged_by_its_residual_alone() -> None:
