@@ -1,7 +1,4 @@
-"""JSON Schemas of the documents, and Kotlin's table, from their types; and a hook of MkDocs.
-
-The site shows a table of each part's fields on the page of the formats; no table is kept in the repository.
-"""
+"""JSON Schemas of the documents, and Kotlin's table, from their types: `python -m tools.formats [--check]`."""
 
 from __future__ import annotations
 
@@ -29,7 +26,6 @@ from tools.pages import markdown_table, parser, write_or_check
 
 COMMAND = "python -m tools.formats"
 FOLDER = Path(__file__).parents[1] / "docs" / "schemas"
-PAGE = "formats.md"
 DOCUMENTS: dict[str, type] = {
     "document": Document,
     "passport": Claims,
@@ -80,11 +76,6 @@ def _words(form: dict[str, Any]) -> str:
     kind = form.get("type", "anything")
     kind = kind if isinstance(kind, str) else " or ".join(kind)
     return {"string": "text", "integer": "whole number"}.get(kind, kind)
-
-
-def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
-    """Put the tables on the page of the formats."""
-    return markdown if page.file.src_uri != PAGE else f"{markdown}\n{tables(schema(Document))}\n"
 
 
 def main(argv: Sequence[str] | None = None) -> int:

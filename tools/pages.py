@@ -30,11 +30,6 @@ def template(name: str, **values: Any) -> str:
     return _TEMPLATES.get_template(name).render(values)
 
 
-def between(page: str, command: str) -> str:
-    """What a page has between the mark of a command and END; nothing if it lacks them."""
-    return page.partition(f"<!-- {command} -->")[2].partition(END)[0].strip("\n")
-
-
 def filled(page: str, parts: Mapping[str, str]) -> str:
     """The page with new tables, by the commands of their marks.
 

@@ -1,16 +1,9 @@
-"""The thresholds of data/rules.json as docs/verdict.md shows them: `python -m tools.rules_table [--check]`."""
+"""The table of the thresholds of data/rules.json, which the site shows on the page of the verdict."""
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Sequence
-from pathlib import Path
-
-from camssf.rules import Number, Rules, rules
-from tools.pages import filled, markdown_table, parser, write_or_check
-
-PAGE = Path(__file__).parents[1] / "docs" / "verdict.md"
-COMMAND = "python -m tools.rules_table"
+from camssf.rules import Number, Rules
+from tools.pages import markdown_table
 
 
 def markdown(found: Rules) -> str:
@@ -37,18 +30,3 @@ def _quantity(bounds: list[Number]) -> list[str]:
 def _limit(number: Number) -> str:
     """Where an answer is doubtful, or `refused` before it."""
     return f"{'refused ' * (number.makes == 'refused')}{number.beyond} {number.value:.4g}"
-
-
-def page(text: str, found: Rules) -> str:
-    """The page with its table made anew."""
-    return filled(text, {COMMAND: markdown(found)})
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Write the table, or say whether it is the file's."""
-    made = {PAGE.name: page(PAGE.read_text("utf-8"), rules())}
-    return write_or_check(COMMAND, PAGE.parent, made, check=parser(COMMAND, __doc__).parse_args(argv).check)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

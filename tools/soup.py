@@ -1,30 +1,27 @@
-"""Writes docs/soup.md: run-time dependencies, versions, licences, known anomalies. `python -m tools.soup [--check]`.
+"""Run-time dependencies, versions, licences, known faults, as the site shows them: `python -m tools.soup`.
 
-Python's come from the installed metadata, Kotlin's from the SBOMs that `mvn -f android-bindings verify` writes;
-without SBOMs, Kotlin's rows on the page stay unchanged. The purpose of a dependency, what its wheel bundles, and its
-known anomalies are in tools/soup.json; a missing or superfluous entry there makes the command exit with 1.
+Python's come from the installed metadata, Kotlin's from the SBOMs that `mvn -f android-bindings verify` writes. The
+purpose of a dependency, what its wheel bundles, and its known faults are in tools/soup.json; a missing or superfluous
+entry there makes the command exit with 1. Without SBOMs it leaves Kotlin out.
 """
 
 from __future__ import annotations
 
 import json
-import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
 
 from tools.closure import closure
-from tools.pages import between, filled, markdown_table, parser, write_or_check
+from tools.pages import markdown_table
 
 ROOT = Path(__file__).parents[1]
-PAGE = ROOT / "docs" / "soup.md"
 KNOWN = Path(__file__).parent / "soup.json"
-COMMAND = "python -m tools.soup"
-LANGUAGES = ("python", "kotlin")
 HEAD = ("package", "version", "licence", "purpose; known faults")
 INDIRECT = "others"
 """The purpose of what only other dependencies need."""
+NOT_BUILT = "This site was built without the SBOMs that `mvn -f android-bindings verify` writes."
 Found: TypeAlias = Mapping[str, tuple[str, str]]
 """Version and licence by name."""
 
@@ -42,6 +39,11 @@ def kotlin_found(folder: Path = ROOT / "android-bindings") -> Found:
             if each.get("group") != "org.camssf" and each["name"] != "android-all":
                 found[f"{each['group']}:{each['name']}"] = (each["version"], _licence(each))
     return dict(sorted(found.items()))
+
+
+def read_known() -> dict[str, dict[str, dict[str, str]]]:
+    """The entries of tools/soup.json: by language, then by the dependency's name."""
+    return dict(json.loads(KNOWN.read_text("utf-8")))
 
 
 def _licence(component: Mapping[str, Any]) -> str:
@@ -75,27 +77,24 @@ def table(found: Found, known: Mapping[str, Mapping[str, str]]) -> str:
     return f"{markdown_table(HEAD, rows)}\n\nNeeded only by these: {', '.join(others)}."
 
 
-def listed(page: str, language: str) -> dict[str, tuple[str, str]]:
-    """Version and licence by name, as the page has them."""
-    *lines, _, others = between(page, f"{COMMAND}: {language}").splitlines()
-    found = {name: (version, licence) for name, version, licence, _ in (row[2:-2].split(" | ") for row in lines[2:])}
-    return found | {
-        name: (version, licence) for name, version, licence in re.findall(r"(\S+) (\S+) \((.*?)\)", others)
-    }
+def python_table() -> str:
+    """The table of Python's dependencies in this environment."""
+    return table(python_found(), read_known()["python"])
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Write the page, or check it against the installed packages; returns 1 if there are faults."""
-    check = parser(COMMAND, __doc__).parse_args(argv).check
-    known, page = json.loads(KNOWN.read_text("utf-8")), PAGE.read_text("utf-8")
-    made, wrong, counts = page, [], []
+def kotlin_table() -> str:
+    """The table of Kotlin's dependencies, or what to do where the artifacts are not built."""
+    found = kotlin_found()
+    return table(found, read_known()["kotlin"]) if found else NOT_BUILT
+
+
+def main() -> int:
+    """Compare tools/soup.json with what is installed and built; returns 1 if there are faults."""
+    known, wrong, counts = read_known(), [], []
     for language, found in (("python", python_found()), ("kotlin", kotlin_found())):
         if found:
             wrong += faults(found, known[language])
-            made = filled(made, {f"{COMMAND}: {language}": table(found, known[language])})
-        counts.append(f"{len(found)} of {language}" if found else f"{language} as the page has it (no build)")
-    if write_or_check(COMMAND, PAGE.parent, {PAGE.name: made}, check=check):
-        wrong.append("docs/soup.md is not what is installed. Run python -m tools.soup, with constraints.txt.")
+        counts.append(f"{len(found)} of {language}" if found else f"{language} not built")
     for each in wrong:
         print(each, file=sys.stderr)
     print(f"soup: {', '.join(counts)}, {len(wrong)} faults")

@@ -1,10 +1,10 @@
-"""Writes docs/traceability.md: requirements, risks, tests, last results. `python -m tools.trace [--check]`.
+"""Requirements, risks, tests and their results: `python -m tools.trace [--results DIR]` checks that none is missing.
 
 Requirements are in tools/requirements.json. A test names those that it verifies: in Python by
 `@pytest.mark.requirement("R-...")` or a file's `pytestmark`, in Kotlin by `@Tag("R-...")` on a class or a function.
 Results are read from JUnit XML by pytest and Surefire. The command exits with 1 if a requirement has no test, a
 marker names an unknown requirement, a row of the table in docs/claims.md belongs to no requirement, or, with
-results, if a requirement's test failed or none ran.
+results, if a requirement's test failed or none ran. The site shows the table, with the results in out/results.
 """
 
 from __future__ import annotations
@@ -22,12 +22,11 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from camssf import __version__
-from camssf.files import write_file
-from tools.pages import between, filled, markdown_table, parser
+from tools.pages import markdown_table
 
 ROOT = Path(__file__).parents[1]
 REQUIREMENTS = Path(__file__).parent / "requirements.json"
-PAGE = ROOT / "docs" / "traceability.md"
+RESULTS = ROOT / "out" / "results"
 CLAIMS_PAGE = ROOT / "docs" / "claims.md"
 COMMAND = "python -m tools.trace"
 HEAD = ("requirement", "what", "if it did not hold", "tests", "last run")
@@ -227,39 +226,35 @@ def faults(requirements: Sequence[Requirement], tests: Sequence[Marked], said: S
     return found
 
 
-def rows(requirements: Sequence[Requirement], tests: Sequence[Marked]) -> list[tuple[str, str, str, str]]:
+def described(requirements: Sequence[Requirement], tests: Sequence[Marked]) -> list[tuple[str, str, str, str]]:
     """Name, text, risk and files with tests of each requirement."""
-    table = []
+    rows = []
     for requirement in requirements:
         files = dict.fromkeys(Path(test.place).name for test in tests if test.requirement == requirement.name)
-        table.append((requirement.name, requirement.text, requirement.risk, ", ".join(f"`{name}`" for name in files)))
-    return table
+        rows.append((requirement.name, requirement.text, requirement.risk, ", ".join(f"`{name}`" for name in files)))
+    return rows
 
 
-def stored(page: str) -> tuple[str, list[tuple[str, ...]]]:
-    """The line about the last run, and the table's rows, from the page."""
-    lines = between(page, COMMAND).splitlines()
-    run = next((line for line in lines if line.startswith("Last run:")), f"Last run: {NOT_RUN}.")
-    return run, [tuple(line[2:-2].split(" | ")) for line in lines if line.startswith("| R-")]
-
-
-def written(page: str, table: Sequence[tuple[str, str, str, str]], run: str, ended: Mapping[str, str]) -> str:
-    """The page with a new table."""
-    lines = [(*row, ended.get(row[0], NOT_RUN)) for row in table]
-    return filled(page, {COMMAND: f"{run}\n\n{markdown_table(HEAD, lines)}"})
+def table(results: Path = RESULTS) -> str:
+    """When the tests of a folder's results ran, and the table of the requirements with what came of their tests."""
+    files = _inside(results)
+    found, tests = read_results(files), markers()
+    rows = [
+        (*row, str(counts([test for test in tests if test.requirement == row[0]], found)))
+        for row in described(read_requirements(), tests)
+    ]
+    when = datetime.fromtimestamp(max(path.stat().st_mtime for path in files), UTC) if files else None
+    run = f"{when:%Y-%m-%d %H:%M} UTC, camssf {__version__}" if when else NOT_RUN
+    return f"Last run: {run}.\n\n{markdown_table(HEAD, rows)}"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Write the page, or check it; returns 1 if there are faults."""
-    command = parser(COMMAND, __doc__)
+    """Check the trace; returns 1 if there are faults."""
+    command = argparse.ArgumentParser(prog=COMMAND, description=(__doc__ or "").partition("\n")[0])
     command.add_argument("--results", type=Path, nargs="*", default=[], help="JUnit XML, folders with TEST-*.xml")
-    command.add_argument("--page", type=Path, default=PAGE, help=argparse.SUPPRESS)
     options = command.parse_args(argv)
     requirements, tests = read_requirements(), markers()
     wrong = faults(requirements, tests, claims(CLAIMS_PAGE.read_text("utf-8")))
-    page = options.page.read_text("utf-8")
-    run, shown = stored(page)
-    ended = {row[0]: row[-1] for row in shown}
     total = Counts()
     if options.results:
         results = read_results(options.results)
@@ -269,14 +264,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         }
         wrong += [f"{name}: {each}." for name, each in found.items() if each.failed or not each.passed]
         total = sum(found.values(), Counts())
-        run = f"Last run: {datetime.now(UTC):%Y-%m-%d %H:%M} UTC, camssf {__version__}."
-        ended = {name: str(each) for name, each in found.items()}
-    table = rows(requirements, tests)
-    made = written(page, table, run, ended)
-    if not options.check:
-        write_file(options.page, made)
-    elif [row[:-1] for row in shown] != table:
-        wrong.append("docs/traceability.md is not what the markers say. Run python -m tools.trace.")
     for each in wrong:
         print(each, file=sys.stderr)
     marked = len({(each.place, each.test) for each in tests})

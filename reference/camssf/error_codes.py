@@ -1,6 +1,6 @@
 """Explains error codes: meaning, causes and what to do, from data/errors.json, messages and rules.
 
-`camssf explain CODE` prints the explanation; `python -m tools.error_pages` writes a page of each to docs/errors.
+`camssf explain CODE` prints the explanation; the site has a page of each.
 """
 
 from __future__ import annotations

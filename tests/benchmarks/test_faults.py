@@ -22,7 +22,7 @@ from camssf_lab.simulation.scene import Scene, true_pose
 from camssf_lab.simulation.shot import Frames, take
 from camssf_lab.simulation.shot_plan import ShotPlan
 from tools.faults_table import COMMAND, markdown
-from tools.pages import between
+from tools.pages import filled
 
 DOCS = Path(__file__).parents[2] / "docs"
 SIZE = (360, 270)
@@ -286,7 +286,7 @@ def test_a_dark_lens_in_the_field(tmp_path: Path) -> None:
 def test_the_docs_table_is_the_benchmark_s() -> None:
     found = json.loads((DOCS / "faults.json").read_text("utf-8"))
     page = (DOCS / "verdict.md").read_text("utf-8")
-    assert between(page, COMMAND) == markdown(found)
+    assert filled(page, {COMMAND: markdown(found)}) == page
     assert list(found["faults"]) == list(FAULTS)
     assert found["half"] == "report"
 

@@ -17,6 +17,7 @@ import yaml
 import camssf
 from camssf import Result
 from camssf.cli import BATCH_FAILED, BUG, INTERRUPTED, UNDECIDED, app, main
+from camssf.error_codes import codes
 from camssf.errors import CalibrationError
 
 ROOT = Path(__file__).parents[2]
@@ -232,9 +233,8 @@ def test_cli_md_has_the_exit_statuses_of_the_code() -> None:
 
 def test_every_page_is_in_the_navigation() -> None:
     listed = set(re.findall(r": ([\w/-]+\.md)$", (ROOT / "mkdocs.yml").read_text("utf-8"), re.MULTILINE))
-    assert listed == {
-        page.relative_to(ROOT / "docs").as_posix() for page in PAGES if page.is_relative_to(ROOT / "docs")
-    }
+    stored = {page.relative_to(ROOT / "docs").as_posix() for page in PAGES if page.is_relative_to(ROOT / "docs")}
+    assert listed == stored | {f"errors/{code}.md" for code in codes()}
 
 
 def test_the_pages_need_no_other_server() -> None:

@@ -48,6 +48,16 @@ def test_the_home_page_leads_to_five_groups_and_the_repository(site: Path) -> No
     assert re.search(r'<img alt="[^"]{20,}" src="images/[\w-]+\.png"', text)
 
 
+@pytest.mark.parametrize(("page", "shown"), [
+    ("verdict", "hardly more than a typical phone"), ("formats", "<code>white_reflectance</code>"),
+    ("errors", "Too many samples are clipped"),
+    ("errors/glare", "Usual causes"), ("traceability", "R-DOCS"), ("soup", "all arithmetic"),
+])  # fmt: skip
+def test_what_is_not_kept_is_on_the_site(page: str, shown: str, site: Path) -> None:
+    """Pages and tables that tools/site_pages.py makes."""
+    assert shown in (site / page / "index.html").read_text("utf-8")
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("page", SHOWN)
 def test_axe_finds_no_serious_fault_in_the_site(page: str, scheme: str, site: Path, tmp_path: Path) -> None:

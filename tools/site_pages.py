@@ -1,0 +1,41 @@
+"""A hook of MkDocs: the site's pages and tables that are made from data, code and test results, and not kept."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from camssf.documents.document import Document
+from camssf.documents.schema import schema
+from camssf.rules import rules
+from tools import error_pages, formats, rules_table, soup, trace
+from tools.pages import filled
+
+if TYPE_CHECKING:
+    from mkdocs.config.defaults import MkDocsConfig
+    from mkdocs.structure.files import Files
+    from mkdocs.structure.pages import Page
+
+TABLES: dict[str, dict[str, Callable[[], str]]] = {
+    "errors/index.md": {"tools.error_pages": error_pages.index},
+    "formats.md": {"tools.formats": lambda: formats.tables(schema(Document))},
+    "soup.md": {"tools.soup: python": soup.python_table, "tools.soup: kotlin": soup.kotlin_table},
+    "traceability.md": {"tools.trace": trace.table},
+    "verdict.md": {"tools.rules_table": lambda: rules_table.markdown(rules())},
+}
+"""What makes the tables of a page, by their marks in it."""
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add a page for each error code."""
+    from mkdocs.structure.files import File
+
+    for name, text in error_pages.pages().items():
+        files.append(File.generated(config, f"errors/{name}", content=text))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
+    """Fill the marks of a page with their tables."""
+    made = {mark: make() for mark, make in TABLES.get(page.file.src_uri, {}).items()}
+    return filled(markdown, made)
