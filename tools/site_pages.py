@@ -8,18 +8,30 @@ from typing import TYPE_CHECKING
 from camssf.documents.document import Document
 from camssf.documents.schema import schema
 from camssf.rules import rules
+from camssf.spectra.lamps import lamp_aliases
 from tools import error_pages, formats, rules_table, soup, trace
-from tools.pages import filled
+from tools.pages import filled, markdown_table
 
 if TYPE_CHECKING:
     from mkdocs.config.defaults import MkDocsConfig
     from mkdocs.structure.files import Files
     from mkdocs.structure.pages import Page
 
+
+def lamp_names() -> str:
+    """What people call lamps, and the lamp that each name is read as, or the advice with which it is refused."""
+    rows = [
+        (", ".join(said.names), f"`{said.lamp}`: {said.what}" if said.lamp else said.advice)
+        for said in lamp_aliases()
+    ]
+    return markdown_table(("name", "lamp, or advice"), rows)
+
+
 TABLES: dict[str, dict[str, Callable[[], str]]] = {
     "errors/index.md": {"tools.error_pages": error_pages.index},
     "formats.md": {"tools.formats": lambda: formats.tables(schema(Document))},
     "soup.md": {"tools.soup: python": soup.python_table, "tools.soup: kotlin": soup.kotlin_table},
+    "tables.md": {"data/lamp-names.json": lamp_names},
     "traceability.md": {"tools.trace": trace.table},
     "verdict.md": {"tools.rules_table": lambda: rules_table.markdown(rules())},
 }
