@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -9,13 +10,18 @@ from camssf.documents.document import Document
 from camssf.documents.schema import schema
 from camssf.rules import rules
 from camssf.spectra.lamps import lamp_aliases
-from tools import error_pages, formats, rules_table, soup, trace
+from tools import error_pages, formats, paper_page, rules_table, soup, trace
 from tools.pages import filled, markdown_table
 
 if TYPE_CHECKING:
     from mkdocs.config.defaults import MkDocsConfig
     from mkdocs.structure.files import Files
     from mkdocs.structure.pages import Page
+
+
+def paper() -> str:
+    """The paper's experiments by the numbers of their last run."""
+    return paper_page.page(json.loads((paper_page.DOCS / "paper.json").read_text("utf-8")))
 
 
 def lamp_names() -> str:
@@ -30,6 +36,7 @@ def lamp_names() -> str:
 TABLES: dict[str, dict[str, Callable[[], str]]] = {
     "errors/index.md": {"tools.error_pages": error_pages.index},
     "formats.md": {"tools.formats": lambda: formats.tables(schema(Document))},
+    "paper.md": {"tools.paper_page": paper},
     "soup.md": {"tools.soup: python": soup.python_table, "tools.soup: kotlin": soup.kotlin_table},
     "tables.md": {"data/lamp-names.json": lamp_names},
     "traceability.md": {"tools.trace": trace.table},

@@ -5,8 +5,8 @@ Wiener, the `cameras` basis) sees no camera of the maker it is scored on, and a 
 one that is best on the other makers' cameras under the same lamp and noise. RMSE on peak-normalised curves, 400 to
 700 nm, mean of R, G, B; noise σ = ν hypot(y, 0.2) with ν = 0, 0.5 % or 1 %; 12 patches are numbers 7 to 18.
 
-Leaves benchmarks/results/paper.json, of which `python -m tools.paper_page` makes docs/paper.md and its pictures. Exit
-status 1 where a bar is missed.
+Leaves benchmarks/results/paper.json, of which `python -m tools.paper_page` makes docs/paper.json and the pictures.
+Exit status 1 where a bar is missed.
 """
 
 from __future__ import annotations
