@@ -1,6 +1,6 @@
-"""docs/faults.json and the tables of docs/verdict.md, from the last run's numbers: `python -m tools.faults_table`.
+"""docs/faults.json and its summary in docs/verdict.md, from the last run's numbers: `python -m tools.faults_table`.
 
-`python -m benchmarks.claims.faults` counts them.
+`python -m benchmarks.claims.faults` counts them. The site shows the tables.
 """
 
 from __future__ import annotations
@@ -18,26 +18,55 @@ DOCS = Path(__file__).parents[1] / "docs"
 COMMAND = "python -m tools.faults_table"
 
 
-def markdown(found: dict[str, Any]) -> str:
-    """The table of docs/verdict.md: what became of every fault in severities 2 and 3, and the rest in short."""
+def summary(found: dict[str, Any]) -> str:
+    """What docs/verdict.md keeps: the counts in short, and every fault that was missed."""
     bars_ = {bar["bar"]: bar["value"] for bar in found["bars"]}
-    clean, pair = found["clean"], found["two_shots"]
+    clean, pair, causes_ = found["clean"], found["two_shots"], found["causes"]
     mild = [each[0] for each in found["faults"].values()]
+    missed = [
+        f"`{name}` {' and '.join(str(row['missed']) for row in each[1:])}"
+        for name, each in found["faults"].items()
+        if any(row["missed"] for row in each[1:])
+    ]
+    bare = [
+        f"{name}: {row['harmful_caught']} of {row['harmful']}"
+        for name, row in found["without_matrix"].items()
+        if row["harmful"]
+    ]
+    spoilt = pair["faults"].values()
+    field = [
+        f"{name}: {row['accepted']} of {row['captures']} accepted, RMSE {row['rmse']:.3f}, "
+        f"bands cover {row['coverage']:.1%}"
+        for name, row in found["field"].items()
+    ]
     lines = [
         f"- Good captures: {clean['accepted']} of {clean['captures']} accepted, {clean['doubtful']} doubtful, "
         f"{clean['refused']} refused; mean RMSE {clean['rmse']:.3f}.",
         f"- Harmful faults caught: {bars_['severity 2: harmful caught']:.1%} at severity 2, "
-        f"{bars_['severity 3: harmful caught']:.1%} at severity 3.",
+        f"{bars_['severity 3: harmful caught']:.1%} at severity 3. Missed, of "
+        f"{found['captures_a_fault_and_severity']} each: {', '.join(missed)}.",
         f"- The 95 % bands of everything that was accepted, faults included, cover {found['coverage']:.1%}.",
         f"- Severity 1, the mildest: {sum(row['missed'] for row in mild)} of {sum(row['captures'] for row in mild)} "
         f"captures missed, {sum(row['refused'] + row['doubtful'] for row in mild)} refused or doubtful.",
-        "",
+        f"- The right group of [causes](#causes) first: {causes_['right']:.2f}, mean of the faults; light blamed for "
+        f"another fault: {causes_['light_blamed']} of {causes_['not_light']}.",
+        f"- **No colour matrix in the file**, harmful captures caught by fault and severity: {'; '.join(bare)}.",
+        f"- **Two shots**, daylight and a bulb, one spoilt at severity 3 ({', '.join(pair['faults'])}): of "
+        f"{sum(row['captures'] for row in spoilt)} pairs {sum(row['caught'] for row in spoilt)} are caught, and in "
+        f"{sum(row['named'] for row in spoilt)} only the right shot is named. Of {pair['clean']} good pairs "
+        f"{pair['clean_caught']} were doubted.",
+        "- **In the field** (no white frame, no dark frame, the lamp named as `daylight` or `bulb`), against the "
+        f"same photo with all: {'; '.join(field)}.",
     ]
+    return "\n".join(lines)
+
+
+def table(found: dict[str, Any]) -> str:
+    """What the site shows: what became of every fault in severities 2 and 3."""
     refused = [
         name for name, each in found["faults"].items() if all(row["refused"] == row["captures"] for row in each[1:])
     ]
     whats = "; ".join(f"`{name}`, {FAULTS[name].what}" for name in refused)
-    lines += [f"All of both severities are refused: {whats}. The others:", ""]
     rows = []
     for name, each in found["faults"].items():
         if name in refused:
@@ -54,56 +83,25 @@ def markdown(found: dict[str, Any]) -> str:
             whole = [word for word, count in parts.items() if count == row["captures"]]
             cells.append(f"{degree}: " + ", ".join(whole or counted))
         rows.append([f"`{name}`: {FAULTS[name].what}", *cells])
-    bare = [
-        f"{name}: {row['harmful_caught']} of {row['harmful']}"
-        for name, row in found["without_matrix"].items()
-        if row["harmful"]
-    ]
-    spoilt = pair["faults"].values()
-    field = [
-        f"{name}: {row['accepted']} of {row['captures']} accepted, RMSE {row['rmse']:.3f}, "
-        f"bands cover {row['coverage']:.1%}"
-        for name, row in found["field"].items()
-    ]
-    lines += [
-        markdown_table(("fault", "severity 2", "severity 3"), rows),
-        "",
-        f"- **No colour matrix in the file**, harmful captures caught by fault and severity: {'; '.join(bare)}.",
-        f"- **Two shots**, daylight and a bulb, one spoilt at severity 3 ({', '.join(pair['faults'])}): of "
-        f"{sum(row['captures'] for row in spoilt)} pairs {sum(row['caught'] for row in spoilt)} are caught, and in "
-        f"{sum(row['named'] for row in spoilt)} only the right shot is named. Of {pair['clean']} good pairs "
-        f"{pair['clean_caught']} were doubted.",
-        "- **In the field** (no white frame, no dark frame, the lamp named as `daylight` or `bulb`), against the "
-        f"same photo with all: {'; '.join(field)}.",
-    ]
-    return "\n".join(lines)
+    others = markdown_table(("fault", "severity 2", "severity 3"), rows)
+    return f"All of both severities are refused: {whats}. The others:\n\n{others}"
 
 
 def causes(found: dict[str, Any]) -> str:
-    """The table of docs/verdict.md: which group of causes was said for which."""
+    """What the site shows: which group of causes was said for which."""
     counts = found["causes"]["counts"]
     said = [*counts, *sorted({group for row in counts.values() for group in row} - set(counts))]
     rows = [
         [fault, sum(row.values()), *(row.get(group, "") for group in said)] for fault, row in counts.items() if row
     ]
-    right = found["causes"]
-    return "\n".join(
-        [
-            markdown_table(("fault", "caught", *said), [[str(cell) for cell in row] for row in rows]),
-            "",
-            f"Right group first: {right['right']:.2f}, mean of the faults; light blamed for another fault: "
-            f"{right['light_blamed']} of {right['not_light']}.",
-        ]
-    )
+    return markdown_table(("fault", "caught", *said), [[str(cell) for cell in row] for row in rows])
 
 
 def main() -> int:
     """The command."""
     found = json.loads((RESULTS / "faults.json").read_text("utf-8"))
     found.pop("versions")
-    page = filled(
-        (DOCS / "verdict.md").read_text("utf-8"), {COMMAND: markdown(found), f"{COMMAND}: causes": causes(found)}
-    )
+    page = filled((DOCS / "verdict.md").read_text("utf-8"), {COMMAND: summary(found)})
     numbers = json.dumps(found, indent=1, ensure_ascii=False) + "\n"
     return write_or_check(COMMAND, DOCS, {"faults.json": numbers, "verdict.md": page}, check=False)
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from camssf.documents.document import Document
 from camssf.documents.schema import schema
 from camssf.rules import rules
 from camssf.spectra.lamps import lamp_aliases
-from tools import error_pages, formats, paper_page, rules_table, soup, trace
+from tools import error_pages, faults_table, formats, paper_page, rules_table, soup, trace
 from tools.pages import filled, markdown_table
 
 if TYPE_CHECKING:
@@ -18,10 +19,12 @@ if TYPE_CHECKING:
     from mkdocs.structure.files import Files
     from mkdocs.structure.pages import Page
 
+DOCS = Path(__file__).parents[1] / "docs"
 
-def paper() -> str:
-    """The paper's experiments by the numbers of their last run."""
-    return paper_page.page(json.loads((paper_page.DOCS / "paper.json").read_text("utf-8")))
+
+def numbers(name: str) -> dict[str, Any]:
+    """What a benchmark's last run left in docs/<name>.json."""
+    return dict(json.loads((DOCS / f"{name}.json").read_text("utf-8")))
 
 
 def lamp_names() -> str:
@@ -36,11 +39,15 @@ def lamp_names() -> str:
 TABLES: dict[str, dict[str, Callable[[], str]]] = {
     "errors/index.md": {"tools.error_pages": error_pages.index},
     "formats.md": {"tools.formats": lambda: formats.tables(schema(Document))},
-    "paper.md": {"tools.paper_page": paper},
+    "paper.md": {"tools.paper_page": lambda: paper_page.page(numbers("paper"))},
     "soup.md": {"tools.soup: python": soup.python_table, "tools.soup: kotlin": soup.kotlin_table},
     "tables.md": {"data/lamp-names.json": lamp_names},
     "traceability.md": {"tools.trace": trace.table},
-    "verdict.md": {"tools.rules_table": lambda: rules_table.markdown(rules())},
+    "verdict.md": {
+        "tools.faults_table: causes": lambda: faults_table.causes(numbers("faults")),
+        "tools.faults_table: faults": lambda: faults_table.table(numbers("faults")),
+        "tools.rules_table": lambda: rules_table.markdown(rules()),
+    },
 }
 """What makes the tables of a page, by their marks in it."""
 

@@ -49,7 +49,8 @@ def test_the_home_page_leads_to_five_groups_and_the_repository(site: Path) -> No
 
 
 @pytest.mark.parametrize(("page", "shown"), [
-    ("verdict", "hardly more than a typical phone"), ("formats", "<code>white_reflectance</code>"),
+    ("verdict", "hardly more than a typical phone"), ("verdict", "ink-jet copy of the chart"),
+    ("formats", "<code>white_reflectance</code>"),
     ("errors", "Too many samples are clipped"),
     ("errors/glare", "Usual causes"), ("traceability", "R-DOCS"), ("soup", "all arithmetic"),
     ("tables", "Philips TL84"), ("paper", "pseudo-inverse: wavelengths, clipped"),
