@@ -11,7 +11,7 @@ from camssf.documents.document import Document
 from camssf.documents.schema import schema
 from camssf.rules import rules
 from camssf.spectra.lamps import lamp_aliases
-from tools import error_pages, faults_table, formats, paper_page, rules_table, soup, trace
+from tools import cli_options, error_pages, faults_table, formats, paper_page, rules_table, soup, trace
 from tools.pages import filled, markdown_table
 
 if TYPE_CHECKING:
@@ -37,6 +37,7 @@ def lamp_names() -> str:
 
 
 TABLES: dict[str, dict[str, Callable[[], str]]] = {
+    "cli.md": {"tools.cli_options": cli_options.tables},
     "errors/index.md": {"tools.error_pages": error_pages.index},
     "formats.md": {"tools.formats": lambda: formats.tables(schema(Document))},
     "paper.md": {"tools.paper_page": lambda: paper_page.page(numbers("paper"))},

@@ -19,6 +19,7 @@ from camssf import Result
 from camssf.cli import BATCH_FAILED, BUG, INTERRUPTED, UNDECIDED, app, main
 from camssf.error_codes import codes
 from camssf.errors import CalibrationError
+from tools import cli_options
 
 ROOT = Path(__file__).parents[2]
 PAGES = [
@@ -163,13 +164,15 @@ def test_the_readme_is_short() -> None:
     assert len(README.split()) <= 700
 
 
-def test_cli_md_names_every_command_and_option_of_calibrate() -> None:
+def test_cli_md_names_every_command_and_the_site_its_options() -> None:
     text = (ROOT / "docs" / "cli.md").read_text("utf-8")
+    parts = dict(re.findall(r"^\*\*`camssf ([\w -]+)`\*\*\n\n((?:\|.*\n?)+)", cli_options.tables(), re.MULTILINE))
     for name, command in CLI.commands.items():  # type: ignore[attr-defined]
         assert f"`{name}`" in text or f"`camssf {name}`" in text
-        if name == "calibrate":
-            for option in [o for p in command.params for o in p.opts if o.startswith("--")]:
-                assert option == "--out" or f"`{option}`" in text, option
+        for parameter in [] if isinstance(command, typer.core.TyperGroup) else command.params:
+            for option in parameter.opts if parameter.param_type_name == "option" else []:
+                assert option == "--help" or option in parts[name], (name, option)
+    assert "passport sign" in parts
 
 
 @pytest.mark.full
