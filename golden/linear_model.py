@@ -21,8 +21,8 @@ from camssf.recovery.layers import DEPTH, LAYERS
 from camssf.recovery.observation import Observation
 from camssf.recovery.optimum import optimum
 from camssf.recovery.posterior import log_evidence
-from camssf.recovery.rows import fold_hypotheses, mode_rows, paper_rows, prior_point, rows_at
-from camssf.recovery.whitening import first_pass, modes_at_prior, patch_scales, target_at
+from camssf.recovery.rows import fold_hypotheses, paper_rows
+from camssf.recovery.whitening import linearise, target_at
 
 
 @dataclass(frozen=True)
@@ -56,15 +56,8 @@ def linear_model(observation: Observation, basis: Basis) -> LinearModel:
     if not basis.prior:
         return _paper_model(observation, basis)
     folded = fold_hypotheses(hypotheses_of([observation], basis))
-    point, (k, n, q, g, _) = prior_point(folded), folded.sizes
-    rows = rows_at(folded, point)
-    modes = modes_at_prior(folded, rows, point)
-    scale = patch_scales(rows, modes)
-    if folded.has_modes:
-        point = first_pass(folded, rows.scaled(scale), point, modes)
-        rows = rows_at(folded, point)
-    rows = rows.scaled(scale)
-    modes = mode_rows(folded, rows, point)
+    k, n, q, g, _ = folded.sizes
+    rows, modes, point = linearise(folded)
     q, g = min(q, observation.lamp_modes.shape[1]), min(g, observation.gain_modes.shape[1])
     D, gains = modes.lamps[..., : k * q], modes.gains[..., : k * g]
     order = np.moveaxis(np.arange(3 * k * n).reshape(n, 3, k), 0, -1).ravel()  # by channel, shot, patch

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from camssf.documents.curve_errors import modes_of_code
 from camssf.documents.document import Answer, Curves, Document
 from camssf.documents.stored_lamp import estimated_lamp
 from camssf.fit.scores import Scores
@@ -22,7 +23,7 @@ from camssf.spectra import Lamp, read_lamp
 from camssf.spectra.lamps import is_lamp_name
 from camssf.verdict.reasons import Reason, Verdict
 from camssf_colour import PARTS, Camera, Reference, View, camera_of_result, standard_colour
-from camssf_colour.camera import camera_of_answer, modes_of_code
+from camssf_colour.camera import camera_of_answer
 from camssf_colour.reach import REACH
 from golden import contract
 from golden.contract import Call, Keys, Stage, against_stored, always, each, words

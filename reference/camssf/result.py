@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from camssf.documents.curve_errors import error_modes
 from camssf.documents.document import Curves, Document, Truth, answer_in, document_bytes, read_document
 from camssf.documents.forms import BrokenError
-from camssf.errors import CalibrationError
+from camssf.documents.stored_lamp import lamp_of
+from camssf.errors import CalibrationError, InvalidArgument
 from camssf.files import write_file
 from camssf.fit.scores import Scores, rmse
 from camssf.fit.solutions import Uncertainty
-from camssf.grid import Floats
+from camssf.grid import WAVELENGTHS, Floats
 from camssf.photo.signals import Signals, normalise
 from camssf.recovery.sensitivity import Ssf
+from camssf.report.comparison import VISIBLE, in_deviations
 from camssf.report.notebook import as_html, as_line
 from camssf.report.previews import previews
 from camssf.shapes import Apart
@@ -94,6 +99,93 @@ class Result(Document):
         return None if std is None else std.values
 
     @property
+    def covariance(self) -> Floats | None:
+        """(681, 3, 681, 3) covariance of `curves`: of wavelength and channel with wavelength and channel.
+
+        Its diagonal is `std` squared. It is that of the code, carried to curves of peak 1. What else the band holds
+        (the misfit profile, the difference between mixed hypotheses) is taken as smooth over BAND_CORRELATION of
+        `curve_errors` and independent between channels; so is all where the result's basis is not the installed one.
+        None on a basis without a prior.
+
+        Raises:
+            InvalidArgument: the result was refused.
+        """
+        modes = self._error_modes()
+        return np.tensordot(modes, modes, axes=(0, 0)) if len(modes) else None
+
+    def at(self, wavelengths: ArrayLike) -> tuple[Floats, Floats | None]:
+        """Curves and standard deviations at wavelengths, linear between those of the grid.
+
+        Args:
+            wavelengths: nm, one number or an array, 380 to 720.
+
+        Returns:
+            (..., 3) values of `curves`, and of `std`, None on a basis without a prior.
+
+        Raises:
+            InvalidArgument: the result was refused, or a wavelength outside 380 to 720 nm.
+        """
+        try:
+            nm = np.asarray(wavelengths, dtype=np.float64)
+        except (TypeError, ValueError):
+            nm = np.array(np.nan)
+        if not ((nm >= WAVELENGTHS[0]) & (nm <= WAVELENGTHS[-1])).all():
+            raise InvalidArgument("A wavelength is not between 380 and 720 nm.", "Give numbers in nanometres.")
+
+        def between(values: Floats) -> Floats:
+            return np.stack([np.interp(nm, WAVELENGTHS, column) for column in values.T], axis=-1)
+
+        return between(self.curves), None if self.std is None else between(self.std)
+
+    def sample(self, count: int, seed: int | np.random.Generator) -> Floats:
+        """Draws of the curves, (count, 681, 3), from a normal distribution of mean `curves` and of `covariance`.
+
+        It is the Gaussian approximation of the posterior about these curves, each channel's peak = 1: a draw may be
+        negative or above 1 where a sensitivity may not, and its largest value is only near 1.
+
+        Args:
+            count: number of draws.
+            seed: of NumPy's generator, or a generator.
+
+        Raises:
+            InvalidArgument: the result was refused, has no band, or `count` is not a number of draws.
+        """
+        modes = self._error_modes()
+        if not len(modes):
+            raise InvalidArgument("This result has no band, so no draws.", "Choose a basis with a prior.")
+        if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
+            raise InvalidArgument(f"`count` is {count!r}, not a number of draws.", "Give 1 or more.")
+        steps = np.random.default_rng(seed).standard_normal((int(count), len(modes)))
+        return np.asarray(self.curves + np.tensordot(steps, modes, axes=1))
+
+    def _error_modes(self) -> Floats:
+        """(q, 681, 3) independent modes of the errors of `curves`; none without a band."""
+        answer, lamp = answer_in(self), lamp_of(self, 0)
+        return error_modes(answer, None if lamp is None else lamp.values)[0]
+
+    @property
+    def z_scores(self) -> Floats | None:
+        """(681, 3) `curves` minus the truth over `std`; None without a truth or without a band.
+
+        Raises:
+            InvalidArgument: the result was refused.
+        """
+        curves, std = self.curves, self.std
+        if self.truth is None or std is None:
+            return None
+        return in_deviations(curves - self.truth.curves.values, std)
+
+    @property
+    def coverage(self) -> Floats | None:
+        """(3,) share of each channel's truth, 400 to 700 nm, in the 95 % band; None as `z_scores`.
+
+        Raises:
+            InvalidArgument: the result was refused.
+        """
+        z = self.z_scores
+        return None if z is None else np.asarray((np.abs(z[VISIBLE]) <= 1.96).mean(axis=0))
+
+    @property
     def scores(self) -> Scores:
         """The quality of the answer.
 
@@ -135,7 +227,9 @@ class Result(Document):
         curves = Curves.of(truth.values / truth.values.max(axis=0))
         return replace(self, answer=replace(self.answer, scores=scores), truth=Truth(truth.name, curves))
 
-    def plot(self, kind: Kind = "curves", ax: Axes | None = None, *, shot: int = 1) -> Axes:
+    def plot(
+        self, kind: Kind = "curves", ax: Axes | None = None, *, shot: int = 1, others: Sequence[Result] = ()
+    ) -> Axes:
         """Draw the result.
 
         Args:
@@ -144,16 +238,18 @@ class Result(Document):
                 band.
             ax: matplotlib axes to draw on; new ones unless given.
             shot: which one, from 1, for residuals and patches.
+            others: results whose curves are drawn in dashes with those of this one.
 
         Returns:
             The axes.
 
         Raises:
-            InvalidArgument: a refused result, an unknown kind, a shot that does not exist, or no matplotlib.
+            InvalidArgument: a refused result, an unknown kind, a shot that does not exist, others in another kind of
+                plot than "curves", or no matplotlib.
         """
         from camssf.report.plots import draw
 
-        axes: Axes = draw(self, kind, ax, shot)
+        axes: Axes = draw(self, kind, ax, shot, others)
         return axes
 
     def to_colour(self) -> RGB_CameraSensitivities:
@@ -170,6 +266,9 @@ class Result(Document):
 
     def compare(self, other: Result) -> Comparison:
         """How the curves differ from another result's: of this unit earlier, or of another unit.
+
+        Errors that the two share (chart, lamp, prior) are counted as independent, so `Comparison.z` is conservative:
+        a difference counts for less than it would if the shared part were taken out.
 
         Raises:
             InvalidArgument: one of the two was refused.

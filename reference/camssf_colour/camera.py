@@ -7,22 +7,15 @@ from typing import TypeAlias
 
 import numpy as np
 
+from camssf.documents.curve_errors import error_modes, modes_of_code, with_rest
 from camssf.documents.document import Answer, Document
 from camssf.documents.excerpt import Excerpt, answer_of
-from camssf.documents.stored_lamp import lamp_of, unit_errors
+from camssf.documents.stored_lamp import lamp_of
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.recovery.basis import Basis, read_basis, widened
-from camssf.recovery.posterior import peak_normalised_jacobian
-from camssf.recovery.rows import anchor
+from camssf.recovery.basis import Basis, widened
 from camssf.recovery.sensitivity import Ssf
 from camssf.spectra import Lamp
-
-BAND_CORRELATION = 10.0
-"""Correlation length of a curve's errors if only its band is known, nm. Photos determine integrals of the curves, so
-true errors change sign; a longer length would overestimate the uncertainty of colours even more."""
-LEAST = 1e-6
-"""Modes with less than this share of the largest mode's variance are left out."""
 
 
 @dataclass(frozen=True)
@@ -110,9 +103,9 @@ def camera_of_result(document: Document | Excerpt) -> Camera:
     """The camera of a result, or of the excerpt of one.
 
     The modes come from the result's covariance, if its basis is available, and from what its bands hold besides.
-    Else, and of an excerpt, they come from its bands alone: errors are then assumed smooth over BAND_CORRELATION and
-    independent between the channels, which about doubles the stated uncertainty of colours. `own` needs the light of
-    the first shot.
+    Else, and of an excerpt, they come from its bands alone: errors are then assumed smooth over BAND_CORRELATION (of
+    `curve_errors`) and independent between the channels, which about doubles the stated uncertainty of colours. `own`
+    needs the light of the first shot.
 
     Raises:
         InvalidArgument: a refused result.
@@ -124,14 +117,10 @@ def camera_of_result(document: Document | Excerpt) -> Camera:
 
 def camera_of_answer(answer: Answer, lamp: Lamp | None, name: str) -> Camera:
     """The camera of an answer; `lamp` is that of its first shot, None if it is unknown."""
-    values, std, raw = answer.curves.values, answer.std, answer.channel_gain
+    values, raw = answer.curves.values, answer.channel_gain
     own = None if lamp is None or not ((raw > 0) & (lamp.values @ values > 0)).all() else OwnWhite(raw, lamp)
-    if std is None:
-        return Camera(name, values, np.zeros((0, *values.shape)), own)
-    modes = None if own is None else _modes_of_answer(answer, std.values, own.lamp.values)
-    if modes is None:
-        return Camera(name, values, modes_of_bands(std.values), own, whole=False)
-    return Camera(name, values, modes, own)
+    modes, whole = error_modes(answer, None if own is None else own.lamp.values)
+    return Camera(name, values, modes, own, whole)
 
 
 def make_and_model(document: Document | Excerpt) -> tuple[str, str]:
@@ -140,58 +129,3 @@ def make_and_model(document: Document | Excerpt) -> tuple[str, str]:
         return document.camera.make, document.camera.model
     assert document.capture is not None
     return document.capture.photos[0].make, document.capture.photos[0].model
-
-
-def _modes_of_answer(answer: Answer, band: Floats, white: Floats) -> Floats | None:
-    """Modes from the answer's covariance; None if it has none, or if its basis differs from the installed one."""
-    covariance = answer.covariance
-    if covariance is None:
-        return None
-    try:
-        basis = read_basis(answer.basis)
-    except InvalidArgument:
-        return None
-    if answer.basis_sha256 != basis.sha256() or len(covariance) != 3 * basis.dictionary.shape[2]:
-        return None
-    return with_rest(modes_of_code(answer.curves.values, covariance, widened(basis, answer.prior_scale), white), band)
-
-
-def with_rest(modes: Floats, band: Floats) -> Floats:
-    """Modes of a band (681, 3): these (q, 681, 3), where they are not wider, and those of what else the band holds.
-
-    The rest is what the basis misses, and the difference between mixed answers.
-    """
-    own = np.sqrt(np.sum(modes**2, axis=0))
-    modes = modes * np.divide(band, own, out=np.ones_like(own), where=own > band)
-    rest = np.sqrt(np.maximum(band**2 - np.minimum(own, band) ** 2, 0.0))
-    return _largest(np.concatenate([modes, modes_of_bands(rest)])) if rest.any() else modes
-
-
-def modes_of_code(values: Floats, covariance: Floats, basis: Basis, white: Floats) -> Floats:
-    """(q, 681, 3) modes of curves of peak 1 from the covariance (3 r, 3 r) of their code.
-
-    The basis is anchored to the white (681,) ρ_w L, so no code changes Σ white s dλ; this gives the curves' scale.
-    """
-    anchored = anchor(basis, white)
-    curves = values.T * ((anchored.mean @ white) / (values.T @ white))[:, None]
-    moves = peak_normalised_jacobian(anchored.dictionary, curves) / curves.max(axis=1)[:, None, None]
-    size, axes = np.linalg.eigh(covariance)
-    steps = (axes * np.sqrt(np.maximum(size, 0.0))).reshape(3, -1, size.size)
-    return _largest(np.einsum("cmr,crq->qmc", moves, steps))
-
-
-def modes_of_bands(std: Floats) -> Floats:
-    """(q, 681, 3) modes whose variance at each wavelength is the band's (681, 3)."""
-    smooth = unit_errors(BAND_CORRELATION)
-    modes = np.zeros((3, smooth.shape[1], *std.shape))
-    for c in range(3):
-        modes[c, :, :, c] = (std[:, c, None] * smooth).T
-    return _largest(modes.reshape(-1, *std.shape))
-
-
-def _largest(modes: Floats) -> Floats:
-    """The modes reduced to principal ones, the largest first; those below LEAST are left out."""
-    shape = modes.shape
-    _, size, axes = np.linalg.svd(modes.reshape(len(modes), -1), full_matrices=False)
-    kept = size**2 > LEAST * size[0] ** 2 if size[0] > 0 else np.zeros(size.shape, dtype=bool)
-    return np.asarray((size[kept, None] * axes[kept]).reshape(-1, *shape[1:]))

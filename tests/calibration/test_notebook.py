@@ -18,7 +18,7 @@ import pytest
 
 from camssf import Options
 from camssf.calibration import attempt, calibrate
-from camssf.documents.document import Document, document_bytes
+from camssf.documents.document import Curves, Document, Truth, document_bytes
 from camssf.documents.forms import to_plain
 from camssf.documents.scale import channel_scale
 from camssf.errors import CalibrationError, ChartUnfit, InvalidArgument, LampUnfit
@@ -69,7 +69,8 @@ def test_a_refusal_says_why(shot: Simulation) -> None:
     assert found.error is not None
     assert "refused (chart_not_found)" in repr(found)
     assert escape(found.error.advice) in found._repr_html_()
-    for ask in (found.plot, found.to_colour, found.to_xarray, found.to_pandas, lambda: found.curves):
+    numbers = (lambda: found.at(550), lambda: found.sample(1, 0), lambda: found.curves)
+    for ask in (found.plot, found.to_colour, found.to_xarray, found.to_pandas, *numbers):
         with pytest.raises(InvalidArgument, match="refused"):
             ask()
 
@@ -144,6 +145,61 @@ def test_what_goes_into_a_calibration_is_short_to_look_at() -> None:
     assert "D55" in repr(read_lamp("D55"))
 
 
+# -- curves as numbers ---------------------------------------------------------------------------------------------
+
+
+def test_curves_at_wavelengths_are_linear_between_the_grid_s(result: Result) -> None:
+    values, std = result.at(550.0)
+    assert np.array_equal(values, result.curves[340])
+    assert np.array_equal(std, result.std[340])  # type: ignore[arg-type, index]
+    values, std = result.at([[380.0, 550.25], [600.0, 720.0]])
+    assert values.shape == np.shape(std) == (2, 2, 3)
+    assert values[0, 1] == pytest.approx(result.curves[340:342].mean(axis=0), abs=1e-12)
+    assert changed(result, answer__std=None).at(550)[1] is None
+    for outside in (379.9, [550.0, 720.5], np.nan, "green"):
+        with pytest.raises(InvalidArgument, match="not between 380 and 720 nm"):
+            result.at(outside)
+
+
+def test_draws_have_the_result_s_mean_bands_and_covariance(result: Result) -> None:
+    covariance, std = result.covariance, result.std
+    assert covariance is not None
+    assert std is not None
+    variance = np.einsum("mcmc->mc", covariance)
+    np.testing.assert_allclose(variance, std**2, atol=1e-5 * float((std**2).max()))
+    draws = result.sample(4000, 7)
+    assert draws.shape == (4000, 681, 3)
+    assert np.array_equal(draws[:3], result.sample(4000, np.random.default_rng(7))[:3])
+    off = draws - result.curves
+    assert (np.abs(off.mean(axis=0)) <= 5.0 * std / np.sqrt(4000) + 1e-9).all()
+    np.testing.assert_allclose(off.std(axis=0), std, rtol=0.08, atol=1e-4)
+    green, blue = off[:, 300, 1], off[:, 250, 2]
+    error = 5.0 * std[300, 1] * std[250, 2] / np.sqrt(4000)
+    assert float(np.mean(green * blue)) == pytest.approx(covariance[300, 1, 250, 2], abs=error)
+
+
+def test_draws_need_a_band_and_a_number(result: Result) -> None:
+    bandless = changed(result, answer__std=None, answer__code_covariance=None)
+    assert bandless.covariance is None
+    with pytest.raises(InvalidArgument, match="no band"):
+        bandless.sample(1, 0)
+    for count in (0, True, 2.5):
+        with pytest.raises(InvalidArgument, match="not a number of draws"):
+            result.sample(count, 0)  # type: ignore[arg-type]
+
+
+def test_z_scores_and_coverage_need_a_truth(result: Result) -> None:
+    assert result.z_scores is result.coverage is None
+    std = result.std
+    assert std is not None
+    beyond = np.where(WAVELENGTHS < 460.0, 3.0, 1.0)[:, None] * std  # 120 of the 601 points from 400 to 700 nm
+    judged = replace(result, truth=Truth("made", Curves.of(result.curves - beyond)))
+    assert judged.z_scores is not None
+    np.testing.assert_allclose(judged.z_scores, beyond / std, rtol=1e-9)
+    assert judged.coverage == pytest.approx([481 / 601] * 3)
+    assert changed(judged, answer__std=None).coverage is None
+
+
 # -- drawings ------------------------------------------------------------------------------------------------------
 
 
@@ -175,6 +231,20 @@ def test_plots_hold_the_result_s_numbers(result: Result) -> None:
 
 
 @pytest.mark.usefixtures("no_figures_left")
+def test_several_results_are_in_one_plot(result: Result) -> None:
+    other = changed(document("A"), capture__shots__0__photo__model="$x$")
+    alone = len(result.plot().lines)
+    axes = result.plot(others=[other, result])
+    assert len(axes.lines) == alone + 6
+    green = axes.lines[alone + 1]
+    np.testing.assert_allclose(green.get_ydata()[::20], np.maximum(other.curves[::20, 1], 0.0), atol=1e-12)
+    assert green.is_dashed()
+    names = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert len(names) == 3
+    assert "$x$" in names[1]
+
+
+@pytest.mark.usefixtures("no_figures_left")
 def test_no_band_is_drawn_below_zero(result: Result) -> None:
     curves, std = result.curves, result.std
     assert std is not None
@@ -187,6 +257,8 @@ def test_plots_refuse_what_they_cannot_draw(result: Result) -> None:
     for call, words in (
         (lambda: result.plot("spectrum"), "no plot 'spectrum'"),  # type: ignore[arg-type]
         (lambda: result.plot(shot=2), "no shot 2"),
+        (lambda: result.plot("budget", others=[result]), "'budget' shows one result"),
+        (lambda: result.plot(others=[refused()]), "refused"),
         (lambda: result.plot(shot=True), "no shot True"),
         (lambda: result.plot(ax="axes"), "A str is not a matplotlib axes"),  # type: ignore[arg-type]
         (lambda: result.to_pandas("all"), "no table 'all'"),  # type: ignore[arg-type]

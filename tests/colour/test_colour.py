@@ -12,6 +12,7 @@ import pytest
 
 from camssf import cli
 from camssf.colorimetry import KINDS, delta_e00, fit, lab_slopes, signals_of, terms, xyz_of
+from camssf.documents.curve_errors import modes_of_bands
 from camssf.documents.document import Curves
 from camssf.documents.forms import from_plain, to_plain
 from camssf.documents.schema import schema
@@ -42,7 +43,7 @@ from camssf_colour import (
     standard_colour,
     white_of,
 )
-from camssf_colour.camera import OwnWhite, modes_of_bands
+from camssf_colour.camera import OwnWhite
 from camssf_colour.colour_error import expected_error, true_error
 from camssf_colour.document import ColourDocument
 from camssf_colour.light import see

@@ -7,10 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery.basis import read_basis
 from camssf.recovery.evidence import log_evidences
+from camssf.recovery.hypotheses import recover
+from camssf.recovery.linear_rows import linear_rows
 from camssf.recovery.observation import Observation
+from camssf.recovery.sensitivity import SolverSettings
 from camssf.spectra import read_chart, read_lamp
 from golden.compare import norm
 from golden.linear_model import linear_model
@@ -74,6 +78,31 @@ def test_rows_and_covariance(seed: int) -> None:
     used = known.sigma.diagonal() < 1.0
     assert norm(found.covariance[0][used][:, used], known.sigma[used][:, used]) <= 1e-11
     assert norm(found.lamp, known.lamp) <= 1e-12
+
+
+@pytest.mark.parametrize("seed", seeds(6))
+def test_public_rows_are_those_that_are_solved(seed: int) -> None:
+    """A, b and Σ of the other hand, by patch, channel and shot; their posterior mean is the curve of `recover`."""
+    (observation,) = random_captures(seed)
+    name = BASES[seed % 3]
+    (known,), found = dense_models([observation], read_basis(name)), linear_rows(observation, basis=name)
+    k, n, _ = observation.signals.shape
+    order = np.moveaxis(np.arange(3 * k * n).reshape(n, 3, k), 0, -1).ravel()
+    assert norm(found.A[order], known.A) <= 1e-12
+    assert norm(found.b[order], known.b) <= 1e-11
+    assert norm(found.covariance[order][:, order], known.sigma) <= 1e-12
+    weighted = np.linalg.solve(found.covariance, found.A)
+    code = np.linalg.solve(found.A.T @ weighted + np.eye(found.A.shape[1]), weighted.T @ found.b)
+    ssf = recover(observation, basis=name, settings=SolverSettings(gamma=0.0))
+    assert np.abs(found.curves(code) - ssf.peak()[0]).max() <= 1e-7
+
+
+def test_public_rows_need_a_prior_and_a_code_of_their_size() -> None:
+    (observation,) = random_captures(0)
+    with pytest.raises(InvalidArgument, match="no prior"):
+        linear_rows(observation, basis="gaussian")
+    with pytest.raises(InvalidArgument, match="code"):
+        linear_rows(observation, basis="phones").curves(np.zeros(5))
 
 
 @pytest.mark.parametrize("seed", seeds(12))

@@ -798,6 +798,8 @@ def test_two_results_are_compared() -> None:
     std = np.sqrt(2) * own[:, 1]
     assert found.std is not None
     assert found.std[:, 1] == pytest.approx(std)
+    assert found.z is not None
+    assert found.z[:, 1] == pytest.approx(off / std)
     worst = float((np.abs(off) / std)[seen].max())
     blind = f"{2.2 * np.sqrt(2) * own[seen][:, [0, 2]].max():.2g}"
     assert found.headline == (
@@ -814,6 +816,7 @@ def test_two_results_are_compared() -> None:
             compare(*pair)
     bandless = compare(made, changed(other, answer__std=None))
     assert "cannot be said" in bandless.headline
+    assert bandless.z is None
     assert not [words for words in bandless.channels if "no difference" in words]
 
 

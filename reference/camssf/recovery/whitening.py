@@ -132,6 +132,23 @@ def whitened_model(hypotheses: Hypotheses, explain: Array) -> Whitened:
     return Whitened(folded, A, b, log_det, D[..., : k * q], D[..., k * q :], lamp, ErrorSources(*errors))
 
 
+def linearise(folded: Folded) -> tuple[Rows, ModeRows, Point]:
+    """The rows of one hypothesis, with what its modes add, at the point about which they are linear.
+
+    Without modes that is the prior means, with modes the first pass's estimate, as in `whitened_model`.
+    """
+    prior = prior_point(folded)
+    rows = rows_at(folded, prior)
+    modes = modes_at_prior(folded, rows, prior)
+    scale = patch_scales(rows, modes)
+    rows = rows.scaled(scale)
+    if not folded.has_modes:
+        return rows, modes, prior
+    point = first_pass(folded, rows, prior, modes)
+    rows = rows_at(folded, point).scaled(scale)
+    return rows, mode_rows(folded, rows, point), point
+
+
 def modes_at_prior(folded: Folded, rows: Rows, prior: Point) -> ModeRows:
     """The mode rows at the prior means; zeros if there are no modes."""
     xp, h, (k, n, q, g, _) = namespace(folded.signal), folded.h, folded.sizes

@@ -22,6 +22,10 @@ SMALLEST_MOVE = 1.0
 class Comparison:
     """The difference between two results' curves.
 
+    `std` adds the two bands in squares. What the two have in common (a chart's or a lamp's table, and for one unit
+    what its photos do not show) cancels in the difference, so `std` is too large and |z| too small: a large |z| is a
+    difference, a small one does not prove that the curves are equal. Neighbouring wavelengths are not independent.
+
     Attributes:
         headline: which channels differ, and in which no difference was found.
         channels: one sentence for each channel, on its worst difference from 400 to 700 nm.
@@ -35,6 +39,11 @@ class Comparison:
     difference: Floats
     std: Floats | None
     peak_moved: Floats
+
+    @property
+    def z(self) -> Floats | None:
+        """(681, 3) `difference` over `std`; None without bands."""
+        return None if self.std is None else in_deviations(self.difference, self.std)
 
     def __str__(self) -> str:
         return " ".join([self.headline, *self.channels])
@@ -70,6 +79,11 @@ def compare(result: Document, other: Document) -> Comparison:
     return Comparison(_headline(sizes, unseen), sentences, off, std, moved)
 
 
+def in_deviations(off: Floats, std: Floats) -> Floats:
+    """Differences over their standard deviations; infinite where a deviation is 0 and the difference is not."""
+    return np.divide(off, std, out=np.where(off == 0, 0.0, np.copysign(np.inf, off)), where=std > 0)
+
+
 def worst_of(off: Floats, std: Floats) -> tuple[Floats, np.ndarray]:
     """The largest |difference| / standard deviation of each channel, and its index on the grid.
 
@@ -77,8 +91,7 @@ def worst_of(off: Floats, std: Floats) -> tuple[Floats, np.ndarray]:
         off: (681, 3) one result's curves minus the other's.
         std: (681, 3) its standard deviation; where it is 0, any difference counts as infinite.
     """
-    size = np.divide(np.abs(off), std, out=np.where(off == 0, 0.0, np.inf), where=std > 0)
-    size = np.where(VISIBLE[:, None], size, -1.0)
+    size = np.where(VISIBLE[:, None], np.abs(in_deviations(off, std)), -1.0)
     return np.asarray(size.max(axis=0)), size.argmax(axis=0)
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from io import BytesIO
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -19,17 +20,23 @@ from camssf.report.shots import ShownPatches, shots_of
 from camssf.report.svg import HUES
 
 INK, QUIET = "#24262b", "#6b7079"
+DASHES = ((1.0, 1.5), (7.0, 2.0), (7.0, 2.0, 1.0, 2.0))
+"""Of the lines of further results in one plot."""
 
 
-def draw(document: Document, kind: str, ax: Any, shot: int) -> Any:
-    """Draw one kind of plot of a result, on new axes if none are given.
+def draw(document: Document, kind: str, ax: Any, shot: int, others: Sequence[Document] = ()) -> Any:
+    """Draw one kind of plot of a result, on new axes if none are given; with "curves", those of others in dashes.
 
     Raises:
-        InvalidArgument: a refused result, an unknown kind or shot, an object that is not axes, or no matplotlib.
+        InvalidArgument: a refused result, an unknown kind or shot, others in another kind of plot, an object that is
+            not axes, or no matplotlib.
     """
     if kind not in KINDS:
         raise InvalidArgument(f"There is no plot {kind!r}.", f"Take one of {', '.join(KINDS)}.")
-    answer_in(document)
+    if others and kind != "curves":
+        raise InvalidArgument(f"The plot {kind!r} shows one result.", "Draw several results with the kind 'curves'.")
+    for each in (document, *others):
+        answer_in(each)
     count = len(shots_of(document))
     if isinstance(shot, bool) or not isinstance(shot, int) or not 1 <= shot <= count:
         raise InvalidArgument(f"There is no shot {shot!r}: this result has {count}.", f"Give 1 to {count}.")
@@ -40,6 +47,8 @@ def draw(document: Document, kind: str, ax: Any, shot: int) -> Any:
             f"A {type(ax).__name__} is not a matplotlib axes.", "Give one of plt.subplots(), or leave ax out."
         )
     KINDS[kind](document, ax, shot - 1)
+    if others:
+        _others(document, others, ax)
     return ax
 
 
@@ -111,6 +120,21 @@ def draw_curves(ax: Any, curves: DrawnCurves) -> None:
 def _curves(document: Document, ax: Any, shot: int) -> None:
     draw_curves(ax, curves_of(document))
     _title(ax, f"{_names(document)}: {'' if document.verdict is None else document.verdict.status}")
+
+
+def _others(document: Document, others: Sequence[Document], ax: Any) -> None:
+    """Draw the curves of other results in dashes, without their bands, and a legend of all."""
+    from matplotlib.lines import Line2D
+
+    named = [Line2D([], [], color=INK, label=_names(document))]
+    for other, dashes in zip(others, cycle(DASHES), strict=False):
+        for values, hue in zip(curves_of(other).smooth().ssf.T, HUES.values(), strict=True):
+            ax.plot(WAVELENGTHS, values, color=hue, dashes=dashes, linewidth=1.3)
+        named.append(Line2D([], [], color=INK, dashes=dashes, label=_names(other)))
+    ax.set_title("")
+    above = ax.legend(handles=named, frameon=False, fontsize=8, loc="lower left", bbox_to_anchor=(0.0, 1.0))
+    for text in above.get_texts():
+        text.set_parse_math(False)
 
 
 def _residuals(document: Document, ax: Any, shot: int) -> None:
