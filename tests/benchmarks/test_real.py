@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.claims import real
+from benchmarks.claims import real, whole_chart
 from benchmarks.claims.real import AUTO, CLAIM, LEFT_OUT, MEASURED, PAPER, PASSES, PHONES, PUBLISHED, SHIPPED, d70
 from camssf.grid import WAVELENGTHS
 from camssf.recovery.basis import read_basis
@@ -216,3 +216,26 @@ def test_the_photo_s_verdicts_are_what_is_said_now() -> None:
         if before.get("band"):
             assert after["band"] == pytest.approx(before["band"], rel=0.02)
     assert {row_["status"] for row_ in now} == {"doubtful"}
+
+
+@pytest.mark.requirement("R-REAL")
+def test_the_shares_of_the_whole_chart_s_photo_are_those_of_the_page() -> None:
+    found, text = whole_chart.measure(), (DOCS / "real.md").read_text("utf-8")
+    recovered, mean = found["errors"][whole_chart.REST].values()
+    assert recovered <= min(whole_chart.MOST, whole_chart.LARGEST_RATIO * mean)
+    assert found["status"] == "doubtful"
+    assert ", ".join(f"`{code}`" for code in found["reasons"]) in text
+    for which, errors in found["errors"].items():
+        (line,) = [line for line in text.splitlines() if line.startswith(f"| error, {which} |")]
+        shown = [float(cell) for cell in line.strip("| ").split("|")[2:]]
+        assert list(errors.values()) == pytest.approx(shown, abs=1.5e-3)
+    for i, nm in enumerate(found["bands"]):
+        (line,) = [line for line in text.splitlines() if line.startswith(f"| {nm:.0f} | ")]
+        shown = [[float(value) for value in cell.split()] for cell in line.strip("| ").split("|")[1:]]
+        assert np.abs(np.array([side[i] for side in found["shares"].values()]) - shown).max() < 0.012
+
+
+def test_a_share_is_of_the_light_of_its_band_alone() -> None:
+    bands, power = np.array([450.0, 600.0]), np.where(np.abs(WAVELENGTHS - 450.0) < 5.0, 1.0, 0.01)
+    curves = np.stack([WAVELENGTHS > 500.0, WAVELENGTHS < 500.0, -np.ones(681)], axis=1).astype(float)
+    assert whole_chart.shares_of(curves, power, bands) == pytest.approx(np.array([[0, 1, 0], [1, 0, 0]]))

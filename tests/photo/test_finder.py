@@ -20,6 +20,7 @@ from camssf.photo.find.picture import Thumbnail, codes_of_bytes, codes_of_light,
 from camssf.photo.find.pose import find_chart
 from camssf.photo.find.search import OPENCV, OWN, SURE, Detector, matches_in, plain_signals
 from camssf.photo.read.dng import Mosaic, read_dng
+from camssf.photo.read.raw import read_raw
 from camssf.spectra.layouts import LAYOUTS, ChartLayout
 from camssf_lab.simulation.camera import Sensor
 from golden.drawing import draw, turned
@@ -71,6 +72,20 @@ def test_the_real_photo() -> None:
     assert len(found.candidates) == 1
     assert off(found.candidates[0].patches, real_pose.patches.mean(axis=1)) < 0.05
     assert find_candidates(codes_of_mosaic(read_dng(DNG / "blackmagic_ljpeg.dng"))).candidates == ()
+
+
+@pytest.mark.requirement("R-FINDER")
+def test_the_real_photo_of_a_whole_chart() -> None:
+    """The four corner patches within a twentieth of a pitch of where a person marked their middles."""
+    real = read_raw(DNG.parent / "llanos" / "capture.png")
+    marked = np.array([[60.0, 58.0], [351.0, 58.2], [74.0, 218.0], [338.5, 223.0]])
+    pitch = 56.0
+    corners = [0, 5, 18, 23]
+    found = find_candidates(codes_of_mosaic(real))
+    (candidate,) = found.candidates
+    assert candidate.kind == "classic24"
+    for centres in (candidate.patches, find_chart(real, table("classic24")).patches.mean(axis=1)):
+        assert np.linalg.norm(centres[corners] - marked, axis=1).max() < pitch / 20
 
 
 def test_two_charts_are_said_to_be_two() -> None:

@@ -34,6 +34,7 @@ def test_every_licence_allows_it_and_is_in_the_notice() -> None:
         "Apache-2.0": "Apache License, Version 2.0",
         "MIT": "MIT licence",
         "BSD-3-Clause": "BSD-3-Clause licence",
+        "BSL-1.0": "Boost Software License 1.0\n----",
     }
     for name, (_, origin, licence, _) in table().items():
         assert origin, name
