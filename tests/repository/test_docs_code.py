@@ -45,6 +45,7 @@ PYTHON_NOT_RUN = {
     "camssf registry verify backup/": "a copy: test_registry_losses.py makes one",
     "passport": "a passport of this photo's unit: test_fleet_passports.py signs one",
     "registry": "a fleet's registry: test_registry.py reads one so",
+    "study": "frames of a monochromator: test_study.py makes them and runs the page",
 }
 """Pages whose Python is not run, and why."""
 WITH_PYTHON = [
@@ -151,6 +152,7 @@ def runs(line: str) -> bool:
 RUN_ELSEWHERE = {
     "accuracy": "test_docs.py runs its commands and compares their numbers",
     "index": "its one command is README.md's first",
+    "study": "test_study.py runs its commands between what its instruments give",
 }
 """Pages whose commands are not run here, and why."""
 WITH_COMMANDS = [
