@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -11,10 +12,10 @@ from scipy.ndimage import convolve, gaussian_filter
 
 from camssf.grid import Floats
 from camssf.photo.find.pose import Pose, find_chart
-from camssf.photo.neighbours import noise_of_neighbours
+from camssf.photo.neighbours import SampleNoise, noise_of_neighbours
 from camssf.photo.patches import measure_patches
-from camssf.photo.photon_noise import mixed_noise
-from camssf.verdict.processed import colours_mixed, processed
+from camssf.photo.photon_noise import Estimate, mixed_noise
+from camssf.verdict.processed import DEMOSAICED, colours_mixed, processed
 from camssf.verdict.reasons import Checks
 from camssf_lab.simulation.camera import Sensor
 from tests.support.scenes import mosaic, shoot, table
@@ -115,3 +116,11 @@ def test_noise_that_does_not_suffice_is_not_judged() -> None:
     assert (means.noise.unlike, means.noise.like) == (None, None)
     assert colours_mixed(means) is None
     assert processed(means, 0, Checks()) == []
+
+
+def test_a_correlation_within_its_own_error_is_none() -> None:
+    means = measure_patches(mosaic(np.full((1200, 1600), 900, np.uint16)), pose())
+    for error, reasons in ((1.1 * DEMOSAICED, []), (0.01 * DEMOSAICED, ["not_sensor_raw.demosaiced"])):
+        noise = SampleNoise(1.0, Estimate(2.0 * DEMOSAICED, error), None)
+        found = processed(replace(means, noise=noise), 0, Checks())
+        assert [reason.key for reason in found] == reasons
