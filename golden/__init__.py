@@ -1,1 +1,1 @@
-"""Golden vectors, format 1: values that Python and Kotlin must both compute. README.md describes the files."""
+"""Golden vectors, format 1: values that Python and Kotlin must both compute. format.md describes the files."""

@@ -28,7 +28,7 @@ class Keys:
     """The keys of a stage's cases.
 
     Attributes:
-        inputs, optional: of the inputs; README.md gives the optional ones' defaults.
+        inputs, optional: of the inputs; format.md gives the optional ones' defaults.
         outputs: of the outputs.
         arrays: inputs that `resolve` makes arrays of; None for all but PLAIN.
         rounded: outputs that are stored with fewer digits.
@@ -87,7 +87,7 @@ def case(
     Args:
         name: with its stage, "ssf/cameras-nikon".
         comment: the one reason why the case is there.
-        inputs: in the forms of README.md.
+        inputs: in the forms of format.md.
         expect: "success" or an error code.
         truth: the true camera; `rmse` bounds the error of the curves.
         generic: whether code and pivots may be compared (stage `solve`).

@@ -1,4 +1,4 @@
-"""Files of golden/, and the input forms of a case as arrays (README.md)."""
+"""Files of golden/, and the input forms of a case as arrays (format.md)."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def camera(name: str) -> Floats:
 
 
 def resolve(value: Any) -> Any:
-    """The value of an input form (README.md, Input forms): an array, or nested lists if it is ragged."""
+    """The value of an input form (format.md, Input forms): an array, or nested lists if it is ragged."""
     if isinstance(value, dict):
         return _form(value)
     if isinstance(value, list):

@@ -20,7 +20,7 @@ FIELDS = (
 CAPABILITIES = (
     "mosaic", "pose", "patches", "signals", "reference", "model", "verdict", "metadata", "colour", "finder",
 )  # fmt: skip
-"""Capabilities of a runner; README.md explains each."""
+"""Capabilities of a runner; format.md explains each."""
 ORACLE = {"solver", "polished", "x", "objective", "gap", "ssf"}
 AGAINST = ("outputs", "oracle", "truth")
 _FRAME = {"mean", "standard_error", "clipped"}

@@ -20,7 +20,7 @@ from golden.forms import Json
 from golden.products import CARD, own_card, read_card, read_photo
 
 FORMS = ("mosaic", "light", "rgb", "luma", "yuv")
-"""Forms to which the photo is converted before the search (README.md)."""
+"""Forms to which the photo is converted before the search (format.md)."""
 DAMAGED: dict[str, Json] = {
     "format": {"format": "camssf-layout/2"},
     "field": {"colums": 7},

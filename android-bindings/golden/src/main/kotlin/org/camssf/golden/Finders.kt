@@ -13,7 +13,7 @@ import org.camssf.spectra.ChartTable
 import kotlin.math.max
 import kotlin.math.sqrt
 
-/** The stage `finder`: charts in one of the forms of a photo; golden/README.md says which. */
+/** The stage `finder`: charts in one of the forms of a photo; golden/format.md says which. */
 internal class Finders(private val photos: Photos) {
     private val finder = ChartFinder()
 

@@ -15,7 +15,7 @@ import kotlin.math.abs
 import kotlin.math.exp
 import kotlin.math.max
 
-/** What an input stands for (golden/README.md, Input forms). */
+/** What an input stands for (golden/format.md, Input forms). */
 internal class Forms(private val files: GoldenFiles) {
     private val spectra = HashMap<String, JsonObject>()
 

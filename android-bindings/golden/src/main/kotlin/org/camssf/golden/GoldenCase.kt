@@ -25,7 +25,7 @@ internal class Limit(
     val requires: List<String>,
 )
 
-/** A golden case, every key of it checked (golden/README.md, format 1). */
+/** A golden case, every key of it checked (golden/format.md, format 1). */
 internal class GoldenCase private constructor(val name: String, private val json: JsonObject) {
     val stage: String = json.text("stage")
     val comment: String = json.text("comment")
@@ -117,7 +117,7 @@ internal class GoldenCase private constructor(val name: String, private val json
             "truth", "limits",
         )
 
-        /** What a runner may have; golden/README.md explains each. */
+        /** What a runner may have; golden/format.md explains each. */
         val CAPABILITIES = setOf(
             "mosaic", "pose", "patches", "signals", "reference", "model", "verdict", "metadata", "colour", "finder",
         )

@@ -6,7 +6,7 @@ import kotlin.math.abs
 import kotlin.math.max
 import kotlin.math.sqrt
 
-/** The metrics of the golden vectors, as golden/README.md and golden/compare.py define them. */
+/** The metrics of the golden vectors, as golden/format.md and golden/compare.py define them. */
 internal object Metrics {
     val ALL = setOf("exact", "norm", "relative", "at_most", "peak", "rmse", "sums")
 
