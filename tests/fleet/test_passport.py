@@ -56,12 +56,12 @@ from camssf_fleet.passport.jws import ORDER, sign_jws, verify_jws
 from camssf_fleet.passport.keys import PRIVATE, PUBLIC, ROUNDS, key_name, make_key, read_private, read_public
 from camssf_fleet.passport.received import read_excerpt
 from camssf_fleet.passport.revocations import names_of, read_revoked, sign_revocations
-from tests.support.signed_passports import HEADERS, answer, claimed, other_results, small_result, stored
+from tests.support.signed_passports import FOLDER, HEADERS, answer, claimed, other_results, small_result, stored
 
 NOW = datetime(2026, 11, 22, 3, 0, tzinfo=UTC)
 LATER = NOW + timedelta(days=30)
 JUDGE = Path(__file__).with_name("PassportJudge.java")
-STORED = Path(__file__).with_name("passports")
+STORED = FOLDER
 SOUND = [
     "result: bands", "result: no bands", "result: a member of a later release", "curve: peak 1.0", "curve: negative",
     "bands without a peak",
