@@ -223,7 +223,7 @@ class StandardPicture:
         # Cells in which red is not first are mirrored: the filters are the same.
         down = _with_margin(rows, photo.samples.shape[0])[:: 1 - 2 * row]
         right = _with_margin(columns, photo.samples.shape[1])[:: 1 - 2 * column]
-        samples, clipped = photo.samples[np.ix_(down, right)], photo.samples[np.ix_(down, right)] >= photo.white
+        samples = photo.samples[np.ix_(down, right)]
         gains = shading_of_samples(photo, down, right) if self.lens_shading == "apply" else np.ones(samples.shape)
         black, white = photo.black[:: 1 - 2 * row, :: 1 - 2 * column], self.white.raw[np.array(CELL)]
 
@@ -233,16 +233,17 @@ class StandardPicture:
         def relative(light: Floats) -> Floats:
             return np.asarray(light * in_cells(gains) / white[:, None, :])
 
-        light = in_cells(samples) - black[:, None, :]
-        dark_light = np.zeros_like(light)
+        light, clipped = in_cells(samples) - black[:, None, :], samples >= photo.white
+        dark = np.zeros_like(light)
         if self.dark is not None:
             subtracted = self.dark.samples[np.ix_(down, right)]
             dark_light = in_cells(subtracted) - black[:, None, :]
+            light, dark = light - dark_light, relative(dark_light)
             clipped |= subtracted >= photo.white
         strip = StripInputs(
-            mosaic=relative(light - dark_light),
+            mosaic=relative(light),
             clipped=in_cells(clipped).astype(np.float64),
-            dark=relative(dark_light),
+            dark=dark,
             gains=in_cells(gains),
             photon_noise=np.zeros(3) if self.white.photon_noise is None else self.white.photon_noise,
             matrix=self.matrix,

@@ -56,6 +56,7 @@ from camssf_fleet.passport.jws import ORDER, sign_jws, verify_jws
 from camssf_fleet.passport.keys import PRIVATE, PUBLIC, ROUNDS, key_name, make_key, read_private, read_public
 from camssf_fleet.passport.received import read_excerpt
 from camssf_fleet.passport.revocations import names_of, read_revoked, sign_revocations
+from tests.support.processes import SEARCH
 from tests.support.signed_passports import FOLDER, HEADERS, answer, claimed, other_results, small_result, stored
 
 NOW = datetime(2026, 11, 22, 3, 0, tzinfo=UTC)
@@ -1047,11 +1048,10 @@ def test_the_private_key_is_nowhere(desk: Path) -> None:
 
 @pytest.mark.full
 def test_a_process_of_its_own_verifies(desk: Path) -> None:
-    search = os.pathsep.join(str(Path(path).absolute()) for path in sys.path if path)
     call = [sys.executable, "-m", "camssf", "passport", "verify", "-", "--key", PUBLIC]
     done = subprocess.run(
         call, cwd=desk, input=(desk / "camera.jws").read_bytes(), capture_output=True, timeout=120, check=True,
-        env=os.environ | {"PYTHONPATH": search},
+        env=os.environ | {"PYTHONPATH": SEARCH},
     )  # fmt: skip
     assert json.loads(done.stdout)["format"] == "camssf-result/1"
     assert b"serial A1" in done.stderr

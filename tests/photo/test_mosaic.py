@@ -33,6 +33,7 @@ from golden.dngs import (
     opcode_list,
 )
 from golden.forms import ROOT
+from tests.support.processes import SEARCH
 
 pytestmark = pytest.mark.requirement("R-SAMPLES")
 
@@ -369,7 +370,7 @@ def test_a_small_file_asks_for_little_memory(tmp_path: Path, name: str) -> None:
         "try: read_dng(sys.argv[1])\n"
         "except UnreadableRaw as error: print(peak() - before, error.message)\n"
     )
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    environment = os.environ | {"PYTHONPATH": SEARCH}
     done = subprocess.run(
         [sys.executable, "-c", code, str(path)], capture_output=True, env=environment, timeout=120, text=True
     )

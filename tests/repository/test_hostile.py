@@ -21,12 +21,13 @@ from camssf.errors import InvalidArgument
 from camssf.report.build import NAMES
 from camssf_fleet.manifest import LARGEST_MANIFEST, Manifest
 from tests.support.captures import photos
+from tests.support.processes import SEARCH
 
 pytestmark = pytest.mark.requirement("R-HOSTILE")
 
 PACKAGES = sorted(Path(camssf.__file__).parents[1].glob("camssf*"))
 WITHOUT_PNG = set(NAMES) - {"ssf.png"}
-ENVIRONMENT = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+ENVIRONMENT = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": SEARCH}
 
 
 @pytest.fixture(scope="module")

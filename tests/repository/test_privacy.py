@@ -18,6 +18,7 @@ import pytest
 
 from camssf.errors import InvalidArgument
 from camssf.recovery import onnx_model
+from tests.support.processes import SEARCH
 
 pytestmark = pytest.mark.requirement("R-PRIVACY")
 
@@ -56,7 +57,7 @@ class Places:
             "HOME": str(self.home),
             "XDG_CACHE_HOME": str(self.cache),
             "TMPDIR": str(self.temporary),
-            "PYTHONPATH": os.pathsep.join(str(Path(path).absolute()) for path in sys.path if path),
+            "PYTHONPATH": SEARCH,
         }
         command = [*before, sys.executable, *words]
         return subprocess.run(

@@ -196,13 +196,8 @@ public class Standardiser private constructor(
         val parts = PictureParts.of(photo)
         val source = SignalSource(parts.facts, lensShading)
         val white = WhiteSignal.of(reference, factor(source), source)
-        return StandardPicture(
-            parts,
-            dark?.let {
-                PictureParts.of(it)
-            },
-            white, space, lensShading, pictureLights.getValue(space.white).value,
-        )
+        val lights = pictureLights.getValue(space.white).value
+        return StandardPicture(parts, dark?.let { PictureParts.of(it) }, white, space, lensShading, lights)
     }
 
     /**
