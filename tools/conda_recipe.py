@@ -1,8 +1,4 @@
-"""recipe/meta.yaml from pyproject.toml: `python -m tools.conda_recipe [--check] [--sdist dist/camssf-X.Y.Z.tar.gz]`.
-
-Without `--sdist` the recipe builds the checkout that it lies in. With it, the recipe has the form that conda-forge
-takes: the source is the file that PyPI will have, with its SHA-256.
-"""
+"""recipe/meta.yaml, which builds its checkout, from pyproject.toml: `python -m tools.conda_recipe [--check]`."""
 
 from __future__ import annotations
 
@@ -12,7 +8,6 @@ import sys
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from tools.pages import parser, template, write_or_check
 
@@ -33,24 +28,22 @@ def requirement(line: str) -> str:
     return f"{name} {bound}".strip()
 
 
-def recipe(project: dict[str, Any], build: Sequence[str], sdist: Path | None = None) -> str:
-    """The whole file."""
+def recipe(sdist: Path | None = None) -> str:
+    """The whole file: of the checkout, or in conda-forge's form of the sdist that PyPI will have, by its SHA-256."""
+    content = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
     source = ["path: .."]
     if sdist is not None:
         base = "https://pypi.org/packages/source/c/camssf/camssf-{{ version }}.tar.gz"
         source = [f"url: {base}", f"sha256: {hashlib.sha256(sdist.read_bytes()).hexdigest()}"]
-    needs = [list(map(requirement, lines)) for lines in (build, project["dependencies"])]
-    return template("meta.yaml", project=project, source=source, build=needs[0], needs=needs[1])
+    lines = (content["build-system"]["requires"], content["project"]["dependencies"])
+    build, needs = [list(map(requirement, each)) for each in lines]
+    return template("meta.yaml", project=content["project"], source=source, build=build, needs=needs)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Write the recipe, or say whether it is pyproject.toml's."""
-    command = parser(COMMAND, __doc__)
-    command.add_argument("--sdist", type=Path, help="the source distribution of a release")
-    options = command.parse_args(argv)
-    content = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
-    made = recipe(content["project"], content["build-system"]["requires"], options.sdist)
-    return write_or_check(COMMAND, PAGE.parent, {PAGE.name: made}, check=options.check)
+    options = parser(COMMAND, __doc__).parse_args(argv)
+    return write_or_check(COMMAND, PAGE.parent, {PAGE.name: recipe()}, check=options.check)
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 BINDINGS = Path(os.environ.get("CAMSSF_BINDINGS", ROOT / "android-bindings"))
-REPOSITORY = BINDINGS / "packaging" / "target" / "repository"
+REPOSITORY = Path(os.environ.get("CAMSSF_REPOSITORY", BINDINGS / "packaging" / "target" / "repository"))
 ROBOLECTRIC = BINDINGS / "camera2" / "target"
 JVM_PAGE = (ROOT / "docs" / "jvm.md").read_text("utf-8")
 ANDROID_PAGE = (ROOT / "docs" / "android.md").read_text("utf-8")
@@ -68,7 +68,8 @@ def run(command: str, folder: Path) -> str:
 
 def write(folder: Path, name: str, text: str) -> None:
     (folder / name).parent.mkdir(parents=True, exist_ok=True)
-    (folder / name).write_text(text.replace("/path/to/camssf/android-bindings", str(BINDINGS)), encoding="utf-8")
+    there = "/path/to/camssf/android-bindings/packaging/target/repository"
+    (folder / name).write_text(text.replace(there, str(REPOSITORY)), encoding="utf-8")
 
 
 def kotlin_versions() -> list[str]:

@@ -1,4 +1,4 @@
-"""What is given away: the wheel in an empty environment, the container, the conda recipe, shell completion."""
+"""What is given away: what tutorials need, the container, the conda recipe, completion; the rest: tools.release."""
 
 from __future__ import annotations
 
@@ -10,8 +10,6 @@ import shutil
 import subprocess
 import sys
 import tomllib
-import zipfile
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +20,8 @@ from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 
 from camssf.version import __version__
-from tools import conda_recipe
-from tools.tutorials import TUTORIALS, blocks, outputs
+from tools import conda_recipe, release
+from tools.tutorials import TUTORIALS, blocks
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
@@ -39,105 +37,17 @@ def copied(stage: str) -> list[str]:
 BUILD, RUN = DOCKERFILE.split("\n\n", 1)
 
 
-# -- the wheel -------------------------------------------------------------------------------------------------------
-
-
-def run(*command: str | Path, cwd: Path | None = None) -> str:
-    """A command's output; no module of this checkout is on its path."""
-    clean = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "VIRTUAL_ENV"))}
-    done = subprocess.run([str(word) for word in command], cwd=cwd, env=clean, capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
-    return done.stdout
-
-
-@pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Built of nothing but the files that the Dockerfile copies."""
-    index = (
-        subprocess.run([sys.executable, "-m", "pip", "--version"], capture_output=True).returncode
-        or subprocess.run(
-            [
-                sys.executable,
-                "-m",
-                "pip",
-                "download",
-                "-q",
-                "--no-deps",
-                "-d",
-                tmp_path_factory.mktemp("index"),
-                "hatchling",
-            ],
-            capture_output=True,
-        ).returncode
-    )
-    if index:
-        pytest.skip("no pip, or no package index is reached: the wheel is not tried")
-    source = tmp_path_factory.mktemp("source")
-    for name in copied(BUILD):
-        if (ROOT / name).is_dir():
-            shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
-        else:
-            shutil.copy(ROOT / name, source)
-    folder = tmp_path_factory.mktemp("wheels")
-    run(sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--wheel-dir", folder, source)
-    (found,) = folder.glob("*.whl")
-    return found
-
-
-@pytest.fixture(scope="module")
-def environment(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """The bin of an environment that holds the wheel and what it needs; 600 MB, removed afterwards."""
-    if "CAMSSF_FRESH" not in os.environ:
-        pytest.skip("installs from a package index for minutes: set CAMSSF_FRESH=1")
-    folder = tmp_path_factory.mktemp("environment")
-    run(sys.executable, "-m", "venv", folder)
-    binaries = folder / ("Scripts" if os.name == "nt" else "bin")
-    what = f"{wheel}[{EXTRA}]"
-    run(binaries / "python", "-m", "pip", "install", "-q", "--constraint", ROOT / "constraints.txt", what)
-    yield binaries
-    shutil.rmtree(folder)
-
-
-@pytest.mark.full
-@pytest.mark.requirement("R-RELEASE")
-def test_the_wheel_holds_every_file_of_the_packages_and_nothing_else(wheel: Path) -> None:
-    with zipfile.ZipFile(wheel) as archive:
-        packed = {name for name in archive.namelist() if ".dist-info/" not in name}
-        (metadata,) = [archive.read(name).decode() for name in archive.namelist() if name.endswith("/METADATA")]
-        licences = {Path(name).name for name in archive.namelist() if "/licenses/" in name}
-    folders = (*(ROOT / "reference").glob("camssf*"), ROOT / "export")
-    files = [path for folder in folders for path in folder.rglob("*") if path.is_file() and path.suffix != ".pyc"]
-    assert packed == {path.relative_to(ROOT).as_posix().split("/", 1)[1] for path in files}
-    assert licences == {"LICENSE", "NOTICE"}
-    assert len(re.findall(r"^Project-URL: \w+, https://", metadata, re.MULTILINE)) == len(PROJECT["project"]["urls"])
-
-
-@pytest.mark.full
-@pytest.mark.requirement("R-RELEASE")
-def test_the_wheel_works_in_an_empty_environment(environment: Path, tmp_path: Path) -> None:
-    assert run(environment / "camssf", "--version", cwd=tmp_path) == f"camssf {__version__}\n"
-    where = run(environment / "python", "-c", "import camssf; print(camssf.__file__)", cwd=tmp_path).strip()
-    assert Path(where).is_relative_to(environment.parent)
-    run(environment / "camssf", "demo", "-o", "out", cwd=tmp_path)
-    assert (tmp_path / "out" / "report.html").stat().st_size > 10_000
-    again = run(environment / "camssf", "validate", "out/result.json", "--truth", "out/shots/truth.csv", cwd=tmp_path)
-    assert 0 < max(yaml.safe_load(again)["scores"]["rmse"]) < 0.1
-
-
-# -- the tutorials in an empty environment --------------------------------------------------------------------------
-
-EXTRA = "notebook"
-"""What the first tutorial installs in addition to the package."""
+# -- the tutorials ---------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.repository
 @pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
 def test_a_tutorial_needs_nothing_but_what_it_installs(page: Path) -> None:
-    """Its imports and commands; the test below runs it, which installs for minutes."""
+    """Its imports and commands; tools.release runs the first in an empty environment."""
     install = re.findall(r"pip install -e '\.\[(.*)\]'", (ROOT / "docs/tutorials/first-phone.md").read_text("utf-8"))
-    assert install == [EXTRA]
+    assert install == [release.EXTRA]
     extras = PROJECT["project"]["optional-dependencies"]
-    needs = [*PROJECT["project"]["dependencies"], *extras[EXTRA], *extras["plot"]]
+    needs = [*PROJECT["project"]["dependencies"], *extras[release.EXTRA], *extras["plot"]]
     there = (
         {Requirement(need).name for need in needs}
         | {"camssf", "camssf_colour", "camssf_fleet", "camssf_lab"}
@@ -153,17 +63,6 @@ def test_a_tutorial_needs_nothing_but_what_it_installs(page: Path) -> None:
             assert kind == "sh"
             words = {line.split()[0] for line in block.splitlines() if line[:1].isalpha()}
             assert words <= {"camssf", "cat", "mkdir"}
-
-
-@pytest.mark.full
-@pytest.mark.requirement("R-RELEASE")
-@pytest.mark.skipif(os.name == "nt", reason="the pages' commands are for a POSIX shell")
-@pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
-def test_a_tutorial_runs_in_an_empty_environment(environment: Path, page: Path, tmp_path: Path) -> None:
-    """Block by block in a folder that holds nothing, by the wheel alone; a page's Python is one process."""
-    printed = outputs(page.read_text("utf-8"), tmp_path, str(environment / "python"), str(environment))
-    assert "nan" not in " ".join(printed).split()
-    assert list(tmp_path.iterdir())
 
 
 # -- the container and the conda recipe ------------------------------------------------------------------------------
@@ -207,12 +106,9 @@ def test_the_recipe_needs_what_pyproject_needs() -> None:
 
 
 @pytest.mark.repository
-def test_the_recipe_of_a_release_names_its_file_by_hash(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(conda_recipe, "PAGE", tmp_path / "meta.yaml")
-    assert conda_recipe.main(["--check"]) == 1
+def test_the_recipe_of_a_release_names_its_file_by_hash(tmp_path: Path) -> None:
     (tmp_path / "sdist.tar.gz").write_bytes(b"x")
-    assert conda_recipe.main(["--sdist", str(tmp_path / "sdist.tar.gz")]) == 0
-    source = rendered(conda_recipe.PAGE.read_text("utf-8"))["source"]
+    source = rendered(conda_recipe.recipe(tmp_path / "sdist.tar.gz"))["source"]
     assert source["sha256"] == hashlib.sha256(b"x").hexdigest()
     assert source["url"].endswith(f"/camssf-{__version__}.tar.gz")
 

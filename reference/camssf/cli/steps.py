@@ -226,7 +226,7 @@ def validate(
 ) -> None:
     """Score a result against measured curves.
 
-    Passes the result on with scores.rmse and the truth filled in; without --truth as it is, once checked.
+    Prints the errors and passes the result on with the truth filled in; without --truth as it is, once checked.
     """
     result = read_result(document)
     if truth is not None:
