@@ -149,8 +149,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m tools.release", description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--key", metavar="FINGERPRINT", help="one of gpg's secret keys; without it, a rehearsal")
     key = parser.parse_args(argv).key
-    shutil.rmtree(OUT, ignore_errors=True)
-    DIST.mkdir(parents=True)
     steps = {
         "sdist, wheel, SBOM, conda recipe": build_python,
         "both from a folder, with README's demo and the first tutorial": try_python,
@@ -158,8 +156,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         "docs/jvm.md with the bundle": try_kotlin,
     }
     try:
-        if key is not None:
-            run("gpg", "--batch", "--list-secret-keys", key)
+        if key is not None and subprocess.run(["gpg", "--list-secret-keys", key], capture_output=True).returncode:
+            raise ReleaseError(f"gpg has no secret key {key}; `gpg --list-secret-keys` shows those it has.")
+        shutil.rmtree(OUT, ignore_errors=True)
+        DIST.mkdir(parents=True)
         for name, step in steps.items():
             start = time.monotonic()
             print(f"{name} ...", flush=True)
