@@ -1,4 +1,4 @@
-"""The wavelength grid of every spectrum, 380 to 720 nm every 0.5 nm as in the paper; the channels' order."""
+"""The wavelength grid of every spectrum, 380 to 720 nm every 0.5 nm as in the paper; the channels' order; a band."""
 
 from __future__ import annotations
 
@@ -20,6 +20,9 @@ WAVELENGTHS.setflags(write=False)
 
 CHANNELS = ("red", "green", "blue")
 """Names of the channels in the order of every array's channel axis."""
+
+BAND = 1.96
+"""Half-width of a 95 % band, in standard deviations."""
 
 
 def columns(curves: Mapping[str, Sequence[float]]) -> Floats:

@@ -19,7 +19,7 @@ from camssf.errors import CalibrationError, InvalidArgument
 from camssf.files import write_file
 from camssf.fit.scores import Scores, rmse
 from camssf.fit.solutions import Uncertainty
-from camssf.grid import WAVELENGTHS, Floats
+from camssf.grid import BAND, WAVELENGTHS, Floats
 from camssf.photo.signals import Signals, normalise
 from camssf.recovery.sensitivity import Ssf
 from camssf.report.comparison import VISIBLE, in_deviations
@@ -183,7 +183,7 @@ class Result(Document):
             InvalidArgument: the result was refused.
         """
         z = self.z_scores
-        return None if z is None else np.asarray((np.abs(z[VISIBLE]) <= 1.96).mean(axis=0))
+        return None if z is None else np.asarray((np.abs(z[VISIBLE]) <= BAND).mean(axis=0))
 
     @property
     def scores(self) -> Scores:

@@ -10,7 +10,7 @@ import numpy as np
 
 from camssf.colorimetry import adaptation, delta_e00, lab, white_and_matrix, white_of
 from camssf.errors import InvalidArgument
-from camssf.grid import Floats
+from camssf.grid import BAND, Floats
 from camssf.photo.read.dng import Mosaic
 from camssf.report.page import render, style
 from camssf.report.sections.photos import upright
@@ -25,7 +25,6 @@ from camssf_colour.view import View
 VIEW = View("1931", "D65")
 LONGEST = 900
 """Pixels of the longer side of a picture on the page."""
-INSIDE = 1.96
 
 
 @dataclass(frozen=True)
@@ -147,7 +146,7 @@ def comparison_page(first: ScenePhoto, second: ScenePhoto) -> str:
 
 
 def _lab(colours: SceneColours, i: int) -> str:
-    pairs = zip(colours.lab_by_curves[i], INSIDE * colours.deviation[i], strict=True)
+    pairs = zip(colours.lab_by_curves[i], BAND * colours.deviation[i], strict=True)
     return ", ".join(f"{value:.1f} ± {half:.1f}".replace("-", "\u2212") for value, half in pairs)
 
 

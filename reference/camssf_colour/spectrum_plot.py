@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from camssf.grid import BAND
 from camssf.report.svg import Axes, Label, ticks, whole_svg
 from camssf.spectra.bundled import SURFACE_NODES
 from camssf_colour.reflectance import SurfaceSpectra
@@ -13,7 +14,7 @@ SIZE = (760, 440)
 
 def spectrum_svg(spectra: SurfaceSpectra) -> str:
     """An SVG file of the reflectances with their 95 % bands, white behind them."""
-    low, high = (spectra.reflectance + sign * 1.96 * spectra.standard_deviation for sign in (-1.0, 1.0))
+    low, high = (spectra.reflectance + sign * BAND * spectra.standard_deviation for sign in (-1.0, 1.0))
     top = float(max(1e-3, 1.05 * high.max()))
     axes = Axes(SIZE, (52, 60, 16, 46), (float(SURFACE_NODES[0]), float(SURFACE_NODES[-1])), (0.0, top))
     axes.marks(((nm, f"{nm}") for nm in range(400, 721, 40)), ticks(0.0, top))

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from camssf.colorimetry import adaptation, lab, lab_slopes, white_of, xyz_of
 from camssf.errors import InvalidArgument
-from camssf.grid import Floats
+from camssf.grid import BAND, Floats
 from camssf.messages import fail
 from camssf.spectra import Lamp, LampLike, Unnamed, read_lamp, read_light
 from camssf.spectra.bundled import observer
@@ -70,7 +70,7 @@ class Colours:
 
     def __repr__(self) -> str:
         """The view, and Lab of the first colours with half the width of their 95 % intervals."""
-        half = 1.96 * np.sqrt(np.diagonal(self.lab_covariance, axis1=1, axis2=2))
+        half = BAND * np.sqrt(np.diagonal(self.lab_covariance, axis1=1, axis2=2))
         shown = [
             ", ".join(f"{name} {v:.1f} ± {s:.1f}" for name, v, s in zip(("L*", "a*", "b*"), lab, band, strict=True))
             for lab, band in zip(self.lab[:SHOWN], half, strict=False)

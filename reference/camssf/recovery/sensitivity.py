@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from camssf.errors import InvalidArgument
-from camssf.grid import WAVELENGTHS, Floats
+from camssf.grid import BAND, WAVELENGTHS, Floats
 from camssf.messages import fail
 from camssf.recovery.basis import LEARNED, Basis, basis_of, interpolate, misfit_profile, widened
 from camssf.recovery.inputs import observation_arrays, stacks_of
@@ -367,7 +367,7 @@ def half_width_of(std: Floats) -> float:
 def half_widths_of(std: Floats) -> Floats:
     """The mean half-width of each channel, (3,)."""
     visible = (WAVELENGTHS >= 400.0) & (WAVELENGTHS <= 700.0)
-    return np.asarray(1.96 * std[visible].mean(axis=0))
+    return np.asarray(BAND * std[visible].mean(axis=0))
 
 
 def _check_converged(gap: Floats) -> None:

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from camssf.cli.terminal import emit, say
+from camssf.grid import BAND
 from camssf_colour.cli.regions import DarkPhoto, Regions, WhiteRegion, measure, read_curves_of
 
 
@@ -51,7 +52,7 @@ def colour(
     for number, (lab, spread) in enumerate(zip(colours.lab, colours.lab_covariance, strict=True), 1):
         if not colours.reach[number - 1] > REACH:  # NaN: reach is not computed for many regions
             words = " ".join(
-                f"{name} {value:.1f} ± {1.96 * size:.1f}"
+                f"{name} {value:.1f} ± {BAND * size:.1f}"
                 for name, value, size in zip(("L*", "a*", "b*"), lab, spread.diagonal() ** 0.5, strict=True)
             )
             say("", f"region {number}: {words}")

@@ -10,6 +10,7 @@ import typer
 from camssf.cli.reading import spare
 from camssf.cli.terminal import emit, say
 from camssf.errors import InvalidArgument
+from camssf.grid import BAND
 from camssf_colour.cli.regions import DarkPhoto, Regions, WhiteRegion, measure, read_curves_of
 
 
@@ -101,10 +102,10 @@ def spectrum(
     if len(spectra.lamps) > 1:
         say("", weighed_kinds_in_words([(" and ".join(names), weight) for names, weight in spectra.lamps]))
     for number, surface in enumerate(written.regions, 1):
-        band = 1.96 * float((spectra.standard_deviation[number - 1, 2:33] ** 2).mean() ** 0.5)
+        band = BAND * float((spectra.standard_deviation[number - 1, 2:33] ** 2).mean() ** 0.5)
         words = f"band ± {band:.3f}, {surface.from_photo:.0%} of the prior's variance removed by the signals"
         for name, index_of in surface.indices.items():
-            words += f", {name} {index_of.value:.3f} ± {1.96 * index_of.standard_deviation:.3f}"
+            words += f", {name} {index_of.value:.3f} ± {BAND * index_of.standard_deviation:.3f}"
         say("", f"region {number}, prior {spectra.prior}: {words}")
         if surface.status != "ok":
             say(

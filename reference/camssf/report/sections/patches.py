@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from camssf.grid import CHANNELS, Floats
+from camssf.grid import BAND, CHANNELS, Floats
 from camssf.report.sections.drawings import fitting, round_up
-from camssf.report.sections.text import BAND, signed
+from camssf.report.sections.text import signed
 from camssf.report.shots import ShownPatches, ShownShot
 
 MOST_ROWS = 48

@@ -9,8 +9,6 @@ from markupsafe import Markup, escape
 
 from camssf.documents.document import Document
 
-BAND = 1.96
-"""Half-width of a 95 % band in standard deviations."""
 LONGEST_WORD, LONGEST_NAME = 24, 14
 """Only longer words may be broken at the end of a line; the second limit is for words with a digit, `_`, `/` or `\\`,
 such as hashes and file names."""

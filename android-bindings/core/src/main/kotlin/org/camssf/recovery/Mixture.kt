@@ -82,7 +82,7 @@ internal class Mixture(private val answers: List<Ssf>, weights: List<Double>) {
     /** [Ssf.halfWidth] of the mixture. */
     fun halfWidth(): Double {
         val visible = (40..640).flatMap { m -> (0..2).map { 3 * m + it } }
-        return 1.96 * visible.sumOf { at -> sqrt(variance(at)) } / visible.size
+        return BAND * visible.sumOf { at -> sqrt(variance(at)) } / visible.size
     }
 
     private fun variance(at: Int): Double = parts.sumOf { part ->

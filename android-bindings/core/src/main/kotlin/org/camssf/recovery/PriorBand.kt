@@ -32,7 +32,7 @@ internal object PriorBand {
                 hypot(sqrt(own) / mean[top], missed[m])
             }
         }
-        return 1.96 * total / (3 * (LAST - FIRST + 1))
+        return BAND * total / (3 * (LAST - FIRST + 1))
     }
 
     /** 400 and 700 nm on [Grid]. */
