@@ -1,4 +1,4 @@
-"""The pictures of docs/gallery.md, from simulated photos: `python -m tools.gallery`."""
+"""The pictures of docs/notebook.md, from simulated photos: `python -m tools.gallery`."""
 
 from __future__ import annotations
 

@@ -47,6 +47,7 @@ def notebook(page: Path) -> str:
     """
     text = BLOCK.sub(r"```\1\n\2```\n", page.read_text("utf-8"))
     text = re.sub(r"^```sh\n(?=[^`]*venv)", "```text\n", text, flags=re.MULTILINE)
+    text = re.sub(r"\]\(\.\./(images/[^)]+)\)", rf"]({SOURCE}\1?raw=true)", text)
     text = re.sub(r"\]\(\.\./([^)]+)\)", rf"]({SOURCE}\1)", text)
     text = re.sub(r"\]\(([\w-]+\.md[^)]*)\)", rf"]({SOURCE}tutorials/\1)", text)
     made = jupytext.reads(f"{HEAD}```python\n{FIRST}```\n\n{text}", fmt="md")

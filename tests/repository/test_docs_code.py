@@ -40,11 +40,7 @@ from tools.tutorials import TUTORIALS, WITH_OUTPUT
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("**/*.md"))]
 PYTHON_NOT_RUN = {
-    "camssf batch --make-manifest photos/": "photos named by unit and lamp: test_manifest_maker.py has some",
-    "camssf batch photos/manifest.csv": "likewise",
-    "camssf registry verify backup/": "a copy: test_registry_losses.py makes one",
     "passport": "a passport of this photo's unit: test_fleet_passports.py signs one",
-    "registry": "a fleet's registry: test_registry.py reads one so",
     "study": "frames of a monochromator: test_study.py makes them and runs the page",
 }
 """Pages whose Python is not run, and why."""
@@ -118,7 +114,6 @@ def test_the_python_of_colour_md_runs(
 NOT_RUN = {
     "camssf batch --make-manifest photos/": "photos named by unit and lamp: test_manifest_maker.py has some",
     "camssf batch photos/manifest.csv": "likewise",
-    "camssf registry verify backup/": "a copy: test_registry_losses.py makes one",
     "camssf calibrate first.dng": "a unit's two photos: test_previous.py makes them and runs both commands",
     "camssf calibrate later.dng": "likewise",
     "camssf calibrate on.dng": "a torch, on and off: test_previous.py solves the means of such photos",
@@ -133,11 +128,8 @@ NOT_RUN = {
     "camssf passport revoke passports/": "a passport that `issue` made, likewise",
     "camssf batch s3://": "an object store: test_stores.py starts one",
     "camssf registry list s3://": "likewise",
-    "camssf registry compare phones/": "a fleet of Pixels: test_registry.py compares one",
 }
 """Lines that begin so are parsed (test_docs.py), not run, and why."""
-BEFORE = {"registry": ("passport",), "operator": ("passport", "registry")}
-"""Pages whose commands need what those of others make."""
 
 
 def camssf_lines(page: Path) -> list[str]:
@@ -304,8 +296,7 @@ def test_the_commands_of_a_page_run(
     monkeypatch.setenv("PATH", f"{tmp_path / 'bin'}{os.pathsep}{os.environ['PATH']}")
     monkeypatch.setenv("MPLBACKEND", "agg")
     ran = 0
-    first = [line for name in BEFORE.get(page.stem, ()) for line in camssf_lines(ROOT / "docs" / f"{name}.md")]
-    for line in [*first, *camssf_lines(page)]:
+    for line in camssf_lines(page):
         if not runs(line):
             continue
         if page.stem == AS_PROCESSES:
@@ -346,9 +337,9 @@ def test_the_sidecar_of_raw_md_is_one(tmp_path: Path) -> None:
     assert (found.cfa, found.white, found.make, found.exposure) == ("RGGB", 16383, "Acme", 0.0125)
 
 
-def test_the_manifest_of_the_quick_start_is_one(tmp_path: Path) -> None:
+def test_the_manifest_of_fleet_md_is_one(tmp_path: Path) -> None:
     """Its photos are not here; its columns and rows are read."""
-    (block,) = blocks((ROOT / "docs" / "quick-start.md").read_text("utf-8"), "csv")
+    (block,) = blocks((ROOT / "docs" / "fleet.md").read_text("utf-8"), "csv")
     (tmp_path / "manifest.csv").write_text(block + "\n")
     outcomes = run_batch(Manifest(tmp_path / "manifest.csv", basis="cameras"), tmp_path / "out", workers=1).outcomes
     assert [outcome.name for outcome in outcomes] == ["Canon 550D", "Nikon D5100"]
