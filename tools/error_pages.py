@@ -19,8 +19,9 @@ def pages() -> dict[str, str]:
 
 def index() -> str:
     """The list of all codes, with links to their pages."""
-    rows = [(f"[`{code}`]({code}.md)", _first_sentence(explain_code(code).means)) for code in codes()]
-    return markdown_table(("code", "meaning"), rows)
+    every = [explain_code(code) for code in codes()]
+    rows = [(f"[`{one.code}`]({one.code}.md)", str(one.exit_status), _first_sentence(one.means)) for one in every]
+    return markdown_table(("code", "exit status", "meaning"), rows)
 
 
 def _page(each: Explained) -> str:

@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from camssf.documents.document import Document
-from camssf.documents.schema import schema
+from camssf.documents.schema import described, schema
 from camssf.rules import rules
 from camssf.spectra.lamps import lamp_aliases
+from camssf_fleet.passport.claims import Claims
+from camssf_fleet.records import Row
 from tools import cli_options, error_pages, faults_table, formats, paper_page, rules_table, soup, trace
 from tools.pages import filled, markdown_table
 
@@ -36,10 +38,20 @@ def lamp_names() -> str:
     return markdown_table(("name", "lamp, or advice"), rows)
 
 
+def fields(kind: type) -> str:
+    """The fields of a class as its docstring tells them; those that share a meaning share a row."""
+    names: dict[str, list[str]] = {}
+    for name, meaning in described(kind)[1].items():
+        names.setdefault(meaning, []).append(f"`{name}`")
+    return markdown_table(("field", "meaning"), [(" ".join(these), meaning) for meaning, these in names.items()])
+
+
 TABLES: dict[str, dict[str, Callable[[], str]]] = {
     "cli.md": {"tools.cli_options": cli_options.tables},
     "errors/index.md": {"tools.error_pages": error_pages.index},
     "formats.md": {"tools.formats": lambda: formats.tables(schema(Document))},
+    "passport.md": {"camssf_fleet.passport.claims": lambda: fields(Claims)},
+    "registry.md": {"camssf_fleet.records": lambda: fields(Row)},
     "paper.md": {"tools.paper_page": lambda: paper_page.page(numbers("paper"))},
     "soup.md": {"tools.soup: python": soup.python_table, "tools.soup: kotlin": soup.kotlin_table},
     "tables.md": {"data/lamp-names.json": lamp_names},
