@@ -68,7 +68,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
     """Offer the notebook below a tutorial's title."""
     path = Path(page.file.src_uri)
-    if path.parent.name != "tutorials" or path.stem == "index":
+    if path.parent.name != "tutorials":
         return markdown
     title, _break, rest = markdown.partition("\n")
     return f"{title}\n\n[This page as a Jupyter notebook]({path.stem}.ipynb)\n{rest}"

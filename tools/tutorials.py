@@ -18,9 +18,7 @@ from pathlib import Path
 
 from camssf.files import write_file
 
-TUTORIALS = sorted(
-    page for page in (Path(__file__).parents[1] / "docs" / "tutorials").glob("*.md") if page.stem != "index"
-)
+TUTORIALS = sorted((Path(__file__).parents[1] / "docs" / "tutorials").glob("*.md"))
 WITH_OUTPUT = [*TUTORIALS, Path(__file__).parents[1] / "docs" / "registry.md"]
 """All pages that show what they print; those that are no tutorials need more than these install."""
 BLOCK = re.compile(r"^```(python|sh)\n(.*?)^```\n(\n```text\n(.*?)^```\n)?", re.MULTILINE | re.DOTALL)
