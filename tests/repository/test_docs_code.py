@@ -114,6 +114,7 @@ def test_the_python_of_colour_md_runs(
 NOT_RUN = {
     "camssf batch --make-manifest photos/": "photos named by unit and lamp: test_manifest_maker.py has some",
     "camssf batch photos/manifest.csv": "likewise",
+    "camssf registry report phones/": "of that batch: test_fleet_page.py writes the page",
     "camssf calibrate first.dng": "a unit's two photos: test_previous.py makes them and runs both commands",
     "camssf calibrate later.dng": "likewise",
     "camssf calibrate on.dng": "a torch, on and off: test_previous.py solves the means of such photos",
