@@ -120,7 +120,7 @@ def product_of(product: Product | Result, out: Path | None, photos: Sequence[str
             say("", f"Nothing was written to {out}.")
         else:
             written = report(product, product.previews, provenance=read_provenance(photos)).save(out)
-            say("", f"{kept_in(out, written)}What is known of this capture lies in {written[-1]}")
+            say("", f"{kept_in(out, written)}Partial report: {written[-1]}")
     except InvalidArgument as lost:  # report it, but raise the refusal
         say("", f"{lost.message} {lost.advice}")
     raise product.error
