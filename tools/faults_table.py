@@ -1,6 +1,6 @@
-"""docs/faults.json and its summary in docs/verdict.md, from the last run's numbers: `python -m tools.faults_table`.
+"""docs/faults.json, from the last run's numbers: `python -m tools.faults_table`.
 
-`python -m benchmarks.claims.faults` counts them. The site shows the tables.
+`python -m benchmarks.claims.faults` counts them. The site shows the tables on docs/verdict.md.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from typing import Any
 
 from benchmarks.faults import FAULTS
 from benchmarks.shared import RESULTS
-from tools.pages import filled, markdown_table, write_or_check
+from tools.pages import markdown_table, write_or_check
 
 DOCS = Path(__file__).parents[1] / "docs"
 COMMAND = "python -m tools.faults_table"
 
 
 def summary(found: dict[str, Any]) -> str:
-    """What docs/verdict.md keeps: the counts in short, and every fault that was missed."""
+    """The counts in short, and every fault that was missed."""
     bars_ = {bar["bar"]: bar["value"] for bar in found["bars"]}
     clean, pair, causes_ = found["clean"], found["two_shots"], found["causes"]
     mild = [each[0] for each in found["faults"].values()]
@@ -101,9 +101,8 @@ def main() -> int:
     """The command."""
     found = json.loads((RESULTS / "faults.json").read_text("utf-8"))
     found.pop("versions")
-    page = filled((DOCS / "verdict.md").read_text("utf-8"), {COMMAND: summary(found)})
     numbers = json.dumps(found, indent=1, ensure_ascii=False) + "\n"
-    return write_or_check(COMMAND, DOCS, {"faults.json": numbers, "verdict.md": page}, check=False)
+    return write_or_check(COMMAND, DOCS, {"faults.json": numbers}, check=False)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
-"""docs/real.md's tables, its picture and docs/real.json, from the last run's numbers: `python -m tools.real_page`.
+"""docs/real.json and the picture of docs/real.md, from the last run's numbers: `python -m tools.real_page`.
 
-`python -m benchmarks.claims.real` measures them.
+`python -m benchmarks.claims.real` measures them. The site shows the tables.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from benchmarks.claims.real import (
 from benchmarks.shared import RESULTS
 from camssf.files import write_file
 from camssf.grid import WAVELENGTHS
-from tools.pages import filled, markdown_table, write_or_check
+from tools.pages import markdown_table, write_or_check
 
 DOCS = Path(__file__).parents[1] / "docs"
 PICTURE = "images/real-d70.png"
@@ -58,7 +58,7 @@ def _reasons(reasons: Sequence[tuple[str, str]]) -> str:
 
 
 def markdown(found: Mapping[str, Any]) -> dict[str, str]:
-    """The page's tables by name."""
+    """What the site shows on the page: its tables by name."""
     shared = [
         [name, each, f"{100 * row['shared']:.1f} %", " ".join(f"{100 * v:.1f}" for v in row["rest"]) + " %"]
         for name, passes in found["scatter"].items()
@@ -88,11 +88,6 @@ def markdown(found: Mapping[str, Any]) -> dict[str, str]:
         ),
         "bars": limits,
     }
-
-
-def page(text: str, found: Mapping[str, Any]) -> str:
-    """The page with its tables made anew."""
-    return filled(text, {f"{COMMAND}: {part}": made for part, made in markdown(found).items()})
 
 
 def draw(path: Path) -> None:
@@ -137,10 +132,9 @@ def draw(path: Path) -> None:
 def main() -> int:
     """The command."""
     found = json.loads((RESULTS / "real.json").read_text("utf-8"))
-    page_ = page((DOCS / "real.md").read_text("utf-8"), found)
     draw(DOCS / PICTURE)
     numbers = json.dumps(found, indent=1, ensure_ascii=False) + "\n"
-    return write_or_check(COMMAND, DOCS, {"real.json": numbers, "real.md": page_}, check=False)
+    return write_or_check(COMMAND, DOCS, {"real.json": numbers}, check=False)
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,8 +14,9 @@ from camssf.rules import rules
 from camssf.spectra.lamps import lamp_aliases
 from camssf_fleet.passport.claims import Claims
 from camssf_fleet.records import Row
-from tools import cli_options, error_pages, faults_table, formats, paper_page, rules_table, soup, trace
+from tools import cli_options, error_pages, faults_table, formats, paper_page, real_page, rules_table, soup, trace
 from tools.pages import filled, markdown_table
+from tools.reference_names import with_names
 
 if TYPE_CHECKING:
     from mkdocs.config.defaults import MkDocsConfig
@@ -46,6 +48,11 @@ def fields(kind: type) -> str:
     return markdown_table(("field", "meaning"), [(" ".join(these), meaning) for meaning, these in names.items()])
 
 
+def real_table(name: str) -> str:
+    """A table of the measurements on real cameras."""
+    return real_page.markdown(numbers("real"))[name]
+
+
 TABLES: dict[str, dict[str, Callable[[], str]]] = {
     "cli.md": {"tools.cli_options": cli_options.tables},
     "errors/index.md": {"tools.error_pages": error_pages.index},
@@ -53,11 +60,16 @@ TABLES: dict[str, dict[str, Callable[[], str]]] = {
     "passport.md": {"camssf_fleet.passport.claims": lambda: fields(Claims)},
     "registry.md": {"camssf_fleet.records": lambda: fields(Row)},
     "paper.md": {"tools.paper_page": lambda: paper_page.page(numbers("paper"))},
+    "real.md": {
+        f"tools.real_page: {name}": partial(real_table, name)
+        for name in ("curves", "references", "scatter", "photo", "bars")
+    },
     "soup.md": {"tools.soup: python": soup.python_table, "tools.soup: kotlin": soup.kotlin_table},
     "tables.md": {"data/lamp-names.json": lamp_names},
     "traceability.md": {"tools.trace": trace.table},
     "verdict.md": {
         "tools.faults_table: causes": lambda: faults_table.causes(numbers("faults")),
+        "tools.faults_table: summary": lambda: faults_table.summary(numbers("faults")),
         "tools.faults_table: faults": lambda: faults_table.table(numbers("faults")),
         "tools.rules_table": lambda: rules_table.markdown(rules()),
     },
@@ -75,6 +87,9 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
-    """Fill the marks of a page with their tables."""
-    made = {mark: make() for mark, make in TABLES.get(page.file.src_uri, {}).items()}
+    """Fill the marks of a page with their tables, and a page of reference with its names."""
+    uri = page.file.src_uri
+    if uri.startswith("reference/") and not uri.endswith("/index.md"):
+        return with_names(markdown)
+    made = {mark: make() for mark, make in TABLES.get(uri, {}).items()}
     return filled(markdown, made)

@@ -1,7 +1,7 @@
 """Posterior of reflectance given signals, for a prior of measured surfaces.
 
 Each surface of the prior is weighed by how well it explains the signals; the answer is the weighted mean of their
-linear estimates. The formulas are in docs/spectrum.md.
+linear estimates: `posterior_of`.
 """
 
 from __future__ import annotations

@@ -21,8 +21,6 @@ from camssf_lab.simulation.frames import Simulation, simulate
 from camssf_lab.simulation.scene import Scene, true_pose
 from camssf_lab.simulation.shot import Frames, take
 from camssf_lab.simulation.shot_plan import ShotPlan
-from tools.faults_table import COMMAND, summary
-from tools.pages import filled
 
 DOCS = Path(__file__).parents[2] / "docs"
 SIZE = (360, 270)
@@ -283,10 +281,12 @@ def test_a_dark_lens_in_the_field(tmp_path: Path) -> None:
 
 @pytest.mark.repository
 @pytest.mark.requirement("R-FAULTS")
-def test_the_docs_summary_is_the_benchmark_s() -> None:
+def test_the_docs_headline_is_the_benchmark_s() -> None:
     found = json.loads((DOCS / "faults.json").read_text("utf-8"))
-    page = (DOCS / "verdict.md").read_text("utf-8")
-    assert filled(page, {COMMAND: summary(found)}) == page
+    caught = {bar["bar"]: f"{100 * bar['value']:.1f} %" for bar in found["bars"]}
+    first, second = (caught[f"severity {number}: harmful caught"] for number in (2, 3))
+    said = f"{first} of the harmful ones at severity 2 and {second} at severity 3"
+    assert said in (DOCS / "verdict.md").read_text("utf-8")
     assert list(found["faults"]) == list(FAULTS)
     assert found["half"] == "report"
 
@@ -297,7 +297,7 @@ def test_the_benchmark_met_its_bars() -> None:
     """As committed, but for two: the command makes the numbers anew, and exits 1 where a bar is missed.
 
     At severity 3 whole copies of the chart, and files of it that are off in wavelength, are missed; of good captures
-    of cameras more are doubted than the bar allows (docs/verdict.md, What is still missed).
+    of cameras more are doubted than the bar allows (docs/verdict.md, What it catches).
     """
     found = json.loads((DOCS / "faults.json").read_text("utf-8"))
     assert [bar["bar"] for bar in found["bars"] if not bar["met"]] == [

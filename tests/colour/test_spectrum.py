@@ -3,10 +3,8 @@
 import csv
 import hashlib
 import json
-import re
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -542,19 +540,6 @@ def test_curves_that_no_camera_has_are_answered_or_refused(seed: int) -> None:
         return
     assert np.isfinite(found.reflectance).all()
     assert (found.standard_deviation >= 0).all()
-
-
-def test_the_python_of_spectrum_md_runs(
-    folder: tuple[Path, Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (block,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "spectrum.md").read_text("utf-8"), re.DOTALL)
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "result.json").write_bytes((folder[0] / "result.json").read_bytes())
-    monkeypatch.chdir(tmp_path)
-    names: dict[str, Any] = {}
-    exec(compile(block, "spectrum.md", "exec"), names)
-    assert names["found"].reflectance.shape == (1, 35)
-    assert names["table"].shape.interval == 10.0
 
 
 def test_spectra_are_drawn_with_their_bands() -> None:

@@ -22,7 +22,6 @@ import pytest
 
 from camssf import Options, __version__, calibrate
 from camssf.cli import main
-from camssf.documents.document import document_bytes
 from camssf.exports import export
 from camssf.grid import WAVELENGTHS
 from camssf.photo.read.raw import read_raw
@@ -34,7 +33,6 @@ from camssf_fleet.manifest import Manifest
 from camssf_lab.simulation.frames import simulate
 from camssf_lab.simulation.scene import Scene
 from tests.repository.test_docs import ROOT, blocks, calls
-from tests.support.documents import document
 from tools import tutorials
 from tools.tutorials import TUTORIALS, WITH_OUTPUT
 
@@ -92,21 +90,6 @@ def test_the_python_of_a_page_runs(page: Path, there: Path, capsys: pytest.Captu
     for number, block in enumerate(blocks(page.read_text("utf-8"), "python"), 1):
         exec(compile(block, f"{page.name}, block {number}", "exec"), names)
     assert "nan" not in capsys.readouterr().out.split()
-
-
-@pytest.mark.parametrize("wanted", ["standard_colour", "convert"])
-def test_the_python_of_colour_md_runs(
-    wanted: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """As written, on results of that name."""
-    text = (ROOT / "docs" / "colour.md").read_text("utf-8")
-    (block,) = [block for block in blocks(text, "python") if wanted in block]
-    for name in ("out/result.json", "a.json", "b.json"):
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_bytes(document_bytes(document("D55")))
-    monkeypatch.chdir(tmp_path)
-    exec(compile(block, "colour.md", "exec"), {})
-    assert "nan" not in capsys.readouterr().out
 
 
 # -- shell ----------------------------------------------------------------------------------------------------------

@@ -12,6 +12,7 @@ from typing import get_origin
 import pytest
 
 from tests.repository.test_docs import ROOT, blocks
+from tools.reference_names import names_in, public_names, with_names
 
 ROOMS = (
     "camssf", "camssf.spectra", "camssf.recovery", "camssf_colour", "camssf.exports", "camssf_lab.direct",
@@ -20,38 +21,20 @@ ROOMS = (
 NO_EXAMPLE = {"divide", "extract", "FrameSpectrum", "Progress"} | {"Passport", "verify", "read_public"}
 """A spectrograph's frames are too long to make on a page: test_direct.py makes them. A passport needs a signer:
 the one of docs/passport.md is an example."""
-PAGES = {page: page.read_text("utf-8") for page in sorted((ROOT / "docs" / "reference").glob("*.md"))}
+TEXTS = [page.read_text("utf-8") for page in (ROOT / "docs" / "reference").glob("*.md") if page.stem != "index"]
+PAGES = {text.partition("\n")[0].removeprefix("# "): text for text in TEXTS}
 WITH_DOCTESTS = ("camssf.spectra.lamps", "camssf.spectra.charts", "camssf.spectra.cameras", "camssf.error_codes")
 
 
 def public() -> list[str]:
-    names = [f"{room}.{name}" for room in ROOMS for name in import_module(room).__all__]
-    errors = import_module("camssf.errors")
-    kinds = [name for name, kind in vars(errors).items() if isinstance(kind, type) and hasattr(kind, "exit_status")]
-    return [*names, *(f"camssf.errors.{name}" for name in kinds)]
+    return [f"{room}.{name}" for room in (*ROOMS, "camssf.errors") for name in public_names(room)]
 
 
 @pytest.mark.repository
 def test_every_public_name_is_in_the_reference_with_an_example() -> None:
-    used = {
-        page: {
-            each
-            for block in blocks(text, "python")
-            for node in ast.walk(ast.parse(block))
-            for each in ([node.id] if isinstance(node, ast.Name) else [a.name for a in getattr(node, "names", ())])
-        }
-        for page, text in PAGES.items()
-    }
-    for name in public():
-        word = name.rpartition(".")[2]
-        pages = [page for page, text in PAGES.items() if re.search(rf"^::: {re.escape(name)}$", text, re.MULTILINE)]
-        assert len(pages) == 1, name
-        assert word in used[pages[0]] or word in NO_EXAMPLE, name
-
-
-@pytest.mark.repository
-def test_the_reference_names_nothing_that_is_not_there() -> None:
-    listed = [name for text in PAGES.values() for name in re.findall(r"^::: (\S+)$", text, re.MULTILINE)]
+    for room in ROOMS:
+        assert set(public_names(room)) <= names_in(PAGES[room]) | NO_EXAMPLE, room
+    listed = [name for page in PAGES.values() for name in re.findall(r"^::: (\S+)$", with_names(page), re.MULTILINE)]
     assert sorted(listed) == sorted(public())
 
 
