@@ -71,9 +71,11 @@ def test_the_pipe_is_calibrate_in_steps(
     feed(whole)
     for command in [["patches", *triple], *commands] if first == "patches" else commands:
         assert cli.main(command) == 0
-        data = capsys.readouterr().out
+        data, err = capsys.readouterr()
         feed(data)
     assert data == whole
+    assert err.startswith("verdict: ")  # first, then what it is worth
+    assert "colour error about" in err.splitlines()[1]
     assert cli.main(["report", "-", "-o", str(tmp_path / "out"), "--photo", triple[0]]) == 0
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == FILES
     assert (tmp_path / "out" / "ssf.csv").read_bytes() == (result / "ssf.csv").read_bytes()
@@ -164,19 +166,16 @@ def test_simulate_says_what_it_wrote_and_replaces_its_own_alone(tmp_path: Path, 
 
 
 def test_the_corners_that_simulate_wrote_are_taken(shots: Path, capsys: Capture) -> None:
-    """By `calibrate` as they stand: its answer is that of the same four points written out, and lies on the truth."""
+    """As they stand: the capture is that of the same four points written out, and the pose lies on the truth."""
     photo, stored = str(shots / "chart.dng"), shots / "corners.json"
     true = json.loads(stored.read_text("utf-8"))["photos"]["chart.dng"]
     assert true["layout"] == "classic24"
-    answers = []
+    captures = []
     for corners in (str(stored), " ".join(f"{x!r},{y!r}" for x, y in true["corners"])):
-        assert cli.main(["calibrate", photo, "--lamp", "D55", "--basis", "cameras", "--corners", corners]) == 0
-        out, err = capsys.readouterr()
-        answers.append(json.loads(out))
-        assert err.startswith("verdict: ")  # first, then what it is worth
-        assert "colour error about" in err.splitlines()[1]
-    assert answers[0] == answers[1]
-    pose = answers[0]["capture"]["shots"][0]["pose"]
+        assert cli.main(["patches", photo, "--lamp", "D55", "--corners", corners]) == 0
+        captures.append(json.loads(capsys.readouterr().out)["capture"])
+    assert captures[0] == captures[1]
+    pose = captures[0]["shots"][0]["pose"]
     assert pose["method"] == "by hand"
     np.testing.assert_allclose(pose["corners"], true["corners"], atol=1.0)  # moved to the printed borders
 

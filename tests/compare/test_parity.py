@@ -141,18 +141,21 @@ def paths(value: Any, path: str = "") -> Iterator[tuple[str, Json, str]]:
 
 
 def few(value: Any) -> Any:
-    """The same with two numbers of each list of numbers, which is faster to compare."""
+    """The same with the first entry of each list alone, which is faster to compare."""
     if isinstance(value, dict):
         return {key: few(entry) for key, entry in value.items()}
-    return [few(entry) for entry in value[:2]] if isinstance(value, list) else value
+    return [few(entry) for entry in value[:1]] if isinstance(value, list) else value
 
 
-def test_no_field_may_be_missing(result: Json) -> None:
-    """Each key in turn, on either side."""
-    whole, document = few(result), few(result)
-    keys = list(paths(document))
-    assert len(keys) > 100
-    for path, holder, key in keys:
+PARTS = ("format", "capture", "answer", "verdict", "assumptions")
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_no_field_may_be_missing(part: str, result: Json) -> None:
+    """Each key of each part in turn, on either side."""
+    assert set(result) == {"version", *PARTS}
+    whole, document = (few({"version": "", part: result[part]}) for _ in range(2))
+    for path, holder, key in list(paths(document)):
         if path in ("/version", "/answer"):  # without one, two releases, or a refusal, are compared
             continue
         value = holder.pop(key)
@@ -268,6 +271,7 @@ def test_frames_are_asked_for(result: Json) -> None:
         parity(loaded(result), [frame("chart")] * 2)
 
 
+@pytest.mark.full
 def test_files_of_lamps_and_charts(tmp_path: Path) -> None:
     """A lamp by file: the document knows its hash, and the file is given again."""
     files = [tmp_path / "lamp.csv", tmp_path / "other.csv"]
