@@ -1,4 +1,4 @@
-"""Files whole or not at all, several all or none, whenever the process is killed. Failures: test_report.py."""
+"""Files whole or not at all, several all or none, whenever the process is killed. Failures: test_save.py."""
 
 from __future__ import annotations
 

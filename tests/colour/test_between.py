@@ -1,7 +1,7 @@
 """Between two cameras: limits that can be done by hand, drawing what is not known, the command."""
 
 from dataclasses import replace
-from typing import Any
+from functools import partial
 
 import numpy as np
 import pytest
@@ -11,45 +11,22 @@ from camssf.errors import InvalidArgument, LampUnfit
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import read_chart, read_lamp
 from camssf.spectra.bundled import surfaces
-from camssf_colour import PARTS, Camera, Reference, convert
-from camssf_colour.camera import OwnWhite
+from camssf_colour import PARTS, Camera, Reference, convert, standard_colour
 from camssf_colour.reach import MOST, REACH
-from tests.support.problems import bell, measured_cameras, toy_camera
+from tests.colour.conftest import blurred, exact, known, owned, power
+from tests.support.problems import measured_cameras, toy_camera
 
 CHART = read_chart("classic24").values
-LAMP = "D55"
-
-
-def power(name: str = LAMP) -> Floats:
-    return read_lamp(name).values
-
-
-def exact(curves: Floats | None = None) -> Camera:
-    curves = toy_camera() if curves is None else curves
-    return Camera("toy", curves / curves.max(axis=0), np.zeros((0, *curves.shape)))
-
-
-def blurred(curves: Floats | None = None, size: float = 0.02) -> Camera:
-    """With two errors of its curves: red too far right, green too wide."""
-    one = exact(curves)
-    modes = np.zeros((2, *one.values.shape))
-    modes[0, :, 0] = size * np.gradient(one.values[:, 0], WAVELENGTHS) * 40
-    modes[1, :, 1] = size * bell(500, 15)
-    return replace(one, modes=modes)
 
 
 def other() -> Camera:
     return exact(measured_cameras()["Canon EOS 5D"])
 
 
-def known(name: str = LAMP) -> Any:
-    return replace(read_lamp(name), tolerance=0.0)
-
-
 # -- limits that can be done by hand ----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("lamp", [LAMP, "FL2", "bulb", "LED-B3"])
+@pytest.mark.parametrize("lamp", ["D55", "FL2", "bulb", "LED-B3"])
 @pytest.mark.parametrize("camera", [exact(), blurred()], ids=["exact", "uncertain"])
 def test_a_camera_to_itself_is_the_identity_without_error(camera: Camera, lamp: str) -> None:
     """Whatever is not known of its curves and of the lamp: both sides err alike."""
@@ -64,16 +41,26 @@ def test_a_camera_to_itself_is_the_identity_without_error(camera: Camera, lamp: 
     assert max(conversion.rms.values()) < 1e-9
 
 
-@pytest.mark.parametrize("lamp", [LAMP, "FL2", "A"])
+MIX = np.array([[0.9, 0.1, 0.0], [0.2, 1.0, 0.1], [0.05, 0.1, 0.8]])
+
+
+def mixed() -> tuple[Camera, Camera]:
+    """A camera, and one whose curves are mixtures of its."""
+    return exact(), Camera("mixed", exact().values @ MIX, np.zeros((0, 681, 3)))
+
+
+def sizes(part: Floats) -> Floats:
+    """Standard deviations (n, 3)."""
+    return np.sqrt(np.diagonal(part, axis1=1, axis2=2))
+
+
+@pytest.mark.parametrize("lamp", ["D55", "FL2", "A"])
 def test_curves_that_are_mixtures_give_the_very_matrix(lamp: str) -> None:
     """s_B = s_A M: white-balanced, y_B = y_A · diag(white_A) M diag(1 / white_B)."""
-    mix = np.array([[0.9, 0.1, 0.0], [0.2, 1.0, 0.1], [0.05, 0.1, 0.8]])
-    source = exact()
-    target = Camera("mixed", source.values @ mix, np.zeros((0, 681, 3)))
+    source, target = mixed()
     whites = [power(lamp) @ camera.values for camera in (source, target)]
-    expected = whites[0][:, None] * mix / whites[1]
-    y = signals_of(CHART, power(lamp), source.values)
-    found = convert(source, target, known(lamp), y)
+    expected = whites[0][:, None] * MIX / whites[1]
+    found = convert(source, target, known(lamp), signals_of(CHART, power(lamp), source.values))
     assert found.conversions[0].kind == "matrix"
     assert np.abs(found.conversions[0].coefficients - expected).max() < 1e-10
     assert np.abs(expected.sum(axis=0) - 1).max() < 1e-12
@@ -81,16 +68,12 @@ def test_curves_that_are_mixtures_give_the_very_matrix(lamp: str) -> None:
     for name in ("curves", "lamp", "noise", "metamers"):
         assert np.sqrt(np.abs(found.parts[name]).max()) < 1e-9, name
     # the reference's error remains: a white that is off by 1 % is so for both cameras
-    sizes = np.sqrt(np.diagonal(found.parts["reference"], axis1=1, axis2=2))
-    assert (sizes[18] > 0.005).all()
+    assert (sizes(found.parts["reference"])[18] > 0.005).all()
 
 
 def test_noise_goes_through_the_matrix() -> None:
-    mix = np.array([[0.9, 0.1, 0.0], [0.2, 1.0, 0.1], [0.05, 0.1, 0.8]])
-    source = exact()
-    target = Camera("mixed", source.values @ mix, np.zeros((0, 681, 3)))
-    y = signals_of(CHART, power(), source.values)
-    found = convert(source, target, known(), y, 0.002)
+    source, target = mixed()
+    found = convert(source, target, known(), signals_of(CHART, power(), source.values), 0.002)
     matrix = found.conversions[0].coefficients
     assert np.abs(found.parts["noise"] - 0.002**2 * matrix.T @ matrix).max() < 1e-12
 
@@ -100,7 +83,7 @@ def test_noise_goes_through_the_matrix() -> None:
 
 def test_white_stays_white_and_more_light_changes_nothing() -> None:
     for kind in KINDS:
-        found = convert(exact(), other(), LAMP, np.ones(3), kind=kind)
+        found = convert(exact(), other(), "D55", np.ones(3), kind=kind)
         conversion = found.conversions[0]
         assert np.abs(found.signals - 1).max() < 1e-12
         y = signals_of(CHART, power(), toy_camera())
@@ -131,6 +114,7 @@ def test_parts_add_up_and_are_covariances() -> None:
     assert (np.linalg.eigvalsh(found.covariance) > 0).all()
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("side", ["source", "target"])
 def test_the_curves_part_is_what_drawing_curves_gives(side: str) -> None:
     """Of either camera."""
@@ -141,29 +125,25 @@ def test_the_curves_part_is_what_drawing_curves_gives(side: str) -> None:
     lamp = known("LED-B3")
     found = convert(**(cameras | {side: unsure}), lamp=lamp, signals=y, kind="matrix")
     assert not found.parts["lamp"].any()
-    rng = np.random.default_rng(5)
-    drawn = []
-    for _ in range(200):
-        values = true + np.einsum("q,qmc->mc", rng.normal(size=2), unsure.modes)
-        drawn.append(convert(**(cameras | {side: exact(values)}), lamp=lamp, signals=y, kind="matrix").signals)
-    ours, theirs = np.sqrt(np.diagonal(found.parts["curves"], axis1=1, axis2=2)), np.std(drawn, axis=0)
-    assert np.abs(ours - theirs).max() < 0.2 * theirs.max()
+    drawn = [
+        convert(**(cameras | {side: exact(values)}), lamp=lamp, signals=y, kind="matrix").signals
+        for values in true + np.einsum("nq,qmc->nmc", np.random.default_rng(5).normal(size=(200, 2)), unsure.modes)
+    ]
+    assert np.abs(sizes(found.parts["curves"]) - np.std(drawn, axis=0)).max() < 0.2 * np.std(drawn, axis=0).max()
 
 
+@pytest.mark.full
 def test_the_lamp_part_is_what_drawing_lamps_gives() -> None:
     source, target = exact(), other()
     lamp = replace(known("bulb"), modes=0.5 * read_lamp("bulb").modes)
     y = signals_of(CHART[:6], lamp.values, source.values)
     found = convert(source, target, lamp, y, kind="matrix")
-    rng = np.random.default_rng(5)
-    drawn = []
-    for _ in range(200):
-        values = lamp.values * (1 + rng.normal(size=len(lamp.modes)) @ lamp.modes)
-        drawn.append(
-            convert(source, target, replace(lamp, values=values, modes=lamp.modes[:0]), y, kind="matrix").signals
-        )
-    ours, theirs = np.sqrt(np.diagonal(found.parts["lamp"], axis1=1, axis2=2)), np.std(drawn, axis=0)
-    assert np.abs(ours - theirs).max() < 0.15 * theirs.max()
+    draws = np.random.default_rng(5).normal(size=(200, len(lamp.modes)))
+    drawn = [
+        convert(source, target, replace(lamp, values=values, modes=lamp.modes[:0]), y, kind="matrix").signals
+        for values in lamp.values * (1 + draws @ lamp.modes)
+    ]
+    assert np.abs(sizes(found.parts["lamp"]) - np.std(drawn, axis=0)).max() < 0.15 * np.std(drawn, axis=0).max()
 
 
 def test_metamers_are_what_unseen_surfaces_miss() -> None:
@@ -179,11 +159,6 @@ def test_metamers_are_what_unseen_surfaces_miss() -> None:
 
 
 # -- lamps, white, reach ----------------------------------------------------------------------------------------
-
-
-def owned(camera: Camera, name: str = LAMP) -> Camera:
-    raw = power(name) @ camera.values
-    return replace(camera, own=OwnWhite(raw / raw[1], read_lamp(name)))
 
 
 def test_whites_balance_and_unbalance() -> None:
@@ -217,27 +192,27 @@ def test_auto_weighs_the_kinds() -> None:
 
 @pytest.mark.parametrize(("signal", "far"), [((0.4, 0.2, 0.1), False), ((0.02, 0.9, 0.02), True)])
 def test_signals_that_no_surface_gives_are_found_out(signal: tuple[float, ...], far: bool) -> None:
-    found = convert(blurred(size=0.005), other(), LAMP, np.array(signal), 0.002)
+    found = convert(blurred(size=0.005), other(), "D55", np.array(signal), 0.002)
     assert (found.reach[0] > REACH) == far
 
 
 @pytest.mark.parametrize("wrong", [np.ones(2), np.array([[1.0, np.nan, 1.0]]), np.ones((1, 1, 3))])
 def test_signals_that_are_none_are_refused(wrong: Floats) -> None:
-    with pytest.raises(InvalidArgument, match="Signals"):
-        convert(exact(), other(), LAMP, wrong)
+    for product in (partial(convert, exact(), other()), partial(standard_colour, exact())):
+        with pytest.raises(InvalidArgument, match="Signals"):
+            product("D55", wrong)
+        with pytest.raises(InvalidArgument, match="standard error"):
+            product("D55", np.ones(3), -1.0)
 
 
 def test_what_cannot_be_converted_is_refused() -> None:
-    with pytest.raises(InvalidArgument, match="no transform"):
-        convert(exact(), other(), LAMP, np.ones(3), kind="cube")
-    with pytest.raises(InvalidArgument, match="standard error"):
-        convert(exact(), other(), LAMP, np.ones(3), -1.0)
-    twins = exact()
+    twins, blind = exact(), other()
     twins.values[:, 1] = twins.values[:, 0]
-    with pytest.raises(InvalidArgument, match="No conversion"):
-        convert(twins, other(), LAMP, np.ones(3))
-    ultraviolet = replace(read_lamp(LAMP), values=np.where(WAVELENGTHS < 381, 1.0, 0.0), tolerance=0.0)
-    blind = other()
     blind.values[WAVELENGTHS < 400] = 0.0
+    ultraviolet = replace(known(), values=np.where(WAVELENGTHS < 381, 1.0, 0.0))
+    with pytest.raises(InvalidArgument, match="no transform"):
+        convert(exact(), other(), "D55", np.ones(3), kind="cube")
+    with pytest.raises(InvalidArgument, match="No conversion"):
+        convert(twins, other(), "D55", np.ones(3))
     with pytest.raises(InvalidArgument, match="no response"):
         convert(exact(), blind, ultraviolet, np.ones(3))

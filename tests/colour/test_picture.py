@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 import os
-import re
 import shutil
 import subprocess
 from dataclasses import replace
@@ -20,18 +19,13 @@ import rawpy
 import tifffile
 from PIL import Image, ImageCms, ImageOps
 
-from camssf import cli
 from camssf.colorimetry import delta_e00, lab, signals_of, white_of
-from camssf.documents.document import document_bytes
-from camssf.documents.forms import from_plain, to_plain
-from camssf.documents.schema import schema
 from camssf.errors import FramesDiffer, InvalidArgument, LampUnfit
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.photo.read.colour_matrix import ColourMatrix
 from camssf.photo.read.dng import Mosaic
 from camssf.recovery.basis import read_basis
 from camssf.recovery.onnx_model import onnx_runtime
-from camssf.result import Result
 from camssf.spectra import read_chart, read_lamp
 from camssf.spectra.bundled import observer
 from camssf_colour import Camera, Reference, View, standard_colour
@@ -47,16 +41,12 @@ from camssf_colour.picture import (
     white_of_region,
 )
 from camssf_colour.picture_comparison import matrix_of_file
-from camssf_colour.picture_document import PictureDocument
 from camssf_colour.picture_file import write_picture
 from camssf_colour.picture_strip import CLIPPED, OUT_OF_REACH, PER_UNIT, StripInputs, picture_strip
 from camssf_colour.regions import measure_regions
 from camssf_colour.standard import of_surfaces
 from camssf_lab.simulation.camera import Sensor, count
-from camssf_lab.simulation.scene import Scene
-from tests.support.documents import document
 from tests.support.scenes import mosaic
-from tests.support.schemas import check_schema
 
 CHART = read_chart("classic24").values.copy()
 CHART[18] = 0.9  # the reference
@@ -84,15 +74,14 @@ def scene(
         level, ambient: largest signal by the lamp, and by a bulb that is lit, too; 1 is saturation.
     """
     own = camera().own
-    assert own is not None
     raw = np.zeros((24, 3))
     for light, part in ((lamp, level), ("A", ambient)):
         by_it = (CHART * read_lamp(light).values) @ camera().values * own.raw / (own.lamp.values @ camera().values)
         raw += part * (sensor.white_level - sensor.black) * by_it / by_it.max()
     blocks = raw.reshape(4, 6, 3).repeat(SIDE, axis=0).repeat(SIDE, axis=1)
     light = np.empty(blocks.shape[:2], dtype=np.float32)
-    for place, letter in enumerate(cfa):
-        rows, columns = slice(place // 2, None, 2), slice(place % 2, None, 2)
+    for at, letter in enumerate(cfa):
+        rows, columns = slice(at // 2, None, 2), slice(at % 2, None, 2)
         light[rows, columns] = blocks[rows, columns, "RGB".index(letter)]
     return replace(mosaic(count(light, sensor, np.random.default_rng(seed)), replace(sensor, cfa=cfa)), **changes)
 
@@ -102,9 +91,30 @@ def white(photo: Mosaic, dark: Mosaic | None = None) -> WhiteSignal:
     return white_of_region(region, 0.9)
 
 
+@cache
+def plain() -> tuple[Mosaic, WhiteSignal]:
+    """A scene almost without noise, and its white."""
+    return scene(), white(scene())
+
+
+def picture_of(photo: Mosaic, lamp: str = LAMP, **more: Any) -> StandardPicture:
+    return standard_picture(camera(), lamp, photo, **({"white": white(photo)} | more))
+
+
 def whole(made: StandardPicture) -> tuple[Floats, Floats]:
     pixels, layer = (np.concatenate(strips) for strips in zip(*made.strips(), strict=True))
     return pixels, layer
+
+
+def truth(view: str, lamp: str = LAMP) -> Floats:
+    """Lab (24, 3) of the patches by `standard_colour`."""
+    y = signals_of(CHART, read_lamp(lamp).values, camera().values)
+    return standard_colour(camera(), lamp, y, reference=Reference(), view=View(white=view)).lab
+
+
+def in_gamut(space: str) -> Any:
+    """All patches but cyan, which is none of sRGB's colours."""
+    return np.arange(24) != (17 if space == "srgb" else -1)
 
 
 def inner(pixels: Floats) -> Floats:
@@ -122,8 +132,8 @@ def test_a_smooth_picture_is_demosaiced_as_libraw_does_it(tmp_path: Path) -> Non
     y, x = np.mgrid[0:64, 0:96]
     colours = 3000.0 + np.stack([20 * x + 10 * y, 15 * y + 5 * x, 1500 - 12 * x + 0 * y], axis=-1)
     samples = np.empty(x.shape, np.uint16)
-    for place, letter in enumerate("RGGB"):
-        rows, columns = slice(place // 2, None, 2), slice(place % 2, None, 2)
+    for at, letter in enumerate("RGGB"):
+        rows, columns = slice(at // 2, None, 2), slice(at % 2, None, 2)
         samples[rows, columns] = colours[rows, columns, "RGB".index(letter)]
     tags = [
         (33421, 3, 2, (2, 2), True), (33422, 1, 4, bytes((0, 1, 1, 2)), True),
@@ -147,11 +157,9 @@ def test_the_noise_of_colours_is_what_the_filters_make_of_the_samples() -> None:
 
 @pytest.mark.parametrize("cfa", ["GRBG", "GBRG", "BGGR"])
 def test_the_order_of_the_colours_does_not_change_the_picture(cfa: str) -> None:
-    plain, other = (
-        inner(whole(standard_picture(camera(), LAMP, photo, white=white(photo)))[0])
-        for photo in (scene(), scene(cfa))
-    )
-    assert np.abs(plain.astype(int) - other).max() < 100  # of 65,535: whole samples
+    photo, signal = plain()
+    one, other = (inner(whole(picture_of(each, white=signal))[0]) for each in (photo, scene(cfa)))
+    assert np.abs(one.astype(int) - other).max() < 100  # of 65,535: whole samples
 
 
 # -- colours ------------------------------------------------------------------------------------------------------
@@ -161,16 +169,11 @@ def test_the_order_of_the_colours_does_not_change_the_picture(cfa: str) -> None:
 @pytest.mark.parametrize("space", SPACES)
 def test_patches_have_the_colours_of_standard_colour(space: str) -> None:
     """And of the truth, by the curves' own camera."""
-    photo = scene()
-    made = standard_picture(camera(), LAMP, photo, white=white(photo), space=space)
+    made = picture_of(scene(), space=space)
     numbers, own = inner(whole(made)[0]).mean(axis=1), made.space
     xyz = numbers / XYZ_ONE if own.primaries is None else linear(numbers) @ own.to_xyz.T
     against = white_of(read_lamp(own.white).values) if own.primaries is None else own.to_xyz.sum(axis=1)
-    y = signals_of(CHART, read_lamp(LAMP).values, camera().values)
-    theirs = standard_colour(camera(), LAMP, y, reference=Reference(), view=View(white=own.white)).lab
-    inside = np.ones(24, bool)
-    inside[17] = space != "srgb"  # cyan is none of its colours
-    assert delta_e00(lab(xyz, against), theirs)[inside].max() < 0.5
+    assert delta_e00(lab(xyz, against), truth(own.white))[in_gamut(space)].max() < 0.5
 
 
 @pytest.mark.full
@@ -180,7 +183,7 @@ def test_other_programs_read_the_colours_that_are_meant(space: str, tmp_path: Pa
     for program in ("exiftool", "rawtherapee-cli"):
         if shutil.which(program) is None:
             pytest.skip(f"{program} is not on this machine")
-    made = standard_picture(camera(), LAMP, scene(), white=white(scene()), space=space)
+    made = picture_of(scene(), space=space)
     path, theirs = tmp_path / "picture.tif", tmp_path / "theirs.tif"
     write_picture(made, path, '{"format": "camssf-picture/1"}', 16)
     read = subprocess.run(["exiftool", "-j", path], capture_output=True, check=True)
@@ -194,10 +197,7 @@ def test_other_programs_read_the_colours_that_are_meant(space: str, tmp_path: Pa
     )  # fmt: skip
     to_xyz = SPACES["srgb"].to_xyz
     xyz = linear(inner(tifffile.imread(theirs).astype(float)).mean(axis=1)) @ to_xyz.T
-    y = signals_of(CHART, read_lamp(LAMP).values, camera().values)
-    ours = standard_colour(camera(), LAMP, y, reference=Reference(), view=View(white="D65")).lab
-    inside = np.arange(24) != 17  # cyan is none of sRGB's colours
-    assert delta_e00(lab(xyz, to_xyz.sum(axis=1)), ours)[inside].max() < 0.5
+    assert delta_e00(lab(xyz, to_xyz.sum(axis=1)), truth("D65"))[in_gamut("srgb")].max() < 0.5
 
 
 def linear(numbers: Floats) -> Floats:
@@ -207,12 +207,10 @@ def linear(numbers: Floats) -> Floats:
 
 
 def test_the_uncertainty_is_that_of_standard_colour_with_the_noise_of_a_pixel() -> None:
-    sensor = Sensor()
-    photo = scene(sensor=sensor)
+    photo = scene(sensor=Sensor())
     signal = white(photo)
-    layer = inner(whole(standard_picture(camera(), LAMP, photo, white=signal))[1]).mean(axis=1) / PER_UNIT
+    layer = inner(whole(picture_of(photo))[1]).mean(axis=1) / PER_UNIT
     y = signals_of(CHART, read_lamp(LAMP).values, camera().values)
-    assert signal.photon_noise is not None
     noise = np.sqrt(signal.photon_noise * y * np.diagonal(noise_shares().sum(axis=2)))
     theirs = standard_colour(camera(), LAMP, y, noise, reference=signal.reference, view=View(white="D65"))
     ratio = layer / np.sqrt(np.diagonal(theirs.lab_covariance, axis1=1, axis2=2))
@@ -231,6 +229,7 @@ def test_pixels_scatter_as_their_noise_says() -> None:
     assert (scattered < 1.2 * stated).all()  # the rest of the stated one is the same for all pixels of a patch
 
 
+@pytest.mark.full
 def test_a_dark_photo_leaves_the_colours_of_the_torch_and_the_noise_of_both_photos() -> None:
     """In a room whose light is as bright as the torch, and unlike it."""
     sure, against = replace(camera(), modes=camera().modes[:0]), white_of(read_lamp("D65").values)
@@ -261,31 +260,21 @@ def test_a_dark_photo_leaves_the_colours_of_the_torch_and_the_noise_of_both_phot
 
 
 def test_a_signal_to_noise_ratio_is_that_of_the_white_surfaces_pixels() -> None:
-    sensor = Sensor()
-    pairs = [
-        (
-            scene(sensor=sensor, level=0.4, ambient=0.4, seed=i),
-            scene(sensor=sensor, level=0.0, ambient=0.4, seed=i + 9),
-        )
-        for i in range(8)
-    ]
-    greens = [
-        (lit.samples.astype(float) - dark.samples)[3 * SIDE + 2 : 4 * SIDE - 2 : 2, 3 : SIDE - 2 : 2]
-        for lit, dark in pairs
-    ]
+    torch = {"sensor": Sensor(), "ambient": 0.4}
+    pairs = [(scene(level=0.4, seed=i, **torch), scene(level=0.0, seed=i + 9, **torch)) for i in range(8)]
+    there = slice(3 * SIDE + 2, 4 * SIDE - 2, 2), slice(3, SIDE - 2, 2)
+    greens = [(lit.samples.astype(float) - dark.samples)[there] for lit, dark in pairs]
     ratio = np.mean(greens) / np.std(np.stack(greens) - np.mean(greens))
     stated = white(*pairs[0]).signal_to_noise
-    assert stated is not None
     assert stated[1] == pytest.approx(ratio, rel=0.15)
 
 
 def test_without_a_reference_the_calibration_balances_and_is_less_sure() -> None:
-    photo = scene("RGGB")
-    known = standard_picture(camera(), "D55", photo, space="xyz-d65")
-    assert not known.white.from_reference
-    assert known.white.raw.max() == pytest.approx(photo.white - 512.0)
-    with_reference = standard_picture(camera(), LAMP, photo, white=white(photo), space="xyz-d65")
-    assert np.median(whole(known)[1]) > np.median(whole(with_reference)[1])
+    photo = scene()
+    balanced = picture_of(photo, "D55", white=None, space="xyz-d65")
+    assert not balanced.white.from_reference
+    assert balanced.white.raw.max() == pytest.approx(photo.white - 512.0)
+    assert np.median(whole(balanced)[1]) > np.median(whole(picture_of(photo, space="xyz-d65"))[1])
 
 
 def test_clipped_samples_and_colours_of_no_surface_are_marked() -> None:
@@ -293,7 +282,7 @@ def test_clipped_samples_and_colours_of_no_surface_are_marked() -> None:
     photo.samples[20, 20] = int(photo.white)
     photo.samples[40:48, 40:48] = 512
     photo.samples[40:48:2, 41:48:2] = photo.samples[41:48:2, 40:48:2] = 9000  # green alone
-    pixels, layer = whole(standard_picture(camera(), LAMP, photo, white=white(photo)))
+    pixels, layer = whole(picture_of(photo))
     reached = (pixels == 65535).all(axis=2)
     assert reached[18:23, 18:23].all()
     assert reached.sum() == 25
@@ -314,10 +303,8 @@ def test_the_picture_is_upright(orientation: int) -> None:
     image.save(data, "PNG", exif=exif)
     theirs = ImageOps.exif_transpose(Image.open(data))
     assert (upright(np.asarray(image), orientation) == np.asarray(theirs)).all()
-    photo = replace(scene(), orientation=orientation)
-    plain = standard_picture(camera(), LAMP, scene(), white=white(scene()))
-    turned = standard_picture(camera(), LAMP, photo, white=white(photo))
-    assert (whole(turned)[0] == upright(whole(plain)[0], orientation)).all()
+    turned = picture_of(replace(scene(), orientation=orientation))
+    assert (whole(turned)[0] == upright(whole(picture_of(scene()))[0], orientation)).all()
     assert whole(turned)[0].shape[:2] == turned.size
 
 
@@ -325,18 +312,14 @@ def test_the_picture_is_upright(orientation: int) -> None:
 @pytest.mark.parametrize("name", ["picture.png", "picture.tif"])
 def test_colour_management_reads_the_colours_that_are_meant(name: str, space: str, tmp_path: Path) -> None:
     """littleCMS, from the file's own profile to Lab (D50)."""
-    photo = scene()
-    made = standard_picture(camera(), LAMP, photo, white=white(photo), space=space)
+    made = picture_of(scene(), space=space)
     write_picture(made, tmp_path / name, "{}", 8 if name.endswith("png") else 16)
     image = Image.open(tmp_path / name)
     profile = ImageCms.ImageCmsProfile(io.BytesIO(image.info["icc_profile"]))
     to_lab = ImageCms.buildTransform(profile, ImageCms.createProfile("LAB"), "RGB", "LAB", renderingIntent=1)
     read = inner(np.asarray(ImageCms.applyTransform(image.convert("RGB"), to_lab)).astype(np.uint8))
     numbers = np.stack([read[..., 0] / 2.55, *(read[..., k].astype(np.int8).astype(float) for k in (1, 2))], axis=-1)
-    y = signals_of(CHART, read_lamp(LAMP).values, camera().values)
-    theirs = standard_colour(camera(), LAMP, y, view=View(white="D50")).lab
-    inside = np.arange(24) != (17 if space == "srgb" else -1)
-    off = delta_e00(numbers.mean(axis=1), theirs)[inside]
+    off = delta_e00(numbers.mean(axis=1), truth("D50"))[in_gamut(space)]
     assert np.median(off) < 1.0  # littleCMS's Lab has whole numbers here
     assert off.max() < 2.5
 
@@ -344,8 +327,7 @@ def test_colour_management_reads_the_colours_that_are_meant(name: str, space: st
 def test_png_and_tiff_hold_the_same_numbers_and_words(tmp_path: Path) -> None:
     import cv2
 
-    photo = scene()
-    made = standard_picture(camera(), LAMP, photo, white=white(photo))
+    made = picture_of(scene())
     pixels, layer = whole(made)
     for name in ("one.png", "two.tif"):
         written = write_picture(made, tmp_path / name, json.dumps({"camera": "é"}))
@@ -363,7 +345,7 @@ def test_png_and_tiff_hold_the_same_numbers_and_words(tmp_path: Path) -> None:
      ("picture.png", "srgb", 12), ("nowhere/picture.png", "srgb", 16)],
 )  # fmt: skip
 def test_what_cannot_be_written_leaves_nothing(name: str, space: str, bits: int, tmp_path: Path) -> None:
-    made = standard_picture(camera(), "D55", scene(), space=space)
+    made = replace(picture_of(scene()), space=SPACES[space])
     with pytest.raises(InvalidArgument):
         write_picture(made, tmp_path / name, "{}", bits)
     assert not list(tmp_path.iterdir())
@@ -388,7 +370,7 @@ def test_a_file_s_matrices_give_the_colours_of_its_camera() -> None:
 
 def test_the_model_computes_the_same_strip() -> None:
     photo = scene(sensor=Sensor())
-    made = standard_picture(camera(), LAMP, photo, white=white(photo))
+    made = picture_of(photo)
     rng = np.random.default_rng(4)
     strip = StripInputs(
         rng.uniform(-0.01, 1.1, (5, 2, 7, 2)), (rng.uniform(size=(5, 2, 7, 2)) > 0.95).astype(float),
@@ -399,76 +381,3 @@ def test_the_model_computes_the_same_strip() -> None:
     theirs = session.run(["picture", "uncertainty"], vars(strip) | vars(made.table))
     for ours, other in zip(picture_strip(strip, made.table), theirs, strict=True):
         assert np.abs(ours - other).max() < 1e-6
-
-
-# -- the command --------------------------------------------------------------------------------------------------
-
-
-def test_the_command_says_what_is_missing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "photo.jpg").write_bytes(b"\xff\xd8\xff\xe0 no raw")
-    (tmp_path / "result.json").write_bytes(document_bytes(document()))
-    command = ["picture", str(tmp_path / "result.json"), str(tmp_path / "photo.jpg"), "-o", str(tmp_path / "out.png")]
-    assert cli.main(command) == 2
-    assert "--white-region" in capsys.readouterr().err
-    assert cli.main([*command, "--lamp", "daylight", "--region", "1,1,20,20"]) == 2
-    assert "--compare" in capsys.readouterr().err
-    assert cli.main([*command, "--lamp", "daylight"]) != 0
-    assert "photo.jpg" in capsys.readouterr().err
-    assert cli.main([*command, "--lamp", "auto"]) != 0
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["photo.jpg", "result.json"]
-
-
-@pytest.mark.full
-def test_the_command_writes_the_picture_of_a_simulated_photo(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Of another light than the calibration's, and refuses the photo of another camera."""
-    from camssf.calibration import attempt
-    from camssf_lab.simulation.frames import simulate
-
-    made = simulate("Nikon 5100 (NPL)", ["D55", "A"], tmp_path, scene=Scene(size=(900, 675)), seed=3)
-    result = attempt([made.shots[0].shot])
-    (tmp_path / "result.json").write_bytes(document_bytes(result))
-    outline = result.capture.shots[0].pose.patches[18]
-    x, y = outline.min(axis=0) + 12
-    command = ["picture", str(tmp_path / "result.json"), str(tmp_path / "chart-A.dng"), "-o", str(tmp_path / "a.png")]
-    assert cli.main([*command, "--lamp", "bulb", "--white-region", f"{x:.0f},{y:.0f},56,56,0.9"]) == 0
-    said = json.loads(capsys.readouterr().out)
-    assert to_plain(from_plain(said, PictureDocument, "it", "")) == said
-    check_schema(schema(PictureDocument))
-    assert json.loads(Image.open(tmp_path / "a.png").text["Description"]) == said
-    assert said["white"]["source"] == "reference"
-    covered = made.shots[1].dark
-    assert covered is not None
-    lit = [*command, "--lamp", "bulb", "--white-region", f"{x:.0f},{y:.0f},56,56,0.9"]
-    assert cli.main([*lit, "--dark", str(covered)]) == 0
-    printed = capsys.readouterr()
-    subtracted = json.loads(printed.out)
-    assert subtracted["dark"]["name"] == covered.name
-    assert max(subtracted["white"]["dark_share"]) < 0.01  # a lens cap
-    assert "subtracted: 0%" in printed.err
-    patch = outline_of(result, 14)
-    seen = np.asarray(Image.open(tmp_path / "a.png"))[patch].reshape(-1, 3).mean(axis=0)
-    assert seen[0] > 2 * max(seen[1:])  # the red one
-    other = tmp_path / "other"
-    twin = simulate("Canon EOS 5D Mark II", ["D55"], other, scene=Scene(size=(900, 675)), seed=3)
-    assert cli.main([*command[:2], str(other / "chart.dng"), *command[3:], "--lamp", "D55"]) != 0
-    assert "Canon" in capsys.readouterr().err
-    (other / "result.json").write_bytes(document_bytes(attempt([twin.shots[0].shot])))
-    pair = ["picture", str(tmp_path / "result.json"), str(tmp_path / "chart-D55.dng"), "--lamp", "D55", "-o"]
-    pair += [str(tmp_path / "scene.html"), "--compare", str(other / "result.json"), str(other / "chart.dng")]
-    white = ["--white-region", f"{x:.0f},{y:.0f},56,56,0.9"]
-    assert cli.main([*pair, *white]) == 2
-    assert "--region" in capsys.readouterr().err
-    low = result.capture.shots[0].pose.patches[1].min(axis=0) + 14
-    assert cli.main([*pair, *white, "--region", f"{low[0]:.0f},{low[1]:.0f},50,50"]) == 0
-    page = (tmp_path / "scene.html").read_text("utf-8")
-    assert page.count("data:image/jpeg") == 4
-    (row,) = re.findall(r'<tr><th scope="row">1</th><td>([\d.]+)</td><td>([\d.]+)</td>', page)
-    assert float(row[1]) < 2.0
-
-
-def outline_of(result: Result, patch: int) -> tuple[slice, slice]:
-    corners = result.capture.shots[0].pose.patches[patch]
-    low, high = corners.min(axis=0).astype(int) + 15, corners.max(axis=0).astype(int) - 15
-    return slice(low[1], high[1]), slice(low[0], high[0])

@@ -2,38 +2,27 @@
 
 import csv
 import hashlib
-import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from camssf import cli
 from camssf.colorimetry import signals_of
-from camssf.documents.document import document_bytes
-from camssf.documents.forms import from_plain, to_plain
-from camssf.documents.schema import schema
 from camssf.errors import InvalidArgument, LampUnfit
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.result import Result
-from camssf.spectra import read_chart, read_lamp
+from camssf.spectra import read_lamp
 from camssf.spectra.bundled import SURFACE_NODES, absorbers, surface_sets, surfaces
 from camssf_colour import Camera, Reference, View
 from camssf_colour.absorbance import INDICES, absorbance, index_weights, indices, shipped_index
-from camssf_colour.camera import OwnWhite
 from camssf_colour.light import see, see_together
 from camssf_colour.posterior import LinearResponse, surface_posterior
 from camssf_colour.reflectance import FAR, LitSurfaces, SurfaceSpectra, spectrum
-from camssf_colour.spectrum_document import SpectrumDocument
 from camssf_colour.surface_prior import NEIGHBOURS, ROUGHNESS, SurfacePrior, prior_of, read_prior, skin_changes
-from tests.colour.test_colour import blurred, exact, power
-from tests.support.captures import calibrated, photos
-from tests.support.schemas import check_schema
+from tests.colour.conftest import blurred, exact, known, owned, power
 from tools import surfaces as tool
 
 ROOT = Path(__file__).parents[2]
-SCHEMA = schema(SpectrumDocument)
 
 
 # -- data -------------------------------------------------------------------------------------------------------
@@ -43,11 +32,11 @@ def test_the_library_holds_760_surfaces_and_97_skins() -> None:
     counts = dict.fromkeys(("general", "skin"), 0)
     for each in surface_sets():
         counts[each.kind] += len(each.values)
-    assert counts == {"general": 760, "skin": 97}
-    for each in surface_sets():
         assert each.values.shape[1:] == SURFACE_NODES.shape
         assert each.origin
         assert 0.0 <= each.values.min() < each.values.max() < 1.1
+    assert counts == {"general": 760, "skin": 97}
+    assert np.array_equal(surface_sets()[0].values, surfaces()[:, ::20])  # those of training are not stored twice
 
 
 @pytest.mark.parametrize("name", tool.FILES)
@@ -61,12 +50,6 @@ def test_each_measured_set_is_its_file(name: str) -> None:
     at = {row[0]: row[1:] for row in rows}
     for nm in set(at) & set(SURFACE_NODES):
         assert np.abs(found[:, round((nm - 380.0) / 10.0)] - at[nm]).max() <= 0.5 * tool.UNIT + 1e-12
-
-
-def test_the_training_surfaces_are_not_stored_twice() -> None:
-    first = surface_sets()[0]
-    assert (first.name, len(first.values)) == ("rawtoaces", 190)
-    assert np.array_equal(first.values, surfaces()[:, ::20])
 
 
 def test_haemoglobin_absorbs_where_it_does() -> None:
@@ -83,16 +66,6 @@ def test_haemoglobin_absorbs_where_it_does() -> None:
 
 NODES = SURFACE_NODES.size
 NONE: dict[str, slice] = {"curves": slice(0, 0)}
-
-
-def owned() -> Camera:
-    one = blurred()
-    raw = power() @ one.values
-    return replace(one, own=OwnWhite(raw / raw[1], read_lamp("D55")))
-
-
-def known(name: str = "D55") -> object:
-    return replace(read_lamp(name), tolerance=0.0)
 
 
 def on_grid(reflectance: Floats) -> Floats:
@@ -158,6 +131,7 @@ def test_two_equal_photos_are_one_with_less_noise() -> None:
     assert np.abs(twice.covariance - once.covariance).max() < 1e-9
 
 
+@pytest.mark.full
 def test_the_posterior_is_what_drawing_gives() -> None:
     """Importance sampling: surfaces, errors and the level, of which nothing is known before, are drawn."""
     rng = np.random.default_rng(5)
@@ -265,7 +239,7 @@ def test_skin_is_told_more_exactly_by_the_prior_of_skin() -> None:
 
 
 def test_the_light_that_nobody_named_is_mixed() -> None:
-    camera, y = owned(), photographed("A")
+    camera, y = owned(blurred()), photographed("A")
     raw = power("A") @ camera.values
     lit = LitSurfaces("auto", y, 0.002, Reference(0.01, raw, 0.002))
     found = spectrum(camera, lit)
@@ -280,7 +254,7 @@ def test_the_light_that_nobody_named_is_mixed() -> None:
 
 def test_photos_seen_together() -> None:
     """A second photo without a usable white changes nothing of the first; with one it narrows the curves."""
-    camera, lamps = owned(), [read_lamp("D55"), read_lamp("A")]
+    camera, lamps = owned(blurred()), [read_lamp("D55"), read_lamp("A")]
     raws = [lamp.values @ camera.values for lamp in lamps]
     ratios = [np.log(raw[[0, 2]] / raw[1]) for raw in raws]
     alone = see(camera, lamps[0], ratios[0], 0.005)
@@ -339,33 +313,20 @@ def test_neighbours_give_the_width() -> None:
     assert np.abs((large - floor) - 100.0 * (small - floor)).max() < 1e-9
 
 
-@pytest.mark.parametrize("spec", ["", "fur", "https://example.org/skin.csv", "missing.csv"])
-def test_an_unknown_prior(spec: str) -> None:
-    with pytest.raises(InvalidArgument):
-        read_prior(spec)
-
-
 @pytest.mark.parametrize(
-    "rows",
-    [
-        np.zeros((0, NODES)),
-        np.zeros((2, NODES)),
-        np.full((2, NODES), np.nan),
-        np.ones((2, 4)),
-    ],
+    "rows", [np.zeros((0, NODES)), np.zeros((2, NODES)), np.full((2, NODES), np.nan), np.ones((2, 4))]
 )
 def test_no_surfaces(rows: Floats) -> None:
     with pytest.raises(InvalidArgument):
         prior_of(rows)
 
 
-def test_a_file_of_no_reflectances(tmp_path: Path) -> None:
-    path = tmp_path / "own.csv"
-    path.write_text(
-        "name,380,400,420,440,460,480,500,520,540,560,580,600,620,640,660,680,700\na,-1" + 16 * ",0.1", "utf-8"
-    )
-    with pytest.raises(InvalidArgument, match="no reflectance"):
-        read_prior(str(path))
+@pytest.mark.parametrize("spec", ["", "fur", "https://example.org/skin.csv", "missing.csv", "own.csv"])
+def test_an_unknown_prior(spec: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("own.csv").write_text(",".join(["name", *map(str, range(380, 701, 20))]) + "\na,-1" + 16 * ",0.1", "utf-8")
+    with pytest.raises(InvalidArgument, match="no reflectance" if spec == "own.csv" else None):
+        read_prior(spec)
 
 
 def test_what_is_no_photo() -> None:
@@ -385,12 +346,21 @@ def test_what_is_no_photo() -> None:
 # -- indices ------------------------------------------------------------------------------------------------------
 
 
-def test_indices_are_means_of_absorbance() -> None:
+def test_indices_are_means_of_absorbance(tmp_path: Path) -> None:
     """Of reflectance 10^-a with a straight line in a, means are values at the middle."""
     line = 0.1 + 0.001 * (SURFACE_NODES - 380.0)
     value = {name: float(absorbance(10.0**-line) @ shipped_index(name)) for name in INDICES}
     assert value["erythema"] == pytest.approx(0.001 * (557.5 - 650.0))
     assert value["melanin"] == pytest.approx(0.1 + 0.001 * (675.0 - 380.0))
+    path = tmp_path / "slope.csv"
+    path.write_text("nm,weight\n605,1\n700,-0.5\n", "utf-8")
+    name, weights = index_weights(str(path))
+    assert name == "slope"
+    assert float(line @ weights) == pytest.approx(0.325 - 0.5 * 0.42)
+    path.write_text("nm,weight\n605,1\n760,-0.5\n", "utf-8")
+    for wrong, words in ((str(path), "outside 380 to 720"), ("redness", "No index")):
+        with pytest.raises(InvalidArgument, match=words):
+            index_weights(wrong)
 
 
 def test_the_band_of_an_index_is_what_drawing_gives() -> None:
@@ -404,23 +374,6 @@ def test_the_band_of_an_index_is_what_drawing_gives() -> None:
         assert std[0] == pytest.approx(seen.std(), rel=0.1)
 
 
-def test_own_weights(tmp_path: Path) -> None:
-    path = tmp_path / "slope.csv"
-    path.write_text("nm,weight\n605,1\n700,-0.5\n", "utf-8")
-    name, weights = index_weights(str(path))
-    line = 0.1 + 0.001 * (SURFACE_NODES - 380.0)
-    assert name == "slope"
-    assert float(line @ weights) == pytest.approx(0.325 - 0.5 * 0.42)
-    path.write_text("nm,weight\n605,1\n760,-0.5\n", "utf-8")
-    with pytest.raises(InvalidArgument, match="outside 380 to 720"):
-        index_weights(str(path))
-    with pytest.raises(InvalidArgument, match="No index"):
-        index_weights("redness")
-
-
-# -- files and the command ----------------------------------------------------------------------------------------
-
-
 def test_colour_science_takes_the_spectra() -> None:
     colour = pytest.importorskip("colour")
     found = spectrum(exact(), LitSurfaces("D55", photographed(), 0.002))
@@ -428,103 +381,6 @@ def test_colour_science_takes_the_spectra() -> None:
     assert isinstance(table, colour.MultiSpectralDistributions)
     assert np.array_equal(table.values.T, found.reflectance)
     assert np.array_equal(table.wavelengths, SURFACE_NODES)
-
-
-def place(document: Result, patch: int) -> str:
-    outline = document.capture.shots[0].pose.patches[patch]
-    x, y = outline.min(axis=0) + 8
-    width, height = np.ptp(outline, axis=0) - 16
-    return f"{x:.0f},{y:.0f},{width:.0f},{height:.0f}"
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result]:
-    """A folder with result.json, and the result."""
-    where = tmp_path_factory.mktemp("spectrum")
-    document = calibrated()
-    (where / "result.json").write_bytes(document_bytes(document))
-    return where, document
-
-
-def test_the_command_states_true_spectra(
-    folder: tuple[Path, Result], capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    jsonschema = pytest.importorskip("jsonschema")
-    where, document = folder
-    patches = (0, 1, 12, 14)
-    words = [word for patch in patches for word in ("--region", place(document, patch))]
-    grey = read_chart("classic24").values[20][100:641].mean()  # the flattest of the greys
-    words += ["--white-region", f"{place(document, 20)},{grey:.4f}"]
-    words += ["--index", "erythema", "-o", str(tmp_path / "s.csv"), "-o", str(tmp_path / "s.svg")]
-    one, two = (photos(lamp).shots[0].chart for lamp in ("D55", "A"))
-    base = ["spectrum", str(where / "result.json"), str(one)]
-    truth = read_chart("classic24").values[list(patches)][:, ::20]
-    errors = []
-    for lights in (["--lamp", "D55"], [str(two), "--lamp", "D55", "--lamp", "A"]):
-        assert cli.main([*base, *lights, *words]) == 0
-        said = capsys.readouterr()
-        found = json.loads(said.out)
-        jsonschema.Draft202012Validator(SCHEMA).validate(found)
-        assert to_plain(from_plain(found, SpectrumDocument, "it", "")) == found
-        assert found["prior"]["name"] == "general"
-        assert [len(each["signal"]) for each in found["regions"]] == [lights.count("--lamp")] * len(patches)
-        assert said.err.count("prior general") == len(patches)
-        got = np.array([each["reflectance"] for each in found["regions"]])
-        std = np.array([each["standard_deviation"] for each in found["regions"]])
-        assert (np.abs(got - truth) < 1.96 * std)[:, 5:33].mean() > 0.8  # below 430 nm the white patch is not white
-        errors.append(np.sqrt(np.mean((got - truth)[:, 2:33] ** 2)))
-        with (tmp_path / "s.csv").open(encoding="utf-8") as file:
-            rows = list(csv.reader(file))
-        assert len(rows) == 1 + SURFACE_NODES.size
-        assert np.abs(np.array(rows[1:], dtype=float)[:, 1 : 1 + len(patches)].T - got).max() < 1e-6
-        assert (tmp_path / "s.svg").read_bytes().startswith(b"<svg")
-    assert max(errors) < 0.06
-
-
-def test_the_command_says_when_the_prior_does_not_hold(
-    folder: tuple[Path, Result], capsys: pytest.CaptureFixture[str]
-) -> None:
-    where, document = folder
-    words = ["--region", place(document, 12), "--white-region", place(document, 18), "--prior", "skin"]
-    assert cli.main(["spectrum", str(where / "result.json"), str(photos().shots[0].chart), *words]) == 0
-    said = capsys.readouterr()
-    assert json.loads(said.out)["regions"][0]["status"] == "outside_prior"
-    assert "outside the prior" in said.err
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        ([], "needs a region"),
-        (["--region", "HERE"], "needs a region"),
-        (["--region", "HERE", "--white-region", "WHITE", "--lamp", "A", "--lamp", "D55"], "one --lamp a photo"),
-        (["PHOTO", "--region", "HERE", "--white-region", "WHITE", "--lamp", "A"], "one --lamp a photo"),
-        (["PHOTO", "--region", "HERE", "--white-region", "WHITE"], "one --lamp a photo"),
-        (["PHOTO", "PHOTO", "--region", "HERE", "--white-region", "WHITE"], "Give one photo, or two"),
-        (["--region", "HERE", "--white-region", "WHITE", "--prior", "fur"], "No prior"),
-        (["--region", "HERE", "--white-region", "WHITE", "--index", "fur"], "No index"),
-        (["--region", "HERE", "--white-region", "WHITE", "-o", "x.gif"], "No spectra"),
-        (["--region", "HERE", "--white-region", "WHITE", "-o", "PHOTO"], "would be overwritten"),
-    ],
-)
-def test_the_command_says_no(
-    words: list[str],
-    said: str,
-    folder: tuple[Path, Result],
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    where, document = folder
-    photo = str(photos().shots[0].chart)
-    places = {"HERE": place(document, 3), "WHITE": place(document, 18), "PHOTO": photo}
-    given = [places.get(word, word) for word in words]
-    assert cli.main(["spectrum", str(where / "result.json"), photo, *given]) == 2
-    found = capsys.readouterr()
-    assert said in found.err
-    assert found.out == ""
-
-
-def test_the_schema_is_sound_and_says_what_everything_is() -> None:
-    check_schema(SCHEMA)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -540,25 +396,3 @@ def test_curves_that_no_camera_has_are_answered_or_refused(seed: int) -> None:
         return
     assert np.isfinite(found.reflectance).all()
     assert (found.standard_deviation >= 0).all()
-
-
-def test_spectra_are_drawn_with_their_bands() -> None:
-    from xml.etree import ElementTree
-
-    from camssf_colour.spectrum_plot import spectrum_svg
-
-    found = spectrum(exact(), LitSurfaces("D55", photographed(rows=a_few()[:2]), 0.002))
-    drawn = ElementTree.fromstring(spectrum_svg(found))
-    ways = {path.get("class"): path.get("d") or "" for path in drawn.iter("{http://www.w3.org/2000/svg}path")}
-    assert set(ways) == {"band red", "band green", "curve red", "curve green"}
-
-    def heights(way: str) -> np.ndarray:
-        return np.array([pair.split(",")[1] for pair in way.strip("MZ").split("L")], dtype=float)
-
-    line, ring = heights(ways["curve green"]), heights(ways["band green"])
-    scale, zero = np.polyfit(found.reflectance[1], line, 1)
-    assert np.abs(zero + scale * found.reflectance[1] - line).max() < 0.06
-    top = found.reflectance[1] + 1.96 * found.standard_deviation[1]
-    assert ring.min() == pytest.approx(zero + scale * top.max(), abs=0.2)
-    texts = [text.text for text in drawn.iter("{http://www.w3.org/2000/svg}text")]
-    assert "reflectance and 95 % band, prior general" in texts

@@ -85,7 +85,6 @@ def test_every_digit_of_the_covariance_is_kept() -> None:
     assert np.array_equal(np.array(found)[i * (i + 1) // 2 + j], covariance()[i, j])
     assert len(found) == 72 * 73 // 2
     again = answer_in(document()).covariance
-    assert again is not None
     assert np.array_equal(again[i, j], covariance()[i, j])
     assert np.array_equal(again, again.T)
 
@@ -96,94 +95,33 @@ SHOT = "capture.shots.0."
 MEAN = SHOT + "means.chart.mean"
 TAKE_OUT = object()
 FAULTS: list[tuple[str, Any, str]] = [
-    ("l2", 1, 'the document has the unknown key "l2"'),
     ("answer.x\n" + "y" * 200, 1, 'answer has the unknown key "x\\n' + "y" * 76 + "."),
-    (SHOT + "means.chart.meen", [], 'capture.shots[0].means.chart has the unknown key "meen"'),
-    ("answer.l2", TAKE_OUT, "answer lacks l2"),
     ("version", TAKE_OUT, "the document lacks version"),
-    (SHOT + "photo.sha256", TAKE_OUT, "capture.shots[0].photo lacks sha256"),
-    ("answer.l2", True, "answer.l2 must be a number, is true"),
-    ("answer.l2", "1", 'answer.l2 must be a number, is "1"'),
-    ("answer.l2", None, "answer.l2 must be a number, is null"),
-    ("answer.l2", -1, "answer.l2 must lie between 0 and 1e+12, is -1"),
-    ("answer.l2", 1e300, "answer.l2 must lie between 0 and 1e+12, is 1e+300"),
     ("answer.l2", 10**5000, "answer.l2 must be a number, is too large"),
     ("answer.evidence", 1e13, "answer.evidence must lie between -1e+12 and 1e+12"),
-    ("answer.gamma.0", True, "answer.gamma[0] must be a number from 0 to 1e+12, is true"),
-    (MEAN + ".3.1", "6", 'capture.shots[0].means.chart.mean[3][1] must be a number from -1e+12 to 1e+12, is "6"'),
-    (MEAN + ".3.1", None, "capture.shots[0].means.chart.mean[3][1] must be a number from -1e+12 to 1e+12, is null"),
-    (MEAN + ".3.1", [1], "capture.shots[0].means.chart.mean[3][1] must be a number from -1e+12 to 1e+12, is a list"),
     (MEAN + ".3.1", 10**400, "capture.shots[0].means.chart.mean[3][1] must be a number"),
-    (MEAN + ".3", [0.1, 0.2], "capture.shots[0].means.chart.mean[3] must hold 3 entries, holds 2"),
     (MEAN + ".3", {}, "capture.shots[0].means.chart.mean[3] must be a list, is an object"),
-    (MEAN, [], "capture.shots[0].means.chart.mean must not be empty"),
-    (MEAN, [[1.0, 1.0, 1.0]], "capture.shots[0].means.chart.mean must hold 24 rows, one a patch"),
-    (SHOT + "means.chart.clipped.3.1", 1.5, "means.chart.clipped[3][1] must be a number from 0 to 1, is 1.5"),
-    (SHOT + "means.chart.count.3.1", 9.5, "means.chart.count[3][1] must be a whole number from 1 to 1e+15, is 9.5"),
-    (SHOT + "means.saturation", 12.0, "capture.shots[0].means.saturation must lie above black"),
     (SHOT + "means.white", TAKE_OUT, "capture.shots[0].means lacks white"),
-    (SHOT + "means.white", None, "capture.shots[0].white must be there as a photo and as means, or not at all"),
-    ("answer.finish_steps", [0], 'answer has the unknown key "finish_steps"'),
     ("answer.proof.finish_steps.0", 1.5, "answer.proof.finish_steps[0] must be a whole number from 0 to 1e+12"),
-    ("answer.proof.finish_steps.0", -1, "answer.proof.finish_steps[0] must be a whole number from 0 to 1e+12, is -1"),
     ("answer.proof.finish_steps", [0, 0, 0], "answer.proof must hold one number a problem, 1 or 3 of them"),
-    ("answer.proof.layers_gap", [0.0, 0.0], "answer.proof must hold one number a problem, 1 or 3 of them"),
-    ("answer.curves.red", [0.5], "answer.curves.red must hold 681 entries, holds 1"),
-    ("answer.curves.green", [0.5] * 681, "answer.curves.green must have peak 1, has 0.5"),
-    ("answer.code_covariance", [1.0] * 7, "answer.code_covariance must be the triangle of a matrix of 3 r rows"),
     ("answer.code_covariance", [1.0] * 10, "answer.code_covariance must be the triangle of a matrix of 3 r rows"),
-    ("answer.code_covariance.5", -1e-9, "answer.code_covariance[5] must not be negative, it is a variance"),
     ("answer.used.0.3", 1, "answer.used[0][3] must be true or false, is 1"),
-    ("answer.used.0", [True], "answer.used must hold 24 patches of 1 shots"),
-    ("answer.predicted.0.7.2", None, "answer.predicted[0][7][2] must be a number from -1e+12 to 1e+12, is null"),
     ("answer.unseen.0.7", [1.0, None, 1.0], "answer.unseen[0][7][1] must be a number from -1e+12 to 1e+12, is null"),
     ("answer.engine", "mine", 'answer.engine must be "onnx" or "reference", is "mine"'),
-    ("answer.choice.1.probability", 1.2, "answer.choice[1].probability must lie between 0 and 1, is 1.2"),
-    ("answer", TAKE_OUT, "answer is missing, but the verdict is doubtful"),
-    ("verdict", TAKE_OUT, "answer is there, but there is no verdict"),
-    ("capture", TAKE_OUT, "the document lacks capture"),
-    ("verdict.status", "splendid", 'verdict.status must be "accepted" or "doubtful" or "refused", is "splendid"'),
     ("verdict.status", "refused", "answer is there, but the verdict is refused"),
-    ("verdict.checks.0.shot", 1.0, "verdict.checks[0].shot must be a whole number, is 1.0"),
-    ("capture.shots", [], "capture must hold all its shots unless it was refused"),
     ("capture.unfinished", {"lamp": {"kind": "unnamed", "name": "auto"}}, "capture must hold all its shots unless"),
-    ("capture.shots", {}, "capture.shots must be a list, is an object"),
-    (SHOT + "lamp.kind", "sun", 'capture.shots[0].lamp.kind must be "named" or "called" or "unnamed", is "sun"'),
-    (SHOT + "lamp.kind", TAKE_OUT, 'capture.shots[0].lamp.kind must be "named" or "called" or "unnamed", is null'),
-    (SHOT + "lamp.values.17", -0.1, "capture.shots[0].lamp.values[17] must be a number from 0 to 1e+12, is -0.1"),
-    (SHOT + "photo", None, "capture.shots[0].photo must be an object, is null"),
-    (SHOT + "photo.sha256", "0" * 63, "capture.shots[0].photo.sha256 must be 64 hex digits"),
-    (SHOT + "photo.sha256", "0" * 64 + "\n", "capture.shots[0].photo.sha256 must be 64 hex digits"),
     (SHOT + "photo.name", "x" * 5000, "capture.shots[0].photo.name must have at most 4096 characters"),
-    (SHOT + "photo.name", 3, "capture.shots[0].photo.name must be a text, is 3"),
-    (SHOT + "photo.gain_map", "true", 'capture.shots[0].photo.gain_map must be true or false, is "true"'),
-    (SHOT + "photo.orientation", 9, "capture.shots[0].photo.orientation must lie between 1 and 8, is 9"),
-    (SHOT + "photo.width", 4032.0, "capture.shots[0].photo.width must be a whole number, is 4032.0"),
-    (SHOT + "pose.layout", "sg140", "capture.shots[0].pose.layout must be the chart's"),
-    (SHOT + "pose.patches", [[[0, 0], [1, 0], [1, 1], [0, 1]]], "pose.patches must hold 24 entries, one a patch"),
-    ("capture.chart.layout", "none", "capture.chart.layout is no such form: 'none' is no shipped layout"),
+    (SHOT + "photo.sha256", "0" * 64 + "\n", "capture.shots[0].photo.sha256 must be 64 hex digits"),
     ("capture.chart.layout", 7, "capture.chart.layout is no such form"),
-    ("capture.chart.patches", ["a"], "capture.chart.patches must hold the 24 of its layout, holds 1"),
-    ("capture.chart.white", 24, "capture.chart.white must be a number from 0 to 23"),
-    ("capture.white_reflectance", 0.01, "capture.white_reflectance must lie between 0.05 and 1.2, is 0.01"),
-    ("capture.files", {"lamp": "none"}, "capture.files.lamp must be 64 hex digits"),
-    ("capture.shots.0.lamp.values", [0.0] * 681, "capture.shots[0].lamp.values must not be 0 at all wavelengths"),
+    (SHOT + "lamp.values", [0.0] * 681, "capture.shots[0].lamp.values must not be 0 at all wavelengths"),
     ("capture.chart.reflectance", [[0.0] * 36] * 24, "capture.chart.reflectance must be above 0 for the white patch"),
     ("answer.std.red", [-1.0] * 681, "answer.std must not be negative"),
-    ("capture.white_reflectanc", 0.5, 'capture has the unknown key "white_reflectanc"'),
-    ("format", "camssf/3", "the document is camssf/3, not camssf/2; another version of camssf wrote it."),
-    ("format", "camssf-result/1", "camssf-result/1, not camssf/2; that form was never released"),
-    ("format", "camssf-shot/1", "calibrate the photos anew"),
     ("format", 2, 'the document is not camssf/2: it has no "format": "camssf/2"'),
-    ("sha256", "0" * 64, "sha256 is not the hash of the rest: something was changed after it was written"),
-    ("sha256", 5, "sha256 is not the hash of the rest"),
-]  # fmt: skip
-"""A place, what is put there, and what is said."""
+]
+"""A place, what is put there, and what is said; broken_documents.json has more, which Kotlin refuses too."""
 
 
-@pytest.mark.parametrize(
-    ("place", "value", "words"), FAULTS, ids=[f"{row}: {place[-40:]}" for row, (place, _, _) in enumerate(FAULTS)]
-)
+@pytest.mark.parametrize(("place", "value", "words"), FAULTS, ids=[place[:40] for place, _, _ in FAULTS])
 def test_a_fault_is_named_by_its_place(place: str, value: Any, words: str) -> None:
     made = plain(document())
     spot: Any = made
@@ -196,7 +134,7 @@ def test_a_fault_is_named_by_its_place(place: str, value: Any, words: str) -> No
         spot[last] = value
     with pytest.raises(InvalidArgument) as caught:
         read(made)
-    assert words in caught.value.message, caught.value.message
+    assert words in caught.value.message
     assert caught.value.message.startswith("x.json: ")
     assert len(caught.value.message) < 400
     assert caught.value.advice
@@ -215,19 +153,11 @@ def test_a_changed_digit_is_noticed() -> None:
 
 WHOLE = b'{"format": "camssf/2", "version": "1", '
 FILES: list[tuple[bytes, str]] = [
-    (b"", "is empty|is not valid JSON"),
-    (b'{"format": "camssf/', "is not valid JSON"),
     (b"\xff\xfe{}", "is not valid JSON"),
-    (b"[" * 100_000, "is not valid JSON"),
     (WHOLE + b'"capture": ' + b"[" * 900 + b"]" * 900 + b"}", "capture must be an object, is a list"),
     (WHOLE + b'"l2": NaN}', "NaN is not a number"),
-    (WHOLE + b'"l2": -Infinity}', "-Infinity is not a number"),
     (WHOLE + b'"truth": {"l2": 1, "l2": 2}}', "the same key twice"),
     (WHOLE + b'"l2": ' + b"9" * 5000 + b"}", "is not valid JSON"),
-    (WHOLE + b'"l2": 1,}', "is not valid JSON"),
-    (WHOLE + b'"l2": 01}', "is not valid JSON"),
-    (b"[]", "the document must be an object, is a list"),
-    (b"{}", 'the document is not camssf/2: it has no "format"'),
     (b'{"format": "camssf-patches/1"}', "that form was never released, so measure or calibrate the photos anew"),
     (b"II*\0" + bytes(200), "is .*, not JSON"),
 ]  # fmt: skip
@@ -240,13 +170,6 @@ def test_a_file_that_is_no_document_is_refused(content: bytes, words: str, tmp_p
     with pytest.raises(InvalidArgument, match=words) as caught:
         read_document(path, Result)
     assert "result.json" in caught.value.message
-
-
-def test_numbers_beyond_floats_are_refused(tmp_path: Path) -> None:
-    text = document_bytes(document()).replace(b'"l2": 1.0', b'"l2": 1e999')
-    (tmp_path / "result.json").write_bytes(re.sub(rb',\s*"sha256": "\w{64}"\s*}\s*$', b"}", text))
-    with pytest.raises(InvalidArgument, match=r"answer\.l2 must lie between 0 and 1e\+12, is Infinity"):
-        read_document(tmp_path / "result.json", Result)
 
 
 def test_missing_files_folders_and_huge_files_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -32,16 +32,16 @@ def base() -> dict[str, Any]:
     return dict(json.loads(document_bytes(result)))
 
 
-def _at(document: Any, path: str) -> tuple[Any, Any]:
+def at(document: Any, path: str) -> tuple[Any, Any]:
     """The container and the key of a place, as a.b[2]."""
-    keys = [int(key) if key.isdigit() else key for key in re.findall(r"[^.\[\]]+", path)]
-    for key in keys[:-1]:
+    *way, last = [int(key) if key.isdigit() else key for key in re.findall(r"[^.\[\]]+", path)]
+    for key in way:
         document = document[key]
-    return document, keys[-1]
+    return document, last
 
 
-def _value(document: Any, path: str) -> Any:
-    holder, key = _at(document, path)
+def value(document: Any, path: str) -> Any:
+    holder, key = at(document, path)
     return holder[key]
 
 
@@ -57,18 +57,17 @@ def broken(base: dict[str, Any], case: dict[str, Any]) -> str:
     if "sealed" not in case:
         del document["sha256"]
     if "drop" in case:
-        holder, key = _at(document, case["drop"])
+        holder, key = at(document, case["drop"])
         del holder[key]
     elif "cut" in case:
-        _value(document, case["cut"]).pop()
+        value(document, case["cut"]).pop()
     else:
-        holder, key = _at(document, case["set"])
-        value = case.get("to", "@RAW@")
-        if isinstance(value, str) and value.startswith("@") and value != "@RAW@":
-            path, _, half = value[1:].partition("/")
-            value = _value(document, path)
-            value = [number / 2 for number in value] if half else value
-        holder[key] = value
+        holder, key = at(document, case["set"])
+        new = case.get("to", "@RAW@")
+        if isinstance(new, str) and new.startswith("@") and new != "@RAW@":
+            path, _, half = new[1:].partition("/")
+            new = [number / 2 for number in value(document, path)] if half else value(document, path)
+        holder[key] = new
     text = json.dumps(document, ensure_ascii=False, separators=(",", ":"))
     return text.replace('"@RAW@"', case.get("raw", "") * case.get("times", 1))
 

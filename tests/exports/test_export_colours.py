@@ -8,9 +8,6 @@ from __future__ import annotations
 
 import io
 import json
-import os
-import shutil
-import subprocess
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -30,12 +27,12 @@ from camssf.spectra import read_camera, read_chart, read_lamp
 from camssf.spectra.bundled import observer
 from camssf_colour import View, lab, white_of
 from camssf_colour.standard import of_surfaces
-from camssf_lab.simulation.frames import SimulatedShot, simulate
-from camssf_lab.simulation.scene import Scene
+from camssf_lab.simulation.frames import SimulatedShot
+from tests.exports.conftest import pyspectacle, run, transicc
+from tests.support.captures import photos
 from tests.support.documents import changed
 
 pytestmark = pytest.mark.full
-
 ROOT = Path(__file__).parents[2]
 D850 = ROOT / "data" / "rawtoaces" / "Nikon_D850_380_780_5.json"
 LAMP = "D55"
@@ -56,10 +53,9 @@ class Captured(NamedTuple):
 
 
 @pytest.fixture(scope="module")
-def captured(tmp_path_factory: pytest.TempPathFactory) -> Captured:
-    folder = tmp_path_factory.mktemp("d850")
+def captured() -> Captured:
     camera = read_camera(D850)
-    shot = simulate(camera, [LAMP], folder, scene=Scene(size=(900, 675)), seed=3).shots[0]
+    shot = photos(LAMP, str(D850)).shots[0]
     found = attempt(shot.shot)
     power = read_lamp(LAMP).values
     white = power @ camera.values
@@ -111,17 +107,8 @@ print(json.dumps(spectral.convert_to_XYZ(matrix, raw / curves.sum(axis=1)).tolis
 
 def by_spectacle(document: Result, raw: Floats, folder: Path) -> tuple[Floats, Floats]:
     """pyspectacle's reader and its matrix to XYZ, for signals of which equal energy gives 1, 1, 1."""
-    python = os.environ.get("CAMSSF_SPECTACLE")
-    if not python:
-        pytest.skip("CAMSSF_SPECTACLE names no Python that has pyspectacle")
-    (folder / "calibration").mkdir(exist_ok=True)
-    (folder / "calibration" / "spectral_response.csv").write_bytes(export(document, "spectacle"))
-    done = subprocess.run(
-        [python, "-W", "ignore", "-c", SPECTACLE, str(folder)],
-        input=json.dumps(raw.tolist()), capture_output=True, text=True, check=True, timeout=120,
-        env=os.environ | {"HOME": str(folder)},
-    )  # fmt: skip
-    return np.array(json.loads(done.stdout.splitlines()[-1])), white_of(read_lamp(LAMP).values)
+    xyz = pyspectacle(SPECTACLE, folder, export(document, "spectacle"), raw.tolist())
+    return np.array(xyz), white_of(read_lamp(LAMP).values)
 
 
 def by_dcamprof(document: Result, raw: Floats, folder: Path) -> tuple[Floats, Floats]:
@@ -169,17 +156,9 @@ def test_curves_give_the_true_curves_colours(
 
 
 def by_littlecms(document: Result, balanced: Floats, folder: Path) -> tuple[Floats, Floats]:
-    if shutil.which("transicc") is None:
-        pytest.skip("transicc (liblcms2-utils) is not on this machine")
     path = folder / "camera.icc"
     path.write_bytes(export(document, "icc", lamp=LAMP))
-    given = "".join(f"{r * 255:.6f}\n{g * 255:.6f}\n{b * 255:.6f}\n" for r, g, b in balanced)
-    done = subprocess.run(
-        ["transicc", "-n", f"-i{path}", "-o*XYZ", "-t1", "-c0"],
-        input=given, capture_output=True, text=True, timeout=60, check=True,
-    )  # fmt: skip
-    found = np.array([float(word) for word in done.stdout.split()]).reshape(-1, 3)[: len(balanced)]
-    return found / 100, D50
+    return transicc(path, balanced), D50
 
 
 def by_opencolorio(document: Result, balanced: Floats, folder: Path) -> tuple[Floats, Floats]:
@@ -239,10 +218,8 @@ def by_rawtherapee(document: Result, captured: Captured, folder: Path) -> Floats
     profile, steps, picture = folder / "camera.dcp", folder / "steps.pp3", folder / "picture.tif"
     profile.write_bytes(export(document, "dcp"))
     steps.write_text(DEVELOP.format(profile=profile), "utf-8")
-    subprocess.run(
-        ["rawtherapee-cli", "-q", "-o", picture, "-Y", "-t", "-b16", "-p", steps, "-c", captured.shot.chart],
-        check=True, capture_output=True, timeout=300, env=os.environ | {"HOME": str(folder)},
-    )  # fmt: skip
+    photo = captured.shot.chart
+    run("rawtherapee-cli", "-q", "-o", picture, "-Y", "-t", "-b16", "-p", steps, "-c", photo, home=folder)
     coded = tifffile.imread(io.BytesIO(picture.read_bytes())) / 65535.0
     linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
     outlines = captured.found.capture.shots[0].pose.patches  # type: ignore[union-attr]
@@ -253,8 +230,6 @@ def by_rawtherapee(document: Result, captured: Captured, folder: Path) -> Floats
 
 def test_rawtherapee_develops_the_true_curves_colours_with_the_dcp(captured: Captured, tmp_path: Path) -> None:
     """From a simulated photo to sRGB, against the profile of the true curves and against the chart's own colours."""
-    if shutil.which("rawtherapee-cli") is None:
-        pytest.skip("rawtherapee-cli is not on this machine")
     true, found = (by_rawtherapee(each, captured, tmp_path) for each in (captured.true, captured.found))
     white = SRGB @ np.ones(3)
     assert apart(true, found, white) < NEAR

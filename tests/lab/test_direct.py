@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import tifffile
+from numpy.typing import NDArray
 
 from benchmarks.paper import spectrograph
 from benchmarks.paper.spectrograph import FINE, Spectrograph, frame, shoot, silicon, write_dng
 from camssf.cli import main
 from camssf.errors import (
+    CalibrationError,
     FramesDiffer,
     InvalidArgument,
     LampUnfit,
@@ -23,7 +27,7 @@ from camssf.errors import (
     UnreadableRaw,
 )
 from camssf.fit.scores import rmse
-from camssf.grid import WAVELENGTHS
+from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import CameraCurves, read_camera, read_lamp
 from camssf_lab.direct import Direct, divide, extract, sweep
 from camssf_lab.direct.dispersion import FEWEST, LINES, disperse, fine_structure
@@ -39,18 +43,26 @@ def nikon() -> CameraCurves:
     return read_camera(NIKON)
 
 
-def measured(folder: Path, camera: CameraCurves | None = None, seed: int = 1, **scene: object) -> Direct:
-    paths = shoot(camera or nikon(), folder, seed, **scene)  # type: ignore[arg-type]
-    return divide(
-        paths["rgb.dng"], paths["mono.tif"], dark=paths["rgb-dark.dng"], mono_dark=paths["mono-dark.tif"],
-        response=paths["mono-response.csv"],
-    )  # fmt: skip
-
-
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def frames(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """The default scene; nobody writes to it."""
     return shoot(nikon(), tmp_path_factory.mktemp("frames"), 1)
+
+
+def divided(paths: dict[str, Path], mono: Path | None = None, **changes: Path | None) -> Direct:
+    """The division of the frames; a role that is None was not given."""
+    roles = {"dark": "rgb-dark.dng", "mono_dark": "mono-dark.tif", "response": "mono-response.csv"}
+    given = {role: paths[name] for role, name in roles.items()} | changes
+    return divide(paths["rgb.dng"], mono or paths["mono.tif"], **given)
+
+
+def is_near(found: Direct, bar: float = 0.01) -> bool:
+    return bool((rmse(found.values, nikon().values) <= bar).all())
+
+
+def sunlit(nm: Floats, sun: str = "AM1.5", width: float = 17.0) -> Floats:
+    """Sunlight of a spectrograph's resolution."""
+    return np.interp(nm, FINE, spectrograph.gaussian_filter1d(spectrograph.sunlight(sun), width))
 
 
 def wavelength_error(found: Direct, role: str, device: Spectrograph) -> float:
@@ -65,8 +77,8 @@ def wavelength_error(found: Direct, role: str, device: Spectrograph) -> float:
 def test_the_bars_hold_on_simulated_frames(tmp_path: Path, light: str, mirrored: bool) -> None:
     """RMSE ≤ 0.01 and wavelengths within 0.5 nm; noise, two detectors, leaning lines, red left or right."""
     device = replace(RGB, mirrored=mirrored)
-    found = measured(tmp_path, light=light, device=device, mono=MONO)
-    assert (rmse(found.values, nikon().values) <= 0.01).all()
+    found = divided(shoot(nikon(), tmp_path, 1, light=light, device=device, mono=MONO))
+    assert is_near(found)
     assert wavelength_error(found, "rgb", device) <= 0.5
     assert wavelength_error(found, "mono", MONO) <= 0.5
     assert found.tilts["rgb"] == pytest.approx(0.7, abs=0.15)
@@ -74,7 +86,6 @@ def test_the_bars_hold_on_simulated_frames(tmp_path: Path, light: str, mirrored:
     assert all(len(d.lines) >= FEWEST and d.residual <= 0.3 for d in found.dispersions.values())
     gain = found.values.max(axis=0) / nikon().values.max(axis=0)
     assert gain / gain[1] == pytest.approx(np.ones(3), abs=0.02)
-    assert found.std is not None
     # Noise alone: beside the lines the two wavelength scales do not agree exactly.
     assert np.median((found.std / found.values.max(axis=0))[VISIBLE]) < 0.005
 
@@ -97,19 +108,17 @@ def test_a_lean_is_found_and_costs_nothing(tilt: float) -> None:
 
 @pytest.mark.full
 def test_a_flat_mono_camera_shows_why_its_response_matters(frames: dict[str, Path]) -> None:
-    paths = frames
-    flat = divide(paths["rgb.dng"], paths["mono.tif"], dark=paths["rgb-dark.dng"], mono_dark=paths["mono-dark.tif"])
+    flat = divided(frames, response=None)
     inverse = flat.values * silicon(WAVELENGTHS)[:, None]
     assert (rmse(inverse, nikon().values) <= 0.01).all()
-    assert rmse(flat.values, nikon().values).max() > 0.02
+    assert not is_near(flat, 0.02)
     assert any("taken for flat" in message for _, message in flat.assumptions)
 
 
 @pytest.mark.full
 def test_without_dark_frames_the_file_s_black_serves(frames: dict[str, Path]) -> None:
-    paths = frames
-    found = divide(paths["rgb.dng"], paths["mono.tif"], response=paths["mono-response.csv"])
-    assert (rmse(found.values, nikon().values) <= 0.01).all()
+    found = divided(frames, dark=None, mono_dark=None)
+    assert is_near(found)
     (black,) = (message for code, message in found.assumptions if code == "black")
     assert "the file's black level" in black
     assert "darkest tenth of the rows" in black
@@ -123,7 +132,7 @@ def test_the_division_cancels_pixels_of_another_size(tmp_path: Path) -> None:
         x = np.arange(1800, dtype=float)
         t = (x - 900.0) / 900.0
         nm, spread = 550.0 + 200.0 * t + bend / 4.0 * t**2, 200.0 + bend / 2.0 * t
-        light = np.interp(nm, FINE, spectrograph.gaussian_filter1d(spectrograph.sunlight("daylight"), 16.0))
+        light = sunlit(nm, "daylight", 16.0)
         columns = [np.interp(nm, WAVELENGTHS, c, 0.0, 0.0) * light * spread for c in curves.T]
         head = "pixel," + ("red,green,blue" if name == "rgb" else "signal")
         rows = [",".join(f"{v:.9g}" for v in row) for row in np.stack([x, *columns], axis=1)]
@@ -132,7 +141,7 @@ def test_the_division_cancels_pixels_of_another_size(tmp_path: Path) -> None:
     response = tmp_path / "response.csv"
     response.write_text("wavelength_nm,response\n" + "\n".join(f"{w},{silicon(w):.9f}" for w in WAVELENGTHS))
     found = divide(paths["rgb"], paths["mono"], response=response)
-    assert (rmse(found.values, nikon().values) <= 0.005).all()
+    assert is_near(found, 0.005)
     gain = found.values.max(axis=0) / nikon().values.max(axis=0)
     assert gain[0] / gain[2] == pytest.approx(1.0, abs=0.01)
     assert found.tilts == {"rgb": 0.0, "mono": 0.0}
@@ -215,133 +224,116 @@ def test_lamps_with_lines_of_their_own_are_no_sun(name: str) -> None:
 
 def test_too_few_lines_say_how_many() -> None:
     """The sun through a filter that leaves 560 to 640 nm: one line."""
-    device = replace(RGB, size=(1600, 8))
     x = np.arange(1600, dtype=float)
-    nm = device.wavelength(x)
-    light = np.interp(nm, FINE, spectrograph.gaussian_filter1d(spectrograph.sunlight("AM1.5"), 17.0))
+    nm = RGB.wavelength(x)
     with pytest.raises(LampUnfit, match="cannot be calibrated in wavelength"):
-        disperse(x, (light * np.exp(-0.5 * ((nm - 600.0) / 18.0) ** 2))[:, None])
+        disperse(x, (sunlit(nm) * np.exp(-0.5 * ((nm - 600.0) / 18.0) ** 2))[:, None])
+
+
+@pytest.fixture
+def files(frames: dict[str, Path], tmp_path: Path) -> dict[str, Path | None]:
+    """Frames that are none, and others with one fault each, by their names."""
+
+    def picture(name: str, samples: NDArray[Any], **more: Any) -> None:
+        tifffile.imwrite(tmp_path / name, np.asarray(samples, dtype=np.uint16), **more)
+
+    mono, rng = tifffile.imread(frames["mono.tif"]), np.random.default_rng(0)
+    picture("clipped.tif", np.minimum(mono, 4095))
+    picture("colour.tif", np.zeros((20, 30, 3)), photometric="rgb")
+    picture("noise.tif", rng.integers(0, 16000, (200, 800)))
+    picture("few.tif", rng.integers(0, 100, (2, 2)))
+    picture("spikes.tif", np.where(rng.random((200, 800)) < 1e-4, 15000, 520))
+    picture("slope.tif", np.repeat(np.linspace(600, 9000, 800)[None], 100, 0) * np.hanning(100)[:, None])
+    write_dng(tmp_path / "small.dng", np.full((100, 200), 512, dtype=np.uint16), Sensor(), "x")
+    (tmp_path / "broken.tif").write_bytes(b"II*\0" + b"\0" * 40)
+    x = np.arange(1500, dtype=float)
+    rows = zip(x, sunlit(375.0 + 0.2 * x), strict=True)
+    for name, text in (
+        ("row.csv", "pixel,signal\n1,2\n"),
+        ("blind.csv", "wavelength_nm,response\n380,0\n720,1\n"),
+        ("no-red.csv", "pixel,signal\n" + "\n".join(f"{pixel:g},{light:.9g}" for pixel, light in rows)),
+    ):
+        (tmp_path / name).write_text(text)
+    names = [*(path.name for path in tmp_path.iterdir()), "none.tif"]
+    return {"-": None} | frames | {name: tmp_path / name for name in names}
+
+
+REFUSED: list[tuple[str, type[Exception], str]] = [
+    ("rgb-dark.dng mono.tif", Underexposed, "no rows exceed"),
+    ("rgb.dng clipped.tif", Overexposed, r"clipped\.tif is clipped"),  # whatever its bits
+    ("rgb.dng mono.tif dark=rgb.dng", FramesDiffer, "not darker"),
+    ("rgb.dng mono.tif dark=small.dng", FramesDiffer, "200 × 100"),
+    ("rgb.dng none.tif", UnreadableRaw, "no file"),
+    ("mono.tif mono.tif", InvalidArgument, "cannot be the colour frame"),
+    ("rgb.dng colour.tif", UnreadableRaw, "one grey page"),
+    ("rgb.dng broken.tif", UnreadableRaw, "broken"),
+    ("rgb.dng row.csv", InvalidArgument, "1 rows"),
+    ("rgb.dng mono.tif response=blind.csv", InvalidArgument, "0 or less, at 380 nm"),
+    ("rgb.dng row.csv mono_dark=mono.tif", InvalidArgument, "a dark frame cannot be subtracted"),
+]
+STRANGE: list[tuple[str, type[Exception], str]] = [
+    ("rgb.dng no-red.csv", FramesDiffer, r"share only 3\d\d to 6\d\d nm"),  # lines enough, but it ends at 640 nm
+    *((f"rgb.dng {name}.tif", CalibrationError, rf"{name}\.tif") for name in ("noise", "few", "spikes", "slope")),
+]
+
+
+@pytest.mark.parametrize(
+    ("call", "kind", "words"), [*REFUSED, *(pytest.param(*row, marks=pytest.mark.full) for row in STRANGE)]
+)
+def test_frames_that_do_not_serve_are_refused(
+    call: str, kind: type[Exception], words: str, files: dict[str, Path | None]
+) -> None:
+    rgb, mono, *more = call.split()
+    options = {role: files[name] for role, _, name in (word.partition("=") for word in more)}
+    with pytest.raises(kind, match=words) as caught:
+        divide(files[rgb], files[mono], **options)  # type: ignore[arg-type]
+    assert kind is not CalibrationError or caught.type in (Underexposed, LampUnfit)
 
 
 def test_a_clipped_frame_is_refused(tmp_path: Path) -> None:
     paths = shoot(nikon(), tmp_path, 1, exposure=1.6)
     with pytest.raises(Overexposed, match="clipped") as caught:
         divide(paths["rgb.dng"], paths["mono.tif"])
-    assert caught.value.value is not None
     assert caught.value.value > 0.01
-
-
-def test_a_clipped_mono_frame_is_refused_whatever_its_bits(frames: dict[str, Path], tmp_path: Path) -> None:
-    paths = frames
-    samples = tifffile.imread(paths["mono.tif"])
-    clipped = tmp_path / "mono.tif"
-    tifffile.imwrite(clipped, np.minimum(samples, 4095).astype(np.uint16))
-    with pytest.raises(Overexposed, match=r"mono\.tif is clipped"):
-        divide(paths["rgb.dng"], clipped)
 
 
 @pytest.mark.full
 def test_eight_bits_are_few_levels_but_no_heap(frames: dict[str, Path], tmp_path: Path) -> None:
     """Many samples share the largest of few levels without being clipped; at 255 they are."""
-    paths = frames
-    samples = tifffile.imread(paths["mono.tif"]).astype(float) - 512.0
+    samples = tifffile.imread(frames["mono.tif"]).astype(float) - 512.0
     table = tmp_path / "mono.tif"
     tifffile.imwrite(table, np.clip(np.rint(samples / samples.max() * 200.0 + 10.0), 0, 255).astype(np.uint8))
-    found = divide(paths["rgb.dng"], table, dark=paths["rgb-dark.dng"], response=paths["mono-response.csv"])
-    assert (rmse(found.values, nikon().values) <= 0.01).all()
+    assert is_near(divided(frames, table, mono_dark=None))
     tifffile.imwrite(table, np.clip(np.rint(samples / samples.max() * 400.0 + 10.0), 0, 255).astype(np.uint8))
     with pytest.raises(Overexposed, match="255 DN"):
-        divide(paths["rgb.dng"], table)
+        divide(frames["rgb.dng"], table)
 
 
-def test_a_dark_photo_is_refused(frames: dict[str, Path]) -> None:
-    paths = frames
-    with pytest.raises(Underexposed, match="no rows exceed"):
-        divide(paths["rgb-dark.dng"], paths["mono.tif"])
+NM_5 = np.arange(380.0, 725.0, 5.0)
+NM_10 = np.arange(400.0, 705.0, 10.0)
 
 
-def test_frames_that_differ_are_refused(frames: dict[str, Path], tmp_path: Path) -> None:
-    paths = frames
-    rgb, mono = paths["rgb.dng"], paths["mono.tif"]
-    with pytest.raises(FramesDiffer, match="not darker"):
-        divide(rgb, mono, dark=rgb)
-    small = tmp_path / "small.dng"
-    write_dng(small, np.full((100, 200), 512, dtype=np.uint16), Sensor(), "x")
-    with pytest.raises(FramesDiffer, match="200 × 100"):
-        divide(rgb, mono, dark=small)
+@pytest.fixture
+def write_sweep(tmp_path: Path) -> Callable[..., Path]:
+    def write(nm: Floats = NM_5, power: Floats | float = 1.0) -> Path:
+        curves = np.stack([np.interp(nm, WAVELENGTHS, c) for c in nikon().values.T], axis=1)
+        power = np.broadcast_to(power, nm.shape)
+        rows = np.column_stack([nm, curves * power[:, None], power])
+        lines = [
+            "# a comment",
+            "wavelength_nm,red,green,blue,power",
+            *(",".join(f"{v:.9g}" for v in row) for row in rows),
+        ]
+        (tmp_path / "sweep.csv").write_text("\n".join(lines))
+        return tmp_path / "sweep.csv"
+
+    return write
 
 
-@pytest.mark.full
-def test_frames_of_other_wavelengths_are_refused(frames: dict[str, Path], tmp_path: Path) -> None:
-    """A mono table that ends at 640 nm has lines enough, but no red."""
-    paths = frames
-    x = np.arange(1500, dtype=float)
-    nm = 375.0 + 0.2 * x
-    light = np.interp(nm, FINE, spectrograph.gaussian_filter1d(spectrograph.sunlight("AM1.5"), 17.0))
-    table = tmp_path / "mono.csv"
-    table.write_text("pixel,signal\n" + "\n".join(f"{a:g},{b:.9g}" for a, b in zip(x, light, strict=True)))
-    with pytest.raises(FramesDiffer, match=r"share only 3\d\d to 6\d\d nm"):
-        divide(paths["rgb.dng"], table)
-
-
-@pytest.mark.full
-@pytest.mark.parametrize("kind", ["noise", "small", "spikes", "slope"])
-def test_pictures_of_something_else_are_refused(frames: dict[str, Path], tmp_path: Path, kind: str) -> None:
-    rng = np.random.default_rng(0)
-    picture = {
-        "zeros": np.zeros((100, 300)),
-        "noise": rng.integers(0, 16000, (200, 800)),
-        "small": rng.integers(0, 100, (2, 2)),
-        "row": rng.integers(0, 100, (1, 500)),
-        "spikes": np.where(rng.random((200, 800)) < 1e-4, 15000, 520),
-        "slope": np.repeat(np.linspace(600, 9000, 800)[None], 100, 0) * np.hanning(100)[:, None],
-    }[kind]
-    file = tmp_path / "mono.tif"
-    tifffile.imwrite(file, picture.astype(np.uint16))
-    with pytest.raises((Underexposed, LampUnfit), match=r"mono\.tif"):
-        divide(frames["rgb.dng"], file)
-
-
-def test_files_that_are_no_frames_are_refused(frames: dict[str, Path], tmp_path: Path) -> None:
-    paths = frames
-    rgb, mono = paths["rgb.dng"], paths["mono.tif"]
-    with pytest.raises(UnreadableRaw, match="no file"):
-        divide(rgb, tmp_path / "none.tif")
-    with pytest.raises(InvalidArgument, match="cannot be the colour frame"):
-        divide(mono, mono)
-    colour = tmp_path / "colour.tif"
-    tifffile.imwrite(colour, np.zeros((20, 30, 3), dtype=np.uint16), photometric="rgb")
-    with pytest.raises(UnreadableRaw, match="one grey page"):
-        divide(rgb, colour)
-    broken = tmp_path / "broken.tif"
-    broken.write_bytes(b"II*\0" + b"\0" * 40)
-    with pytest.raises(UnreadableRaw):
-        divide(rgb, broken)
-    table = tmp_path / "mono.csv"
-    table.write_text("pixel,signal\n1,2\n")
-    with pytest.raises(InvalidArgument, match="1 rows"):
-        divide(rgb, table)
-    blind = tmp_path / "response.csv"
-    blind.write_text("wavelength_nm,response\n380,0\n720,1\n")
-    with pytest.raises(InvalidArgument, match="0 or less, at 380 nm"):
-        divide(rgb, mono, response=blind)
-    with pytest.raises(InvalidArgument, match="a dark frame cannot be subtracted"):
-        divide(rgb, table, mono_dark=mono)
-
-
-def write_sweep(path: Path, nm: np.ndarray, power: np.ndarray) -> Path:
-    curves = np.stack([np.interp(nm, WAVELENGTHS, c) for c in nikon().values.T], axis=1)
-    rows = np.column_stack([nm, curves * power[:, None], power])
-    head = "# a comment\nwavelength_nm,red,green,blue,power\n"
-    path.write_text(head + "\n".join(",".join(f"{v:.9g}" for v in row) for row in rows))
-    return path
-
-
-def test_a_sweep_is_divided_by_its_power_exactly(tmp_path: Path) -> None:
+def test_a_sweep_is_divided_by_its_power_exactly(write_sweep: Callable[..., Path]) -> None:
     """At the sweep's own wavelengths the curve is signal over power; between them straight."""
-    nm = np.arange(380.0, 725.0, 5.0)
-    found = sweep(write_sweep(tmp_path / "sweep.csv", nm, 1.0 + np.sin(nm / 20.0) ** 2))
-    expected = np.stack([np.interp(nm, WAVELENGTHS, c) for c in nikon().values.T], axis=1)
+    found = sweep(write_sweep(NM_5, 1.0 + np.sin(NM_5 / 20.0) ** 2))
+    expected = np.stack([np.interp(NM_5, WAVELENGTHS, c) for c in nikon().values.T], axis=1)
     assert found.values[::10] == pytest.approx(expected, rel=1e-7, abs=1e-9)
     assert found.values[5::10] == pytest.approx((expected[1:] + expected[:-1]) / 2, rel=1e-7, abs=1e-9)
     assert found.std is None
@@ -349,50 +341,45 @@ def test_a_sweep_is_divided_by_its_power_exactly(tmp_path: Path) -> None:
     assert not any(code == "covered" for code, _ in found.assumptions)
 
 
-def test_a_short_sweep_says_where_it_ends(tmp_path: Path) -> None:
-    nm = np.arange(400.0, 705.0, 10.0)
-    found = sweep(write_sweep(tmp_path / "sweep.csv", nm, np.ones_like(nm)))
+def test_a_short_sweep_says_where_it_ends(write_sweep: Callable[..., Path]) -> None:
+    found = sweep(write_sweep(NM_10))
     assert not found.values[(WAVELENGTHS < 400) | (WAVELENGTHS > 700)].any()
     assert ("covered", "only 400.0 to 700.0 nm were measured; beyond, the curves are set to 0.") in found.assumptions
 
 
 @pytest.mark.parametrize(
-    ("nm", "power", "kind", "match"),
+    ("nm", "power", "kind", "words"),
     [
         (np.arange(420.0, 720.0, 10.0), 1.0, InvalidArgument, "covers 420 to 710"),
         (np.arange(400.0, 725.0, 25.0), 1.0, InvalidArgument, "steps of up to 25"),
-        (np.arange(400.0, 705.0, 10.0), 0.0, Underexposed, "without reference power, at 400 nm"),
-        (np.array([400.0, *np.arange(400.0, 705.0, 10.0)]), 1.0, InvalidArgument, "does not increase"),
-        (np.arange(400.0, 705.0, 10.0), np.nan, InvalidArgument, "not finite"),
-        (np.arange(400.0, 705.0, 10.0), -1.0, Underexposed, "without reference power"),
+        (NM_10, 0.0, Underexposed, "without reference power, at 400 nm"),
+        (np.array([400.0, *NM_10]), 1.0, InvalidArgument, "does not increase"),
+        (NM_10, np.nan, InvalidArgument, "not finite"),
+        (NM_10, -1.0, Underexposed, "without reference power"),
     ],
 )
 def test_a_sweep_that_is_none(
-    tmp_path: Path, nm: np.ndarray, power: float, kind: type[Exception], match: str
+    nm: Floats, power: float, kind: type[Exception], words: str, write_sweep: Callable[..., Path]
 ) -> None:
-    with pytest.raises(kind, match=match):
-        sweep(write_sweep(tmp_path / "sweep.csv", nm, np.full(nm.shape, power)))
+    with pytest.raises(kind, match=words):
+        sweep(write_sweep(nm, power))
 
 
-def test_a_sweep_beyond_all_numbers(tmp_path: Path) -> None:
-    path = tmp_path / "sweep.csv"
-    rows = [f"{nm},1e308,1,1,1e-308" for nm in range(380, 725, 5)]
-    path.write_text("\n".join(["wavelength_nm,red,green,blue,power", *rows]))
-    with pytest.raises(InvalidArgument, match="too large for their power"):
-        sweep(path)
+@pytest.mark.parametrize(
+    ("head", "row", "words"),
+    [
+        ("wavelength_nm,red,green,blue,power", "1e308,1,1,1e-308", "too large for their power"),
+        ("wavelength_nm,red,green,blue", "1,1,1", "first line must read wavelength_nm,red,green,blue,power"),
+    ],
+)
+def test_a_table_that_is_no_sweep(tmp_path: Path, head: str, row: str, words: str) -> None:
+    (tmp_path / "sweep.csv").write_text("\n".join([head, *(f"{nm},{row}" for nm in range(380, 725, 5))]))
+    with pytest.raises(InvalidArgument, match=words):
+        sweep(tmp_path / "sweep.csv")
 
 
-def test_a_sweep_without_a_column(tmp_path: Path) -> None:
-    path = tmp_path / "sweep.csv"
-    path.write_text("wavelength_nm,red,green,blue\n400,1,1,1\n700,1,1,1\n")
-    with pytest.raises(InvalidArgument, match="first line must read wavelength_nm,red,green,blue,power"):
-        sweep(path)
-
-
-def test_the_files_are_read_by_the_rest_of_camssf(tmp_path: Path) -> None:
-    nm = np.arange(380.0, 725.0, 5.0)
-    found = sweep(write_sweep(tmp_path / "sweep.csv", nm, np.ones_like(nm)))
-    out = tmp_path / "out"
+def test_the_files_are_read_by_the_rest_of_camssf(write_sweep: Callable[..., Path], tmp_path: Path) -> None:
+    found, out = sweep(write_sweep()), tmp_path / "out"
     assert [path.name for path in found.save(out)] == ["direct.json", "ssf.csv"]
     assert sorted(path.name for path in out.iterdir()) == ["direct.json", "ssf.csv"]
     again = read_camera(str(out / "ssf.csv"))
@@ -405,26 +392,22 @@ def test_the_files_are_read_by_the_rest_of_camssf(tmp_path: Path) -> None:
     assert document["files"]["sweep"]["name"] == "sweep.csv"
 
 
-def test_a_folder_that_cannot_be_written_gets_no_half(tmp_path: Path) -> None:
-    nm = np.arange(380.0, 725.0, 5.0)
-    found = sweep(write_sweep(tmp_path / "sweep.csv", nm, np.ones_like(nm)))
-    (tmp_path / "out").write_text("a file")
-    with pytest.raises(InvalidArgument, match="out is a file"):
-        found.save(tmp_path / "out")
+def test_what_stands_there_is_not_replaced(write_sweep: Callable[..., Path], tmp_path: Path) -> None:
+    found = sweep(write_sweep())
+    (tmp_path / "file").write_text("a file")
     (tmp_path / "folder" / "ssf.csv").mkdir(parents=True)
-    with pytest.raises(InvalidArgument, match=r"ssf\.csv is a folder"):
-        found.save(tmp_path / "folder")
-    assert [path.name for path in (tmp_path / "folder").iterdir()] == ["ssf.csv"]
-
-
-def test_a_calibration_s_curves_are_not_replaced(tmp_path: Path) -> None:
-    nm = np.arange(380.0, 725.0, 5.0)
-    found = sweep(write_sweep(tmp_path / "sweep.csv", nm, np.ones_like(nm)))
+    (tmp_path / "result").mkdir()
     for name in ("result.json", "ssf.csv"):
-        (tmp_path / name).write_text("calibrated")
-    with pytest.raises(InvalidArgument, match="holds the result of a calibration"):
-        found.save(tmp_path)
-    assert (tmp_path / "ssf.csv").read_text() == "calibrated"
+        (tmp_path / "result" / name).write_text("calibrated")
+    before = {path: path.read_bytes() if path.is_file() else None for path in tmp_path.rglob("*")}
+    for name, words in (
+        ("file", "file is a file"),
+        ("folder", r"ssf\.csv is a folder"),
+        ("result", "holds the result of a calibration"),
+    ):
+        with pytest.raises(InvalidArgument, match=words):
+            found.save(tmp_path / name)
+    assert {path: path.read_bytes() if path.is_file() else None for path in tmp_path.rglob("*")} == before
 
 
 @pytest.mark.full
@@ -446,12 +429,11 @@ def test_the_command(frames: dict[str, Path], tmp_path: Path, capsys: pytest.Cap
     assert all(abs(line["fitted_nm"] - line["table_nm"]) <= 1.0 for line in lines)
 
 
-def test_the_command_with_a_sweep_writes_to_stdout(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    nm = np.arange(380.0, 725.0, 5.0)
-    path = write_sweep(tmp_path / "sweep.csv", nm, np.ones_like(nm))
-    assert main(["direct", str(path)]) == 0
+def test_the_command_with_a_sweep_writes_to_stdout(
+    write_sweep: Callable[..., Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = str(write_sweep())
+    assert main(["direct", path]) == 0
     assert json.loads(capsys.readouterr().out)["wavelengths"] == {}
-    assert main(["direct", str(path), "--dark", "x.dng"]) == InvalidArgument.exit_status
-    assert main(["direct", str(tmp_path / "none.csv")]) == InvalidArgument.exit_status
-    said = capsys.readouterr().err
-    assert "Traceback" not in said
+    assert main(["direct", path, "--dark", "x.dng"]) == InvalidArgument.exit_status
+    assert "Traceback" not in capsys.readouterr().err

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import html
-import json
 import os
 import re
 import subprocess
@@ -14,7 +12,7 @@ from typing import Any
 import pytest
 import yaml
 
-from tests.report.test_report import AXE, browse
+from tests.support.axe import serious_faults
 
 ROOT = Path(__file__).parents[2]
 SHOWN = ("index.html", "cli/index.html", "jvm/index.html", "reference/camssf/index.html")
@@ -66,33 +64,9 @@ def test_what_is_not_kept_is_on_the_site(page: str, shown: str, site: Path) -> N
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("page", SHOWN)
 def test_axe_finds_no_serious_fault_in_the_site(page: str, scheme: str, site: Path, tmp_path: Path) -> None:
-    axe = Path(os.environ.get("CAMSSF_AXE", ""))
-    if not axe.is_file():
-        pytest.skip("no axe-core on this machine (CAMSSF_AXE names no file): accessibility is not judged by axe")
-    judge = """
-    addEventListener("load", () => setTimeout(async () => {
-      const found = await axe.run(document, {resultTypes: ["violations"]});
-      const dark = matchMedia("(prefers-color-scheme: dark)").matches;
-      const faults = found.violations.map(v => [v.id, v.impact, v.nodes.map(n => n.html.slice(0, 90)).slice(0, 3)]);
-      const told = JSON.stringify([axe.version, dark, found.passes.length, faults]);
-      document.getElementById("judged").textContent = told;
-    }, 500));"""
-
     def faults(text: str, name: str) -> list[Any]:
         # beside the page, so that its styles and scripts are found
-        copy_ = (site / page).with_name(f"{name}-{scheme}.html")
-        end = (
-            f'<pre id="judged" hidden></pre><script>{axe.read_text("utf-8")}</script><script>{judge}</script></body>'
-        )
-        copy_.write_text(text.replace("</body>", end), "utf-8")
-        flag = f"blink-settings=preferredColorScheme={0 if scheme == 'dark' else 1}"
-        dom, _ = browse(copy_, tmp_path / name, flag)
-        found = re.search(r'<pre id="judged"[^>]*>(\[.*?)</pre>', dom)
-        assert found is not None
-        version, dark, passes, all_ = json.loads(html.unescape(found[1]))
-        assert (version, dark) == (AXE, scheme == "dark")
-        assert passes > 10
-        return [each for each in all_ if each[1] in ("serious", "critical")]
+        return serious_faults(text, (site / page).with_name(f"{name}-{scheme}.html"), tmp_path / name, scheme)
 
     text = (site / page).read_text("utf-8")
     assert faults(text, "judged") == []

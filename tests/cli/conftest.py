@@ -1,0 +1,72 @@
+"""A simulated capture, its result as the command line leaves it, and streams, that the tests of commands share."""
+
+from __future__ import annotations
+
+import io
+import sys
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from camssf import cli
+from tests.support.captures import photos
+
+FILES = ["patches.csv", "report.html", "result.json", "ssf.csv", "ssf.svg"]
+
+
+@pytest.fixture(scope="session")
+def shots() -> Path:
+    """A folder with chart.dng, white.dng, dark.dng, truth.csv and corners.json; nobody writes to it."""
+    return photos().shots[0].chart.parent
+
+
+@pytest.fixture(scope="session")
+def triple(shots: Path) -> list[str]:
+    """The arguments of that capture."""
+    frames = {kind: str(shots / f"{kind}.dng") for kind in ("chart", "white", "dark")}
+    return [frames["chart"], "--lamp", "D55", "--white", frames["white"], "--dark", frames["dark"]]
+
+
+@pytest.fixture(scope="session")
+def result(shots: Path, triple: list[str], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What `calibrate` leaves; nobody writes to it."""
+    out = tmp_path_factory.mktemp("result") / "deep" / "out"
+    assert cli.main(["calibrate", *triple, "--truth", str(shots / "truth.csv"), "-o", str(out)]) == 0
+    return out
+
+
+@pytest.fixture
+def feed(monkeypatch: pytest.MonkeyPatch) -> Callable[[str | bytes | None], None]:
+    """Put something on stdin, or close it."""
+
+    def put(data: str | bytes | None) -> None:
+        raw = data.encode() if isinstance(data, str) else data
+        stream = None if raw is None else io.TextIOWrapper(io.BytesIO(raw), "utf-8")
+        monkeypatch.setattr(sys, "stdin", stream)
+
+    return put
+
+
+@pytest.fixture
+def swap(monkeypatch: pytest.MonkeyPatch) -> Callable[[Any], None]:
+    """Put a function, or an exception, in the place of the calibration."""
+
+    def put(value: Any) -> None:
+        monkeypatch.setattr(import_module("camssf.calibration"), "attempt", raising(value))
+
+    return put
+
+
+def raising(value: Any) -> Callable[..., Any]:
+    def fail(*_: Any, **__: Any) -> Any:
+        raise value
+
+    return fail if isinstance(value, BaseException) else value
+
+
+def state(folder: Path) -> dict[str, bytes | None]:
+    """The content of each file, and None for each folder, by its path."""
+    return {str(p.relative_to(folder)): p.read_bytes() if p.is_file() else None for p in folder.rglob("*")}

@@ -1,0 +1,392 @@
+"""Regions of a photo, and the commands `colour`, `spectrum` and `picture`: what they state, refuse and draw."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from contextlib import suppress
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from camssf import cli
+from camssf.colorimetry import signals_of, xyz_of
+from camssf.documents.document import Curves, document_bytes
+from camssf.documents.forms import from_plain, to_plain
+from camssf.documents.schema import schema
+from camssf.errors import CalibrationError, InvalidArgument, Overexposed
+from camssf.exports import FORMATS, export
+from camssf.photo.read.dng import Mosaic
+from camssf.report.build import report
+from camssf.result import Result
+from camssf.spectra import read_chart
+from camssf.spectra.bundled import observer
+from camssf_colour import Reference, View, camera_of_result, convert, standard_colour
+from camssf_colour.document import ColourDocument
+from camssf_colour.picture_document import PictureDocument
+from camssf_colour.reflectance import LitSurfaces, spectrum
+from camssf_colour.regions import against, measure_regions
+from camssf_colour.spectrum_document import SpectrumDocument
+from camssf_colour.standard import of_surfaces
+from camssf_fleet.passport.excerpt import excerpt_of
+from tests.colour.conftest import exact, place, power
+from tests.support.captures import calibrated, photos
+from tests.support.documents import changed, document
+from tests.support.scenes import mosaic
+from tests.support.schemas import check_schema
+
+CHART = read_chart("classic24").values
+SCHEMA = schema(ColourDocument)
+Capture = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(scope="session")
+def result(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Result]:
+    """The path of a result.json, and the result."""
+    path = tmp_path_factory.mktemp("spectrum") / "result.json"
+    path.write_bytes(document_bytes(calibrated()))
+    return str(path), calibrated()
+
+
+@cache
+def photo() -> str:
+    return str(photos().shots[0].chart)
+
+
+def test_regions_are_measured(picture: Mosaic) -> None:
+    left, right = measure_regions(picture, HALVES)
+    assert np.abs(left.raw - 1000).max() < 1
+    assert np.abs(right.raw - 2000).max() < 1
+    assert (left.error > 0.05).all()
+    assert (left.error < 0.4).all()
+    y, error = against([left], right, 0.9)
+    assert np.abs(y - 0.45).max() < 1e-3
+    assert np.abs(error / (0.9 * np.hypot(left.error / 2000, 0.5 * right.error / 2000)) - 1).max() < 0.01
+    with pytest.raises(InvalidArgument, match="reflectance"):
+        against([left], right, 18.0)
+    with pytest.raises(InvalidArgument, match="dark"):
+        against([left], replace(right, raw=np.array([1.0, 1.0, 1.0]), error=np.ones(3)), 0.9)
+
+
+HALVES = [(10.0, 10.0, 30.0, 40.0), (60.0, 10.0, 30.0, 40.0)]
+
+
+@pytest.fixture
+def picture() -> Mosaic:
+    """Black 512; left half 1512 above black 1000, right half 2512; one hot pixel."""
+    samples = np.where(np.arange(100) < 50, 1512.0, 2512.0) + 3 * np.random.default_rng(1).normal(size=(80, 100))
+    samples[20, 20] = 16383
+    return mosaic(np.rint(samples).astype(np.uint16))
+
+
+def test_a_region_is_measured_to_its_borders() -> None:
+    samples = np.full((80, 100), 1512, np.uint16)
+    samples[10:50, 10:40] += np.uint16(1)
+    (inside,) = measure_regions(mosaic(samples), [(10, 10, 30, 40)])
+    assert np.array_equal(inside.raw, [1001.0] * 3)
+
+
+@pytest.mark.parametrize(
+    ("rectangle", "words"),
+    [
+        ((90, 10, 30, 40), "leaves the photo"),
+        ((-1, 10, 30, 40), "leaves the photo"),
+        ((10, 10, 0, 40), "empty"),
+        ((10, 10, float("nan"), 40), "empty"),
+        ((10, 10, 4, 4), "samples"),
+    ],
+)
+def test_a_region_that_is_none_is_refused(rectangle: Any, words: str, picture: Mosaic) -> None:
+    with pytest.raises(InvalidArgument, match=words):
+        measure_regions(picture, [rectangle])
+
+
+def test_a_clipped_region_is_refused() -> None:
+    samples = np.full((80, 100), 16383, np.uint16)
+    with pytest.raises(Overexposed, match="Region 1"):
+        measure_regions(mosaic(samples), [(10, 10, 30, 40)])
+
+
+@pytest.mark.full
+def test_a_result_s_own_covariance_is_taken(of_two_lamps: tuple[Path, Result]) -> None:
+    document = of_two_lamps[1]
+    camera = camera_of_result(document)
+    answer, band = document.answer, document.std
+    assert np.abs(np.sqrt((camera.modes**2).sum(axis=0)) - band).max() < 1e-4 * band.max()
+    assert camera.own.lamp.name == "D55"
+    y = signals_of(CHART, power("LED-B3"), camera.values)
+    by_band = camera_of_result(replace(document, answer=replace(answer, code_covariance=None)))
+    ours, theirs = (
+        np.sqrt(np.diagonal(standard_colour(each, "LED-B3", y).parts["curves"][1], axis1=1, axis2=2)).mean()
+        for each in (camera, by_band)
+    )
+    assert ours < theirs < 4 * ours  # bands alone overrate, and must not underrate
+    other = replace(document, answer=replace(answer, basis_sha256="0" * 64))
+    assert np.array_equal(camera_of_result(other).modes, by_band.modes)  # another release's basis of this name
+    assert camera_of_result(replace(document, answer=replace(answer, std=None))).modes.shape[0] == 0
+    first, *rest = document.capture.shots
+    nameless = replace(first, lamp=replace(first.lamp, name="lost.csv"))
+    of_file = replace(document, capture=replace(document.capture, shots=(nameless, *rest)))
+    kept = camera_of_result(of_file).own  # its spectrum is in the document
+    assert np.array_equal(kept.lamp.values, camera.own.lamp.values)
+    excerpt = excerpt_of(document)
+    assert camera_of_result(excerpt).own.lamp.name == "D55"
+    assert not camera_of_result(excerpt).whole
+    assert camera_of_result(excerpt_of(of_file)).own is None  # but not in the excerpt
+
+
+def read_document(printed: str) -> Any:
+    """The JSON of a command, once its schema and its reader agree."""
+    found = json.loads(printed)
+    pytest.importorskip("jsonschema").Draft202012Validator(SCHEMA).validate(found)
+    assert to_plain(from_plain(found, ColourDocument, "it", "")) == found
+    return found
+
+
+@pytest.mark.requirement("R-COLOUR")
+@pytest.mark.full
+@pytest.mark.parametrize("told", ["A", "bulb", "auto"])
+def test_the_command_states_true_colours(told: str, of_two_lamps: tuple[Path, Result], capsys: Capture) -> None:
+    folder, document = of_two_lamps
+    patches = (0, 4, 12, 14, 15)
+    words = [word for patch in patches for word in ("--region", place(document, patch))]
+    white = xyz_of(CHART[18], power("A"), observer("1931"))[1]
+    words += ["--lamp", told, "--white-region", f"{place(document, 18)},{white:.4f}", "--adapt", "D65"]
+    assert cli.main(["colour", str(folder / "result.json"), str(photos("A").shots[0].chart), *words]) == 0
+    printed = capsys.readouterr()
+    found = read_document(printed.out)
+    assert found["result"]["sha256"] == hashlib.sha256((folder / "result.json").read_bytes()).hexdigest()
+    assert found["white"]["of"] == "D65"
+    truth = of_surfaces(CHART[list(patches)], power("A"), View(white="D65"))[1]
+    off = np.array([region["lab"] for region in found["regions"]]) - truth
+    assert np.linalg.norm(off, axis=1).mean() < 3.5
+    chi = [o @ np.linalg.solve(region["lab_covariance"], o) for o, region in zip(off, found["regions"], strict=True)]
+    assert max(chi) < 16.3
+    assert printed.err.count("region ") == len(patches)
+
+
+def test_a_colour_out_of_reach_is_in_the_document_without_numbers(
+    result: tuple[str, Result], capsys: Capture
+) -> None:
+    path, document = result
+    words = ["--region", place(document, 18), "--region", place(document, 22)]
+    words += ["--white-region", f"{place(document, 22)},0.9"]
+    assert cli.main(["colour", path, photo(), *words]) == 9
+    printed = capsys.readouterr()
+    assert "Colour 1" in printed.err
+    found = read_document(printed.out)
+    assert [region["status"] for region in found["regions"]] == ["colour_out_of_reach", "ok"]
+    assert "lab" not in found["regions"][0]
+
+
+@pytest.mark.parametrize("kind", [ColourDocument, SpectrumDocument, PictureDocument])
+def test_the_schemas_are_sound_and_say_what_everything_is(kind: type) -> None:
+    check_schema(schema(kind))
+
+
+def hostile(document: Result, seed: int) -> Result:
+    """A result of sound form with numbers that no camera has."""
+    rng, answer = np.random.default_rng(seed), document.answer
+    curves, std = answer.curves.values.copy(), answer.std.values.copy()
+    for c in rng.choice(3, 2):
+        strange = [
+            -np.abs(curves[:, c]), 0 * curves[:, c], rng.normal(size=681),
+            curves[:, c] * 10.0 ** rng.integers(-12, 12), curves[:, 0], curves[:, c],
+        ][rng.integers(6)]  # fmt: skip
+        curves[:, c] = np.clip(strange / max(strange.max(), 1e-300), -1e3, 1.0)
+        curves[rng.integers(681), c] = 1.0
+        if rng.random() < 0.5:
+            std[:, c] = np.abs(rng.normal(size=681)) * 10.0 ** rng.integers(-12, 9)
+    triangle = rng.normal(size=len(answer.code_covariance)) * 10.0 ** rng.integers(-6, 9)
+    variances = np.cumsum(np.arange(1, 73)) - 1
+    triangle[variances] = np.abs(triangle[variances])
+    gain = rng.normal(size=3) * 10.0 ** rng.integers(-6, 6)
+    return changed(
+        document, answer__curves=Curves.of(curves), answer__std=Curves.of(std), answer__code_covariance=triangle,
+        answer__channel_gain=gain,
+    )  # fmt: skip
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("seed", range(2))
+def test_strange_curves_give_an_answer_or_a_typed_error(seed: int, of_two_lamps: tuple[Path, Result]) -> None:
+    sound = of_two_lamps[1]
+    strange, signal = hostile(sound, seed), np.full(3, 0.3)
+    for lamp in ("LED-B3", "auto"):
+        with suppress(CalibrationError):
+            reference = Reference(raw=np.array([0.7, 1.0, 0.6]))
+            colours = standard_colour(camera_of_result(strange), lamp, signal, 0.01, reference=reference)
+            assert np.isfinite(colours.lab).all()
+            assert np.isfinite(colours.lab_covariance).all()
+        for pair in ((strange, sound), (sound, strange)):
+            with suppress(CalibrationError):
+                converted = convert(
+                    *map(camera_of_result, pair), lamp, signal, 0.01, reference=Reference(raw=np.ones(3))
+                )
+                assert np.isfinite(converted.signals).all()
+                assert np.isfinite(converted.covariance).all()
+    for to in FORMATS:
+        with suppress(CalibrationError):
+            assert b"nan" not in export(strange, to).lower()
+    assert report(strange).html
+
+
+def test_the_command_states_true_spectra(result: tuple[str, Result], capsys: Capture, tmp_path: Path) -> None:
+    jsonschema = pytest.importorskip("jsonschema")
+    path, document = result
+    patches = (0, 1, 12, 14)
+    words = [word for patch in patches for word in ("--region", place(document, patch))]
+    grey = read_chart("classic24").values[20][100:641].mean()  # the flattest of the greys
+    words += ["--white-region", f"{place(document, 20)},{grey:.4f}"]
+    words += ["--index", "erythema", "-o", str(tmp_path / "s.csv"), "-o", str(tmp_path / "s.svg")]
+    truth = read_chart("classic24").values[list(patches)][:, ::20]
+    for lights in (["--lamp", "D55"], [str(photos("A").shots[0].chart), "--lamp", "D55", "--lamp", "A"]):
+        assert cli.main(["spectrum", path, photo(), *lights, *words]) == 0
+        printed = capsys.readouterr()
+        found = json.loads(printed.out)
+        jsonschema.Draft202012Validator(schema(SpectrumDocument)).validate(found)
+        assert to_plain(from_plain(found, SpectrumDocument, "it", "")) == found
+        assert found["prior"]["name"] == "general"
+        assert [len(each["signal"]) for each in found["regions"]] == [lights.count("--lamp")] * len(patches)
+        assert printed.err.count("prior general") == len(patches)
+        got, std = (np.array([each[k] for each in found["regions"]]) for k in ("reflectance", "standard_deviation"))
+        assert (np.abs(got - truth) < 1.96 * std)[:, 5:33].mean() > 0.8  # below 430 nm the white patch is not white
+        assert np.sqrt(np.mean((got - truth)[:, 2:33] ** 2)) < 0.06
+        rows = np.genfromtxt(tmp_path / "s.csv", delimiter=",", skip_header=1)
+        assert np.abs(rows[:, 1 : 1 + len(patches)].T - got).max() < 1e-6
+        assert (tmp_path / "s.svg").read_bytes().startswith(b"<svg")
+
+
+def test_the_command_says_when_the_prior_does_not_hold(result: tuple[str, Result], capsys: Capture) -> None:
+    path, document = result
+    words = ["--region", place(document, 12), "--white-region", place(document, 18), "--prior", "skin"]
+    assert cli.main(["spectrum", path, photo(), *words]) == 0
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)["regions"][0]["status"] == "outside_prior"
+    assert "outside the prior" in printed.err
+
+
+@pytest.mark.parametrize(
+    ("command", "more", "status", "words"),
+    [
+        ("colour", "", 2, "needs a region"),
+        ("colour", "--region 1,2,3 WHITE", 2, "not a rectangle"),
+        ("colour", "--region 1,2,x,4 WHITE", 2, "not a rectangle"),
+        ("colour", "HERE WHITE --adapt D55", 2, "D55"),
+        ("colour", "HERE WHITE --lamp A", 6, "not white under A"),
+        ("colour", "HERE WHITE --lamp nonsense", 2, "No lamp"),
+        ("colour", "HERE WHITE,90", 2, "reflectance"),
+        ("colour", "HERE WHITE,18%", 2, "0.18"),
+        ("spectrum", "", 2, "needs a region"),
+        ("spectrum", "HERE", 2, "needs a region"),
+        ("spectrum", "HERE WHITE --lamp A --lamp D55", 2, "one --lamp a photo"),
+        ("spectrum", "PHOTO HERE WHITE --lamp A", 2, "one --lamp a photo"),
+        ("spectrum", "PHOTO HERE WHITE", 2, "one --lamp a photo"),
+        ("spectrum", "PHOTO PHOTO HERE WHITE", 2, "Give one photo, or two"),
+        ("spectrum", "HERE WHITE --index fur", 2, "No index"),
+    ],
+)
+def test_the_commands_say_no(
+    command: str, more: str, status: int, words: str, result: tuple[str, Result], capsys: Capture
+) -> None:
+    path, document = result
+    areas = {"HERE": f"--region {place(document, 3)}", "WHITE": f"--white-region {place(document, 18)}"}
+    for name, value in (areas | {"PHOTO": photo()}).items():
+        more = more.replace(name, value)
+    assert cli.main([command, path, photo(), *more.split()]) == status
+    printed = capsys.readouterr()
+    assert words in printed.err
+    assert printed.out == ""
+
+
+def test_a_colour_of_another_camera_is_refused(result: tuple[str, Result], tmp_path: Path, capsys: Capture) -> None:
+    document = result[1]
+    other = str(changed(document, capture__shots__all__photo__model="other").save(tmp_path / "other.json"))
+    area = ["--region", place(document, 3), "--white-region", place(document, 18)]
+    assert cli.main(["colour", other, photo(), *area]) == 5
+    assert "each has its own curves" in capsys.readouterr().err
+
+
+def test_spectra_are_drawn_with_their_bands() -> None:
+    from xml.etree import ElementTree
+
+    from camssf_colour.spectrum_plot import spectrum_svg
+
+    y = signals_of(read_chart("classic24").values[:2], power(), exact().values)
+    found = spectrum(exact(), LitSurfaces("D55", y, 0.002))
+    drawn = ElementTree.fromstring(spectrum_svg(found))
+    ways = {path.get("class"): path.get("d") or "" for path in drawn.iter("{http://www.w3.org/2000/svg}path")}
+    assert set(ways) == {"band red", "band green", "curve red", "curve green"}
+
+    def heights(way: str) -> np.ndarray:
+        return np.array([pair.split(",")[1] for pair in way.strip("MZ").split("L")], dtype=float)
+
+    line, ring = heights(ways["curve green"]), heights(ways["band green"])
+    scale, zero = np.polyfit(found.reflectance[1], line, 1)
+    assert np.abs(zero + scale * found.reflectance[1] - line).max() < 0.06
+    top = found.reflectance[1] + 1.96 * found.standard_deviation[1]
+    assert ring.min() == pytest.approx(zero + scale * top.max(), abs=0.2)
+    texts = [text.text for text in drawn.iter("{http://www.w3.org/2000/svg}text")]
+    assert "reflectance and 95 % band, prior general" in texts
+
+
+def test_the_command_says_what_is_missing(tmp_path: Path, capsys: Capture) -> None:
+    (tmp_path / "photo.jpg").write_bytes(b"\xff\xd8\xff\xe0 no raw")
+    (tmp_path / "result.json").write_bytes(document_bytes(document()))
+    command = ["picture", str(tmp_path / "result.json"), str(tmp_path / "photo.jpg"), "-o", str(tmp_path / "out.png")]
+    for more, status, words in (
+        ([], 2, "--white-region"),
+        (["--lamp", "daylight", "--region", "1,1,20,20"], 2, "--compare"),
+        (["--lamp", "daylight"], 3, "photo.jpg"),
+        (["--lamp", "auto"], 3, "photo.jpg"),
+    ):
+        assert cli.main([*command, *more]) == status
+        assert words in capsys.readouterr().err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["photo.jpg", "result.json"]
+
+
+@pytest.mark.full
+def test_the_command_writes_the_picture_of_a_simulated_photo(
+    of_two_lamps: tuple[Path, Result], tmp_path: Path, capsys: Capture
+) -> None:
+    """Of another light than the calibration's, and refuses the photo of another camera."""
+    folder, result = of_two_lamps
+    (under_a,) = photos("A").shots
+    white = ["--white-region", f"{place(result, 18)},0.9"]
+    command = ["picture", str(folder / "result.json"), str(under_a.chart), "-o", str(tmp_path / "a.png")]
+    command += ["--lamp", "bulb", *white]
+    assert cli.main(command) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert to_plain(from_plain(said, PictureDocument, "it", "")) == said
+    assert json.loads(Image.open(tmp_path / "a.png").text["Description"]) == said
+    assert said["white"]["source"] == "reference"
+    assert cli.main([*command, "--dark", str(under_a.dark)]) == 0
+    printed = capsys.readouterr()
+    subtracted = json.loads(printed.out)
+    assert subtracted["dark"]["name"] == "dark.dng"
+    assert max(subtracted["white"]["dark_share"]) < 0.01  # a lens cap
+    assert "subtracted: 0%" in printed.err
+    x, y, width, height = map(int, place(result, 14).split(","))
+    seen = np.asarray(Image.open(tmp_path / "a.png"))[y : y + height, x : x + width].reshape(-1, 3).mean(axis=0)
+    assert seen[0] > 2 * max(seen[1:])  # the red one
+
+    canon = {"camera": "Canon EOS 5D Mark II"}
+    chart = photos(**canon).shots[0].chart
+    assert cli.main([*command[:2], str(chart), "-o", str(tmp_path / "b.png"), "--lamp", "D55"]) != 0
+    assert "Canon" in capsys.readouterr().err
+    (tmp_path / "other.json").write_bytes(document_bytes(calibrated(**canon)))
+    pair = ["picture", str(folder / "result.json"), str(photos().shots[0].chart), "--lamp", "D55", *white]
+    pair += ["-o", str(tmp_path / "scene.html"), "--compare", str(tmp_path / "other.json"), str(chart)]
+    assert cli.main(pair) == 2
+    assert "--region" in capsys.readouterr().err
+    assert cli.main([*pair, "--region", place(result, 1)]) == 0
+    page = (tmp_path / "scene.html").read_text("utf-8")
+    assert page.count("data:image/jpeg") == 4
+    (row,) = re.findall(r'<tr><th scope="row">1</th><td>([\d.]+)</td><td>([\d.]+)</td>', page)
+    assert float(row[1]) < 2.0

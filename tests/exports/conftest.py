@@ -1,0 +1,43 @@
+"""Other people's programs, which read the exports."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from camssf.grid import Floats
+
+
+def run(*words: str | Path, stdin: str | None = None, home: Path | None = None) -> str:
+    """What a program prints; skips where it is not there."""
+    if shutil.which(words[0]) is None:
+        pytest.skip(f"{words[0]} is not on this machine")
+    env = os.environ | ({"HOME": str(home)} if home else {})
+    return subprocess.run(
+        words, input=stdin, capture_output=True, text=True, timeout=300, check=True, env=env
+    ).stdout  # fmt: skip
+
+
+def transicc(profile: Path, rgb: Floats) -> Floats:
+    """XYZ (n, 3) of RGB by littleCMS in floating point."""
+    rows = "".join(f"{r * 255:.6f}\n{g * 255:.6f}\n{b * 255:.6f}\n" for r, g, b in rgb)
+    printed = run("transicc", "-n", f"-i{profile}", "-o*XYZ", "-t1", "-c0", stdin=rows)
+    return np.array([float(word) for word in printed.split()]).reshape(-1, 3)[: len(rgb)] / 100
+
+
+def pyspectacle(script: str, folder: Path, curves: bytes, stdin: Any = None) -> Any:
+    """What a script prints last; SPECTACLE is GPL and needs an old SciPy: an environment of its own judges."""
+    python = os.environ.get("CAMSSF_SPECTACLE")
+    if not python:
+        pytest.skip("CAMSSF_SPECTACLE names no Python that has pyspectacle")
+    (folder / "calibration").mkdir(exist_ok=True)
+    (folder / "calibration" / "spectral_response.csv").write_bytes(curves)
+    printed = run(python, "-W", "ignore", "-c", script, folder, stdin=json.dumps(stdin), home=folder)
+    return json.loads(printed.splitlines()[-1])

@@ -1,0 +1,265 @@
+"""The pages in a browser: widths, paper, what axe finds; and text that would be code stays text."""
+
+import html
+import re
+from collections import Counter
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from camssf.documents import forms
+from camssf.documents.document import ADVICE, Document, read_document
+from camssf.photo.patches import FrameMeans
+from camssf.photo.read.unit import Unit
+from camssf.report.build import report
+from camssf.report.provenance import Provenance, Signature
+from camssf.result import Result
+from camssf.spectra.layouts import LAYOUTS
+from camssf_fleet.drift import LastChange
+from camssf_fleet.page import FleetDrift, FleetModel, FleetUnit, NotAccepted, fleet_html
+from tests.report.conftest import TAGS, Page, html_of
+from tests.support.axe import browse, chromium, serious_faults, told
+from tests.support.documents import changed, document, known, preview, refused, unnamed, unplaced
+
+HOSTILE = (
+    "<script>alert(1)</script>\"'>&$\\frac{<img src=x onerror=alert(2)>]]>--> \x00\x1b\u202e漢\U0001f4f7\ud800 ${x}"
+)
+
+
+def hostile(made: Document, words: str) -> Result:
+    """The result with every free text replaced."""
+    kept = {"format", "kind", "engine", "method", "status", "beyond", "sha256", "layout", "lens_shading"}
+
+    def spoilt(value: Any) -> Any:
+        if isinstance(value, dict):
+            names = kept | ({"model"} if "basis" in value else set())
+            return {key: entry if key in names else spoilt(entry) for key, entry in value.items()}
+        if isinstance(value, list):
+            return [spoilt(entry) for entry in value]
+        return words if isinstance(value, str) else value
+
+    return forms.from_plain(spoilt(forms.to_plain(made)), Result, "", ADVICE)
+
+
+WIDTHS = (360, 1280)
+SHEET = 703
+"""CSS pixels between the margins of an A4 sheet, 186 mm."""
+
+
+SHEET_HEIGHT = 1039
+"""The same from top to bottom, 275 mm."""
+
+
+def on_paper(page: str) -> str:
+    """The page as its rules for paper make it, to be measured on a screen."""
+    assert "@media print" in page
+    return page.replace("@media print", "@media all").replace("@media screen", "@media speech")
+
+
+def opened(page: str) -> str:
+    return page.replace("<details>", "<details open>")
+
+
+@cache
+def shown() -> dict[str, str]:
+    """Pages of all kinds: one shot and two, signed and compared, refused with and without a photo, SG, long names."""
+    return {
+        "one shot": html_of(document(), [preview()], provenance=known(document())),
+        "two shots": html_of(document("D55", "A"), [preview(), None]),
+        "an unnamed light": html_of(unnamed(), [preview()]),
+        "refused": html_of(refused()),
+        "refused, with its photo": html_of(unplaced(), [preview()]),
+        "refused, measured": html_of(refused(shots=True), [preview()]),
+        "140 patches": html_of(large()),
+        "long names": html_of(hostile(document(), "A_name_without_a_gap_" * 20), [preview()]),
+        "a fleet": fleet(),
+    }
+
+
+def large() -> Result:
+    """Of a chart of 140 patches, whose numbers are those of the 24 again and again."""
+    made, i = document(), np.arange(140)
+    rows = i % 24
+    (shot,), small = made.capture.shots, made.capture.chart
+    chart = replace(
+        small, name="sg140:mine.txt", layout=LAYOUTS["sg140"], reflectance=small.reflectance[rows],
+        tolerance=small.tolerance[rows], patches=tuple(f"{chr(65 + k % 14)}{k // 14 + 1}" for k in i.tolist()),
+    )  # fmt: skip
+    square = np.array([[0, 0], [80, 0], [80, 80], [0, 80]])
+    centres = np.stack([i % 14, i // 14], axis=-1)[:, None] * 100.0 + 500
+    corners = np.array([[500.0, 500], [1880, 500], [1880, 1480], [500, 1480]])
+    pose = replace(shot.pose, layout=chart.layout.name, corners=corners, patches=centres + square)
+    frames = {
+        role: FrameMeans(**{name: values[rows] for name, values in vars(frame).items()})
+        for role in ("chart", "white", "dark")
+        if (frame := getattr(shot.means, role))
+    }
+    of_patches = ("level", "predicted", "unseen")
+    answer = replace(
+        made.answer,
+        used=(tuple(made.answer.used[0][row] for row in rows),),
+        **{name: getattr(made.answer, name)[:, rows] for name in of_patches},
+    )
+    shot = replace(shot, pose=pose, means=replace(shot.means, **frames))
+    return replace(made, capture=replace(made.capture, chart=chart, shots=(shot,)), answer=answer)
+
+
+def fleet() -> str:
+    """The page of a fleet that has all of its tables."""
+    at, names = datetime(2026, 11, 1, tzinfo=UTC), ("Google Pixel 9 Pro", "NIKON D850", "Apple iPhone 17")
+    drift = FleetDrift("green centre", -4.2, "trend", 12, 700.0)
+    change = LastChange("green centre", -4.2, 1.4, warns=True)
+    units = (
+        *(
+            FleetUnit(f"S{i} 2", at - timedelta(days=200 * i), at, "accepted", 0, 4, (drift,) * (i == 1))
+            for i in range(3)
+        ),
+        FleetUnit("SERIAL3 2", None, at, "refused"),
+        FleetUnit("SERIAL4", at, at, "accepted", timed=2, change=change),
+    )
+    spread = np.array([[0.012, 0.02, 0.011], [0.008, 0.015, 0.0], [0.03, 0.04, 0.05]])
+    statuses = Counter(accepted=120, doubtful=7, refused=12)
+    models = [FleetModel(name, statuses, units, spread) for name in names]
+    reasons = [("chart_not_found", 0, 12), ("of_a_later_release", 7, 0)]
+    captures = [NotAccepted("Google Pixel 9 Pro SERIAL3 2", "a.dng, b.dng", "refused", "blurred", "It is blurred.")]
+    return fleet_html(models, reasons, (captures, 3), days=365.0, now=at, false_alarms=0.01)
+
+
+MEASURE = """
+const frames = [...document.querySelectorAll("iframe")];
+const BOXES = "h1,h2,h3,p,li,dt,dd,th,td,caption,figcaption,summary,.number,.big div,.scroll";
+const split = /[^\\s\\-\\/\\u2013]+[\\-\\/\\u2013]?/g;
+function broken(doc) {
+  const walker = doc.createTreeWalker(doc.body, NodeFilter.SHOW_TEXT), found = [];
+  for (let node; (node = walker.nextNode()); ) {
+    const parent = node.parentElement;
+    if (parent.closest(".long, style, svg") || !parent.checkVisibility()) continue;
+    for (const word of node.data.matchAll(split)) {
+      const range = doc.createRange();
+      range.setStart(node, word.index);
+      range.setEnd(node, word.index + word[0].length);
+      const lines = new Set([...range.getClientRects()].filter(r => r.width > 0.5).map(r => Math.round(r.top)));
+      if (lines.size > 1) found.push(word[0]);
+    }
+  }
+  return found;
+}
+function out(doc) {
+  const found = [];
+  for (const e of doc.querySelectorAll(BOXES)) {
+    if (e.closest(".axis, .residuals td") || !e.checkVisibility()) continue;
+    if (e.matches(".scroll") ? e.closest("details") : e.closest("details .scroll")) continue;
+    if (e.scrollWidth > e.clientWidth + 1 && getComputedStyle(e).display != "inline")
+      found.push(e.tagName + ": " + e.textContent.trim().slice(0, 40));
+  }
+  for (const svg of doc.querySelectorAll("svg.plot")) {
+    const box = svg.getBoundingClientRect();
+    if (!box.width) continue;
+    const texts = [...svg.querySelectorAll("text")].filter(t => !t.closest(".readout"));
+    const boxes = texts.map(t => t.getBoundingClientRect());
+    boxes.forEach((b, i) => {
+      if (b.left < box.left - 1 || b.right > box.right + 1 || b.top < box.top - 1 || b.bottom > box.bottom + 1)
+        found.push(svg.id + ": " + texts[i].textContent);
+      boxes.slice(0, i).forEach((o, j) => {
+        const across = Math.min(b.right, o.right) - Math.max(b.left, o.left);
+        const down = Math.min(b.bottom, o.bottom) - Math.max(b.top, o.top);
+        if (across > 1 && down > 3) found.push(svg.id + ": " + texts[j].textContent + " | " + texts[i].textContent);
+      });
+    });
+  }
+  return found;
+}
+addEventListener("load", () => {
+  const found = frames.map(f => {
+    const doc = f.contentDocument, root = doc.documentElement;
+    return [f.title, root.clientWidth, root.scrollWidth, root.scrollHeight, broken(doc), out(doc),
+      doc.querySelector(".pair")?.getBoundingClientRect().bottom];
+  });
+  document.getElementById("told").textContent = JSON.stringify(found);
+  console.log("measured");
+});
+"""
+
+
+@pytest.mark.full
+def test_the_page_at_every_width_and_on_paper(tmp_path: Path) -> None:
+    """No sideways scrolling, no broken word, no text beyond its box or over another, nothing on the console."""
+    pages = {(name, width): opened(page) for name, page in shown().items() for width in WIDTHS}
+    pages |= {(f"{name}, on paper", SHEET): on_paper(page) for name, page in shown().items()}
+    frames = "".join(
+        f'<iframe title="{name}" style="border:0;width:{width}px;height:900px" srcdoc="{html.escape(page)}"></iframe>'
+        for (name, width), page in pages.items()
+    )
+    head, end = "<!DOCTYPE html><meta charset=utf-8><title>widths</title>", '<pre id="told"></pre>'
+    harness = tmp_path / "harness.html"
+    harness.write_text(f"{head}{frames}{end}<script>{MEASURE}</script>", "utf-8")
+    dom, console = browse(harness, tmp_path / "profile", "hide-scrollbars")
+    assert len(console) == 1, console
+    assert "measured" in console[0]
+    measured = {(name, width): rest for name, width, *rest in told(dom)}
+    assert set(measured) == set(pages)
+    for (name, width), (wide, height, broken, out, certificate_ends) in measured.items():
+        assert wide <= width, f"{name} at {width} px is {wide} px wide"
+        assert not broken, f"{name} at {width} px breaks {broken}"
+        assert not out or name.startswith("long names"), f"{name} at {width} px: {out}"
+        assert name.startswith(("refused", "a fleet")) or height > 1500
+        if name in ("one shot, on paper", "two shots, on paper", "an unnamed light, on paper"):
+            assert 700 < certificate_ends < SHEET_HEIGHT, (name, certificate_ends)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize(("name", "most"), [("two shots", 3), ("refused, measured", 2), ("140 patches", 4)])
+def test_the_page_on_paper_has_few_sheets(name: str, most: int, tmp_path: Path) -> None:
+    """The certificate on the first, all else on two more."""
+    page = tmp_path / "report.html"
+    page.write_text(shown()[name], "utf-8")
+    chromium(page, tmp_path / "profile", "no-pdf-header-footer", f"print-to-pdf={tmp_path / 'report.pdf'}")
+    sheets = len(re.findall(rb"/Type\s*/Page\b(?!s)", (tmp_path / "report.pdf").read_bytes()))
+    assert (2 if most == 3 else 1) <= sheets <= most
+
+
+@pytest.mark.full
+@pytest.mark.parametrize(
+    ("name", "scheme"),
+    [(name, "light") for name in ("one shot", "two shots", "an unnamed light", "refused, with its photo", "a fleet")]
+    + [("two shots", "dark")],
+)
+def test_axe_finds_no_serious_fault(name: str, scheme: str, tmp_path: Path) -> None:
+    # The page forbids every script, so the judge's copy goes without that line.
+    page = re.sub(r"<meta http-equiv[^>]*>", "", opened(shown()[name]))
+    assert serious_faults(page, tmp_path / "page.html", tmp_path / "profile", scheme) == []
+
+
+@pytest.mark.full
+def test_the_saved_page_in_a_browser(tmp_path: Path) -> None:
+    report(document(), [preview()]).save(tmp_path / "out")
+    dom, console = browse(tmp_path / "out" / "report.html", tmp_path / "profile")
+    assert console == []
+    assert "NIKON D850" in dom
+    assert "0.8310" in dom
+    assert "\u2212" in dom  # read as UTF-8
+
+
+def test_hostile_text_stays_text(tmp_path: Path) -> None:
+    """Also what stands beside the document: names of units, passports and files are not ours."""
+    made = changed(hostile(document("D55", "A"), HOSTILE), capture__files={HOSTILE: "0" * 64})
+    result = report(made, [preview()])
+    signature = known(document()).signature
+    spoilt = replace(signature.passport, unit=Unit(*[HOSTILE] * 5), captured=HOSTILE, chart_serial=HOSTILE)
+    signed = html_of(document(), provenance=Provenance(signature=Signature(spoilt, HOSTILE, False)))
+    shown = re.sub("[\x00\x1b\u202e\ud800]", "\ufffd", HOSTILE)
+    for text, times in ((result.html, 30), (signed, 3)):
+        page = Page(text)
+        assert page.open == []
+        assert {tag for tag, _ in page.tags} <= TAGS
+        assert not [key for _, attributes in page.tags for key in attributes if key.startswith("on")]
+        assert page.text.count(shown) >= times
+        assert not re.search("[\x00\x1b\u202e\ud800]", text)
+    result.save(tmp_path)
+    again = read_document(tmp_path / "result.json", Result).capture
+    assert again.shots[0].photo.make == HOSTILE.replace("\ud800", "\ufffd")

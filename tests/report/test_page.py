@@ -1,0 +1,280 @@
+"""The page of a report: well formed, drawn to scale, its words those that were read; whatever its numbers are."""
+
+import re
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from camssf.documents.document import Curves
+from camssf.grid import WAVELENGTHS
+from camssf.recovery.basis import read_basis
+from camssf.report.build import report
+from camssf.report.sections import patches as patch_view
+from camssf.report.sections import photos as photo_view
+from camssf.report.sections.curves import curves_of
+from camssf.report.sections.truth import true_errors
+from camssf.spectra import read_lamp
+from camssf.verdict.reasons import Verdict
+from tests.report.conftest import TAGS, Page, html_of, number, patches_in, points, put
+from tests.support.documents import CHANNELS, changed, document, known, preview, refused, unnamed
+
+STORED = Path(__file__).with_name("pages")
+
+
+def test_the_curves_are_drawn_smooth_through_the_document_s_values() -> None:
+    """The straight lines between values every 5 nm are not to be seen; no peak moves and nothing overshoots."""
+    phone = read_basis("phones").mean.T
+    for values, step in ((phone, 20), (read_basis("cameras").mean.T, 10)):
+        values = values / values.max(axis=0)
+        made = changed(document(), answer__curves=Curves.of(values), answer__std=None)
+        drawn, shown = curves_of(made), curves_of(made).smooth()
+        assert np.abs(shown.ssf - values)[::step].max() < 1e-12
+        assert np.abs(shown.ssf - values).max() < 0.07
+        assert np.array_equal(shown.ssf.argmax(axis=0), values.argmax(axis=0))
+        assert shown.ssf.max() <= 1 + 1e-12
+        assert np.array_equal(drawn.ssf, values)  # the numbers stay those of the document
+        bends = [np.abs(np.diff(each, 2, axis=0)).max() for each in (shown.ssf, values)]
+        assert bends[0] < 0.6 * bends[1]
+
+
+def test_a_truth_is_compared_with_no_photo_too() -> None:
+    made = document("D55")
+    rows = {error.name: error for error in true_errors(made)}
+    assert list(rows) == ["no photo: mean of basis cameras", "this result: D55"]
+    ours, truth = (each.curves.values.T for each in (made.answer, made.truth) if each)
+    off = ours / ours.max(axis=1, keepdims=True) - truth / truth.max(axis=1, keepdims=True)
+    visible = (WAVELENGTHS >= 400) & (WAVELENGTHS <= 700)
+    expected = np.sqrt(np.mean(off[:, visible] ** 2, axis=1))
+    assert rows["this result: D55"].rmse == pytest.approx(expected.tolist(), abs=1e-9)
+    page = Page(html_of(made)).text
+    assert all(cell in page for row in rows.values() for cell in row.cells())
+    assert true_errors(refused()) == []
+
+
+def test_page_is_well_formed_accessible_and_needs_nothing_else() -> None:
+    made = html_of(document("D55", "A"), [preview(), None])
+    page = Page(made)
+    assert page.open == []
+    tags = [tag for tag, _ in page.tags]
+    assert set(tags) <= TAGS
+    assert ("html", {"lang": "en-GB"}) in page.tags
+    assert tags.count("h1") == 1
+    assert tags.count("table") == tags.count("caption") >= 6
+    for tag, attributes in page.tags:
+        assert tag == "image" or attributes.get("role") != "img" or attributes["aria-label"]
+        assert "src" not in attributes
+        for key in ("href", "xlink:href"):
+            assert (attributes.get(key) or "#").startswith(("#", "data:"))
+    assert not re.search(r"@import|url\((?!#)|https?://", made)
+    ids = [attributes["id"] for _, attributes in page.tags if "id" in attributes]
+    assert len(ids) == len(set(ids))
+
+
+@cache
+def words_of_pages() -> dict[str, str]:
+    """The words of a page of each status, each line once, without numbers alone.
+
+    The accepted one is of an unnamed light, signed, and compared with another.
+    """
+    accepted = unnamed()
+    checks = tuple(
+        replace(check, value=0.5 * check.limit) if check.name == "dirty" else check
+        for check in accepted.verdict.checks
+    )
+    accepted = changed(accepted, verdict=Verdict("accepted", (), checks))
+    pages = {
+        "accepted": html_of(accepted, [preview()], known(accepted)),
+        "doubtful": html_of(document("D55", "A"), [preview()]),
+        "refused": html_of(refused(shots=True), [preview()]),
+    }
+    words = {}
+    for status, page in pages.items():
+        lines = dict.fromkeys(" ".join(word.split()) for word in Page(page).words)
+        words[status] = "".join(f"{line}\n" for line in lines if re.search("[A-Za-z]{3}", line))
+    return words
+
+
+@pytest.mark.parametrize("status", ["accepted", "doubtful", "refused"])
+def test_the_pages_words_are_those_that_were_read_and_kept(status: str) -> None:
+    """`python -m tests.report.test_page` writes the pages anew; read the difference before you commit it."""
+    assert words_of_pages()[status] == (STORED / f"{status}.txt").read_text("utf-8")
+
+
+def test_page_says_what_the_curves_are_worth_for_colour() -> None:
+    """Its numbers are those of `quality_of`, and the matrix keeps white."""
+    from camssf_colour import quality_of, white_of
+
+    given = document("D55")
+    shown = html_of(given)
+    found = quality_of(given.curves, "A")
+    assert f"Sensitivity metamerism index {found.smi:.0f} " in shown
+    assert f"under A {found.matrix.delta_e00['matrix']:.2f} by a matrix" in shown
+    rows = re.findall(r"[XYZ] from A&#39;s camera RGB</th>((?:<td>.*?</td>)+)", shown)
+    numbers = [[number(cell) for cell in re.findall(r"<td>(.*?)</td>", row)] for row in rows]
+    assert np.abs(np.sum(numbers, axis=1) - white_of(read_lamp("A").values)).max() < 1e-3
+    assert "worth for colour" not in html_of(refused())
+
+
+def test_page_without_bands_says_so() -> None:
+    checks = [check for check in document().verdict.checks if check.name not in ("band_too_wide", "band_ratio")]
+    made = changed(document(), answer__std=None, answer__uncertainty=None, verdict__checks=tuple(checks))
+    page = Page(html_of(made))
+    assert "so there is no band" in page.text
+    for words in ("width of", "half-width", "lopsided"):
+        assert words not in page.text
+    assert not any((attributes.get("class") or "").startswith("band") for _, attributes in page.tags)
+    assert "mean half-width of the 95 % band" in Page(html_of(document())).text
+
+
+def test_curves_are_drawn_to_scale() -> None:
+    made = document()
+    page = Page(html_of(made))
+    wide = next(i for i, (_, a) in enumerate(page.tags) if a.get("class") == "plot wide")
+    for colour, values in zip(CHANNELS, made.curves.T, strict=True):
+        line = points(next(a["d"] for _, a in page.tags[wide:] if a.get("class") == f"curve {colour}"))
+        for drawn, meant in ((line[:, 0], WAVELENGTHS[::2]), (line[:, 1], values[::2])):
+            fit = np.polynomial.Polynomial.fit(meant, drawn, 1)
+            assert np.abs(fit(meant) - drawn).max() < 0.06  # half of the last digit, px
+        assert line[:, 0].min() >= 0
+        assert np.ptp(line[:, 0]) > 1000
+        assert line[np.argmax(values[::2]), 1] == line[:, 1].min()  # up is more
+
+
+def test_tiles_carry_measured_left_and_synthetic_right() -> None:
+    made = document()
+    page, patches = Page(html_of(made)), patches_in(made)
+    at = [i for i, (_, a) in enumerate(page.tags) if a.get("class") == "tile"]
+    assert len(at) == 24
+    for i, name, *colours in zip(at, patches.names, patches.measured_srgb, patches.synthetic_srgb, strict=True):
+        for half, colour in zip(page.tags[i + 1 : i + 3], colours, strict=True):
+            assert half[1]["style"] == "background:#" + "".join(f"{round(255 * v):02x}" for v in colour)
+        assert name in (page.tags[i][1]["aria-label"] or "")
+    assert any(a.get("style") == "--columns:6" for _, a in page.tags)
+
+
+def test_residuals_are_predicted_minus_measured() -> None:
+    made = document()
+    patches, mean = patches_in(made), made.capture.shots[0].means.chart.mean  # type: ignore[union-attr]
+    dim = patches.dark[6] + (patches.white - patches.dark)[6] * [0.0, 0.1, 0.1]  # no light, no relative error
+    wild = 2.5 * patches.signal[5]  # + 150 %: beyond any scale
+    made = changed(
+        made,
+        capture__shots__0__means__chart__mean=put(mean, 6, dim),
+        answer__unseen=put(patches.unseen[None], (0, 5), wild),
+    )
+    page, patches = html_of(made), patches_in(made)
+    rows = re.findall(r'<tr><th scope="row"><span class="swatch".*?</tr>', page, re.DOTALL)
+    assert len(rows) == 24
+    for i, row in enumerate(rows):
+        shown = re.findall(r'class="value">([^<]*)<', row)
+        unseen = bool(np.isfinite(patches.unseen[i]).all())
+        guess = patches.unseen[i] if unseen else patches.predicted[i]
+        want = [100 * (g - y) / y for g, y in zip(guess, patches.signal[i], strict=True) if y > 0]
+        assert [number(cell) for cell in shown] == pytest.approx(want, abs=0.051)
+        assert ("hollow" in row) == (not unseen)
+        assert ("not fitted" in row) == (not patches.used[i])
+    assert rows[5].count("<path") == 3
+    assert rows[6].count("–</td>") == 1
+    # A dot left of the middle is a negative residual.
+    for x, value_shown in re.findall(
+        r'<circle class="full" cx="([\d.]+)%".*?class="value">([^<]*)<', page, re.DOTALL
+    ):
+        value = number(value_shown)
+        assert value == 0 or (float(x) > 50) == (value > 0)
+
+
+def test_a_bar_holds_noise_and_what_the_prediction_leaves_open() -> None:
+    plain = document()
+    unseen = np.isfinite(patches_in(plain).unseen)
+    banded = changed(
+        plain, answer__predicted_std=np.full((1, 24, 3), 0.5), answer__unseen_std=np.where(unseen, 1.0, np.nan)[None]
+    )
+    assert "the measurement&#39;s own noise" in html_of(plain)
+    page, patches = html_of(banded), patches_in(banded)
+    assert "own noise" not in page
+    assert f"Of {unseen.sum()} unseen values 100% lie within their bars." in page
+    by_hand = 100 * 1.96 * np.hypot(np.where(unseen, 1.0, 0.5), patches.standard_error) / patches.signal
+    assert patch_view.errors(patches)[1] == pytest.approx(by_hand, rel=1e-4)
+
+
+DISPLAY = {
+    1: lambda a: a,
+    2: np.fliplr,
+    3: lambda a: np.rot90(a, 2),
+    4: np.flipud,
+    5: np.transpose,
+    6: lambda a: np.rot90(a, -1),
+    7: lambda a: np.rot90(a, 2).T,
+    8: lambda a: np.rot90(a, 1),
+}
+"""What each TIFF orientation does to the stored rows and columns (TIFF 6.0, tag 274)."""
+
+
+@pytest.mark.parametrize("orientation", DISPLAY)
+def test_outlines_follow_the_orientation(orientation: int) -> None:
+    stored = np.zeros((5, 7))
+    stored[1, 4] = 1
+    (row,), (column,) = np.nonzero(DISPLAY[orientation](stored))
+    point = photo_view.upright([4, 1], 7, 5, orientation)
+    assert point.tolist() == [column + 0.5, row + 0.5]  # the middle of that pixel
+
+
+@pytest.mark.parametrize(("orientation", "size"), [(1, (4032, 3024)), (6, (3024, 4032))])
+def test_the_photo_is_drawn_once_and_turned_with_its_outlines(orientation: int, size: tuple[int, int]) -> None:
+    made = changed(document(), capture__shots__0__photo__orientation=orientation)
+    page = Page(html_of(made, [preview()]))
+    (image,) = [a for tag, a in page.tags if tag == "image"]
+    assert (image["width"], image["height"]) == ("4032", "3024")
+    a, b, c, d, e, f = (int(v) for v in (image["transform"] or "")[7:-1].split())
+    outlines = [tag["points"] for name, tag in page.tags if name == "polygon"]
+    assert len(outlines) == 25
+    quad = made.capture.shots[0].pose.patches[0] + 0.5
+    want = np.stack([a * quad[:, 0] + c * quad[:, 1] + e, b * quad[:, 0] + d * quad[:, 1] + f], axis=-1)
+    np.testing.assert_allclose(points(outlines[1]), want, atol=0.051)
+    assert any(attributes.get("viewbox") == f"0 0 {size[0]} {size[1]}" for _, attributes in page.tags)
+
+
+@pytest.mark.parametrize("dark", [12, 24])
+def test_odd_numbers_still_draw(dark: int) -> None:
+    """Signed and tiny curves, huge bands, a chart of no size, no signal: nothing breaks, no nan or inf is drawn."""
+    made = document()
+    patches, wave = patches_in(made), np.cos(WAVELENGTHS / 9)
+    mean = (patches.dark + (patches.white - patches.dark) * [2e-6, 0.0, -1.0])[:dark]
+    made = changed(
+        made,
+        answer__curves__red=wave / wave.max(),
+        answer__std__green=np.full(681, 1e12),
+        answer__scores__rmsre_percent=np.array([1e9, 0.0, 1e-9]),
+        answer__scores__rmse=None,
+        answer__scores__delta_e00=0.0,
+        answer__unseen=np.full((1, 24, 3), 1e12),
+        capture__shots__0__means__chart__mean=put(patches.chart, slice(dark), mean),
+        capture__shots__0__pose__corners=np.full((4, 2), 5.0),
+        capture__shots__0__pose__patches=np.full((24, 4, 2), 5.0),
+        capture__shots__0__photo__exposure=0.0,
+        capture__shots__0__photo__iso=None,
+        truth__curves__blue=np.zeros(681),
+        truth__curves__green=put(np.ones(681), slice(2), [-1e12, 1e12]),
+    )
+    result = report(made)
+    assert not re.search(r'="[^"]*\b(nan|inf)\b', result.html)
+    assert not re.search(r'="[^"]*\b(nan|inf)\b', result.ssf_svg or "nan")
+
+
+@pytest.mark.parametrize("shots", [False, True])
+def test_a_refused_capture_has_no_curves(shots: bool) -> None:
+    made = refused(shots=shots)
+    result = report(made, [preview()] if shots else [])
+    assert (result.ssf_csv, result.ssf_svg, result.patches_csv) == (None, None, None)
+    words = Page(result.html).text
+    assert made.verdict.reasons[0].message in words
+    assert made.verdict.reasons[0].advice in words
+    assert ("on the photo" in words) == shots
+
+
+if __name__ == "__main__":
+    for status, words in words_of_pages().items():
+        (STORED / f"{status}.txt").write_text(words, "utf-8")

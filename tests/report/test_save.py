@@ -1,0 +1,181 @@
+"""A report's files: CSV and PNG, all or none of them on disk."""
+
+import errno
+import itertools
+import os
+import re
+import shutil
+from collections.abc import Callable
+from functools import cache
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from camssf.documents.document import Document
+from camssf.errors import InvalidArgument
+from camssf.grid import WAVELENGTHS
+from camssf.report.build import NAMES, Report, report
+from tests.report.conftest import put
+from tests.support.documents import changed, document, preview, refused
+
+
+def test_what_no_report_is_made_of_is_said() -> None:
+    made = document()
+    unsolved = Document(format=made.format, version=made.version, capture=made.capture)
+    for given, previews, words in (
+        (unsolved, [], "was not solved"),
+        (made, [b"GIF89a"], "Preview 1 is not a JPEG or PNG"),
+        (made, [None, preview()], "2 previews for 1 shots"),
+    ):
+        with pytest.raises(InvalidArgument, match=words):
+            report(given, previews)
+
+
+def test_csv_reads_back() -> None:
+    made = document()
+    made = changed(made, answer__curves__blue=put(made.answer.curves.blue, -1, -1e-12))
+    text = report(made).ssf_csv
+    head, *lines = text.splitlines()
+    assert head == "wavelength_nm,red,green,blue,red_std,green_std,blue_std"
+    values = np.array([line.split(",") for line in lines], dtype=float)
+    assert np.array_equal(values[:, 0], WAVELENGTHS)
+    np.testing.assert_allclose(values[:, 1:], np.hstack([made.curves, made.std]), rtol=0, atol=5.1e-10)
+    assert all(re.fullmatch(r"\d{3}\.\d(,-?\d\.\d{9}){6}", line) for line in lines)
+    assert "-0.000000000" not in text
+    bandless = report(changed(document(), answer__std=None)).ssf_csv
+    assert bandless.startswith("wavelength_nm,red,green,blue\n")
+
+
+@pytest.mark.full
+def test_png_shows_curves_bands_and_truth() -> None:
+    import cv2
+
+    def pixels(made: Document) -> np.ndarray:
+        data = report(made, png=True).ssf_png
+        return np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)).astype(int)
+
+    def share(image: np.ndarray, rgb: tuple[int, int, int]) -> int:
+        return int((np.abs(image - rgb[::-1]).max(axis=-1) < 12).sum())
+
+    full = pixels(document())
+    assert full.shape == (810, 1440, 3)
+    untrue = pixels(changed(document(), truth=None))
+    bare = pixels(changed(document(), truth=None, answer__std=None))
+    for hue in ((200, 53, 43), (38, 138, 84), (58, 99, 208)):
+        assert share(bare, hue) > 1000
+    ink = (36, 38, 43)
+    assert share(full, ink) > share(untrue, ink) + 500
+    pale = (246, 223, 221)  # the red's band on white, 16 %: 255 - 0.16 (255 - 200)
+    assert share(untrue, pale) > share(bare, pale) + 1000
+
+
+def state(folder: Path) -> dict[str, bytes | None]:
+    return {str(p.relative_to(folder)): p.read_bytes() if p.is_file() else None for p in folder.rglob("*")}
+
+
+@cache
+def results() -> tuple[Report, Report, Report]:
+    other = changed(document(), capture__shots__0__photo__model="another")
+    return report(document()), report(other), report(refused())
+
+
+def test_save_leaves_five_files(tmp_path: Path) -> None:
+    first, second, _ = results()
+    paths = first.save(tmp_path / "a" / "b")
+    assert [path.name for path in paths] == [name for name in NAMES if name != "ssf.png"]
+    assert state(tmp_path / "a" / "b") == {
+        "result.json": first.result_json,
+        "ssf.csv": (first.ssf_csv or "").encode(),
+        "patches.csv": (first.patches_csv or "").encode(),
+        "ssf.svg": (first.ssf_svg or "").encode(),
+        "report.html": first.html.encode(),
+    }
+    second.save(str(tmp_path / "a" / "b"))
+    assert state(tmp_path / "a" / "b")["result.json"] == second.result_json
+
+
+def test_a_refused_result_replaces_no_curves(tmp_path: Path) -> None:
+    """It goes to a folder of its own; there, and where nothing else stands, a later one replaces it."""
+    first, second, refusal = results()
+    first.save(tmp_path)
+    (tmp_path / "notes.txt").write_text("mine")
+    before = state(tmp_path)
+    for _ in range(2):
+        written = refusal.save(tmp_path)
+        assert written == [tmp_path / "refused" / "result.json", tmp_path / "refused" / "report.html"]
+    assert {name: content for name, content in state(tmp_path).items() if not name.startswith("refused")} == before
+    assert refusal.save(tmp_path / "refused") == written
+    assert [path.parent for path in second.save(tmp_path / "refused")] == [tmp_path / "refused"] * 5
+
+
+def test_a_refused_result_replaces_no_file_that_it_does_not_know(tmp_path: Path) -> None:
+    _, _, refusal = results()
+    contents = ("", "[]", '{"verdict": 1}', '{"verdict": {"status": "doubtful"}}')
+    for number, (name, content) in enumerate(product(NAMES, contents)):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        (folder / name).write_text(content)
+        refusal.save(folder)
+        assert (folder / name).read_text() == content
+        assert sorted(path.name for path in folder.iterdir()) == sorted([name, "refused"]), (name, content)
+
+
+def failing(real: Callable[..., Any], turn: int, error: BaseException) -> Callable[..., Any]:
+    """A function that fails at its call of this number, from 0 on."""
+    calls = itertools.count()
+
+    def call(*args: Any) -> Any:
+        if next(calls) == turn:
+            raise error
+        return real(*args)
+
+    return call
+
+
+def test_save_is_all_or_none(tmp_path: Path) -> None:
+    """Whichever file cannot be written or put in its place, over an earlier result or not."""
+    first, second, refusal = results()
+    errors = (OSError(errno.ENOSPC, "No space left on device"), KeyboardInterrupt())
+    comings = [(second, turn) for turn in range(4)] + [(refusal, turn) for turn in range(2)]
+    for number, (earlier, (coming, turn), error, name) in enumerate(
+        product((False, True), comings, errors, ("fsync", "replace"))
+    ):
+        folder = tmp_path / str(number) / "out"
+        if earlier:
+            first.save(folder)
+        before = state(tmp_path)
+        expected = InvalidArgument if isinstance(error, OSError) else KeyboardInterrupt
+        with pytest.MonkeyPatch.context() as patched:
+            patched.setattr(os, name, failing(getattr(os, name), turn, error))
+            with pytest.raises(expected):
+                coming.save(folder)
+        assert state(tmp_path) == before, (earlier, turn, error, name)
+        shutil.rmtree(tmp_path / str(number), ignore_errors=True)
+
+
+def test_a_real_limit_on_file_size_leaves_nothing(tmp_path: Path) -> None:
+    resource = pytest.importorskip("resource", reason="no limits on file size on this system")
+    first, _, _ = results()
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (len(first.result_json) // 2, hard))
+    try:
+        with pytest.raises(InvalidArgument, match="cannot be written") as caught:
+            first.save(tmp_path / "out")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert "nothing was left behind" in caught.value.advice
+    assert state(tmp_path) == {}
+
+
+def test_save_refuses_what_is_in_the_way(tmp_path: Path) -> None:
+    first, _, refusal = results()
+    (tmp_path / "file").write_text("mine")
+    (tmp_path / "out" / "ssf.svg").mkdir(parents=True)
+    before = state(tmp_path)
+    for result, folder in ((first, "file"), (first, "out"), (refusal, "out"), (first, "file/below"), (first, "a\0b")):
+        with pytest.raises(InvalidArgument):
+            result.save(tmp_path / folder)
+        assert state(tmp_path) == before
