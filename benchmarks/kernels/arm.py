@@ -25,11 +25,13 @@ from typing import Any
 import numpy as np
 
 from benchmarks.claims.certify import draw
+from benchmarks.kernels.turns import Unavailable, or_unavailable
 from benchmarks.shared import command_parser, console, one_thread, progress, save, table, versions
 from camssf.grid import Floats
 from camssf.recovery.onnx_model import SHIPPED, load_model
 
 BAR, GAP_BAR = 1e-10, 1e-9
+CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "camssf-arm"
 UNCOMPARED = ("gap", "layers_gap", "finish_steps")
 TOOLS = {"qemu-aarch64-static": "qemu-user-static", "apt-get": "apt", "dpkg-deb": "dpkg"}
 CPUINFO = """processor\t: 0
@@ -43,10 +45,6 @@ CPU revision\t: 3
 
 """
 """ONNX Runtime reads the processor's description and crashes on an x86 one; QEMU prefers this to the host's."""
-
-
-class Unavailable(Exception):
-    """The benchmark cannot run here; the message says what to do."""
 
 
 def tools() -> None:
@@ -127,7 +125,7 @@ def wheels(work: Path, root: Path) -> Path:
 def emulate(root: Path, packages: Path, given: Path, made: Path) -> None:
     """Run `run_models.py` on the emulated processor; its counter drives the bar."""
     here = Path(__file__).parent
-    source = here.parent / "reference"
+    source = here.parents[1] / "reference"
     keep = {k: v for k, v in os.environ.items() if k.endswith("_NUM_THREADS")}
     environment = keep | {
         "PYTHONHOME": str(root / "usr"),
@@ -197,39 +195,31 @@ def compare(here: dict[str, Floats], there: dict[str, Floats]) -> tuple[list[dic
     return list(worst.values()), gap
 
 
+@or_unavailable
 def main(arguments: list[str] | None = None) -> int:
     parser = command_parser(__spec__, __doc__)
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "camssf-arm"
-    parser.add_argument("--work", type=Path, default=cache, help="folder to keep the arm64 system in")
+    parser.add_argument("--work", type=Path, default=CACHE, help="folder to keep the arm64 system in")
     parser.add_argument("--count", type=int, default=60, help="seeded problems, besides the golden cases")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args(arguments)
-    out, err = console(), progress().console
+    out = console()
     work = options.work.absolute()
-    try:
-        tools()
-        err.print("preparing the arm64 system, once ...")
-        root = root_folder(work)
-        packages = wheels(work, root)
-        cases = {}
-        for i in range(options.count):
-            problem, _ = draw(options.seed, i)
-            cases[problem.basis, f"seed{options.seed}-{i}"] = problem.inputs
-        from_golden = golden()
-        given, made = work / "inputs.npz", work / "outputs.npz"
-        made.unlink(missing_ok=True)
-        both = cases | {key: inputs for key, (inputs, _) in from_golden.items()}
-        with given.open("wb") as stream:
-            flat = {f"{basis}/{case}/{name}": v for (basis, case), x in both.items() for name, v in x.items()}
-            np.savez(stream, **flat)  # type: ignore[arg-type]
-        emulate(root, packages, given, made)
-    except Unavailable as error:
-        print(f"benchmarks.kernels.arm cannot run: {error}", file=sys.stderr)
-        return 2
-    except subprocess.CalledProcessError as error:
-        said = (error.stderr or error.stdout or "").strip().splitlines()
-        print(f"benchmarks.kernels.arm: {Path(error.cmd[0]).name} failed: {' '.join(said[-3:])}", file=sys.stderr)
-        return 2
+    tools()
+    print("preparing the arm64 system, once ...", file=sys.stderr)
+    root = root_folder(work)
+    packages = wheels(work, root)
+    cases = {}
+    for i in range(options.count):
+        problem, _ = draw(options.seed, i)
+        cases[problem.basis, f"seed{options.seed}-{i}"] = problem.inputs
+    from_golden = golden()
+    given, made = work / "inputs.npz", work / "outputs.npz"
+    made.unlink(missing_ok=True)
+    both = cases | {key: inputs for key, (inputs, _) in from_golden.items()}
+    with given.open("wb") as stream:
+        flat = {f"{basis}/{case}/{name}": v for (basis, case), x in both.items() for name, v in x.items()}
+        np.savez(stream, **flat)  # type: ignore[arg-type]
+    emulate(root, packages, given, made)
     with np.load(made) as content:
         there = {name: content[name] for name in content.files}
     machine = str(there.pop("machine"))
@@ -255,14 +245,8 @@ def main(arguments: list[str] | None = None) -> int:
         f"ONNX Runtime {versions_['onnxruntime']}"
     )
     head = (
-        "basis",
-        "output",
-        "worst difference",
-        "in case",
-        "cases",
-        "same bits",
-        "worst from stored golden outputs",
-    )
+        "basis", "output", "worst difference", "in case", "cases", "same bits", "worst from stored golden outputs",
+    )  # fmt: skip
     lines = [
         (
             row["basis"], row["output"], f"{row['worst']:.1e}", row["case"], row["cases"], row["equal_bits"],
@@ -276,15 +260,12 @@ def main(arguments: list[str] | None = None) -> int:
     out.print(f"the finish is needed on one of the two processors only in {len(took)} of {len(both)} calls")
     out.print(f"worst difference {worst:.1e} (bar {BAR:.0e}); largest gap on {machine} {gap:.1e} (bar {GAP_BAR:.0e})")
     out.print("held" if good else "MISSED")
-    place = save(
-        "arm",
-        {
-            "seed": options.seed, "count": len(cases), "golden": len(from_golden), "machine": machine,
-            "versions": versions_, "bar": BAR, "worst": worst, "gap_bar": GAP_BAR, "gap": gap, "held": good,
-            "finish_on_one": len(took), "outputs": rows,
-        },
-    )  # fmt: skip
-    out.print(f"written: {place}")
+    content = {
+        "seed": options.seed, "count": len(cases), "golden": len(from_golden), "machine": machine,
+        "versions": versions_, "bar": BAR, "worst": worst, "gap_bar": GAP_BAR, "gap": gap, "held": good,
+        "finish_on_one": len(took), "outputs": rows,
+    }  # fmt: skip
+    out.print(f"written: {save('arm', content)}")
     return 0 if good else 1
 
 

@@ -32,8 +32,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.kernels.peers import PEERS, Missing
+from benchmarks.kernels.turns import clocked, in_turn
 from benchmarks.problems import Problem, gamma_max, gaps, make_problem, reflectances, whiten
-from benchmarks.shared import command_parser, console, lamp, one_thread, progress, save, table, versions
+from benchmarks.shared import command_parser, console, lamp, one_thread, save, table, versions
 from camssf.grid import Floats
 from camssf.recovery import onnx_model
 from camssf.recovery.basis import LEARNED, Basis, read_basis
@@ -104,17 +105,15 @@ def reduced(A: Floats, b: Floats) -> tuple[Floats, Floats]:
 
 def race(runs: Runs, rounds: int, label: str) -> tuple[dict[str, list[float]], dict[str, Floats]]:
     """Seconds and last codes of each contender, called in turn; the first round warms up and does not count."""
-    seconds: dict[str, list[float]] = {name: [] for name in runs}
     codes: dict[str, Floats] = {}
-    with warnings.catch_warnings(), progress() as bar:
+
+    def remembered(name: str) -> Callable[[], float]:
+        return clocked(lambda: codes.__setitem__(name, runs[name]()))
+
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # what a peer has not reached, its gap shows
-        for turn in bar.track(range(rounds + 1), description=label):
-            for name, run in runs.items():
-                start = time.perf_counter()
-                codes[name] = run()
-                if turn:
-                    seconds[name].append(time.perf_counter() - start)
-    return seconds, codes
+        print(f"{label} ...", file=sys.stderr)
+        return in_turn({name: remembered(name) for name in runs}, rounds, warm=1), codes
 
 
 def contest(
