@@ -146,7 +146,7 @@ def draw_skin(angles: dict[str, Floats]) -> Any:
         panel.set_title(word, fontsize=10)
         panel.set_ylabel("ITA, degrees")
     panels[0].errorbar([], [], [], label="through the curves, 95 %", **dots)
-    legend(panels[0], {"matrix of a D55 chart": cross, "true": {"color": "black"}})
+    legend(panels[0], {"matrix of a D55 chart": cross, "true": {"color": "black"}}, loc="upper right")
     return figure
 
 

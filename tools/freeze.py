@@ -86,10 +86,17 @@ def photograph(
         head = ["wavelength_nm", *table.patches]
         rows = [[table.wavelengths[i], *table.values[:, i]] for i in range(0, table.wavelengths.size, 20)]
         Path("sg.csv").write_text("\n".join(",".join(map(str, row)) for row in (head, *rows)) + "\n", "utf-8")
-    view = Scene(**{"size": (600, 450), "fill": 0.85} | (scene or {}))
+    view: dict[str, Any] = {"size": (600, 450), "fill": 0.85} | (scene or {})
     change = apply_fault(fault, 2) if fault else None
     simulate(
-        camera, list(lamps), Path(), chart=chart, scene=view, sensor=Sensor(**sensor or {}), seed=seed, change=change
+        camera,
+        list(lamps),
+        Path(),
+        chart=chart,
+        scene=Scene(**view),
+        sensor=Sensor(**sensor or {}),
+        seed=seed,
+        change=change,
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,14 +29,14 @@ def draw(folder: Path) -> None:
         scene = Scene(size=(1200, 900), vignetting=0.3, tilt=8.0)
         taken = [shot.shot for shot in simulate(CAMERA, ["D55", "A"], shots, scene=scene).shots]
         one, two = (calibrate(part, options=Options(basis="cameras"), truth=CAMERA) for part in (taken[:1], taken))
-    for name, height, views in (
-        ("curves", 3.8, ((one, "curves"), (two, "curves"))),
-        ("patches", 3.8, ((one, "residuals"), (one, "patches"))),
-        ("budget", 3.2, ((one, "budget"), (two, "budget"))),
-    ):
+    pictures: dict[str, tuple[float, Callable[[Any, Any], object]]] = {
+        "curves": (3.8, lambda left, right: (one.plot("curves", ax=left), two.plot("curves", ax=right))),
+        "patches": (3.8, lambda left, right: (one.plot("residuals", ax=left), one.plot("patches", ax=right))),
+        "budget": (3.2, lambda left, right: (one.plot("budget", ax=left), two.plot("budget", ax=right))),
+    }
+    for name, (height, plot) in pictures.items():
         figure, panels = subplots(1, 2, (10.4, height))
-        for panel, (result, view) in zip(panels, views, strict=True):
-            result.plot(view, ax=panel)
+        plot(*panels)
         save_png(figure, folder / f"gallery-{name}.png", 250, dpi=110)
     figure, panel = subplots(1, 1, (5.2, 4.4))
     _colours(two, panel)
