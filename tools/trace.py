@@ -171,6 +171,9 @@ def faults(results: Results | None) -> list[str]:
     requirements, rows = read_requirements(), claims(CLAIMS_PAGE.read_text("utf-8"))
     known, shown = {requirement.name for requirement in requirements}, {test.requirement for test in markers()}
     found = [
+        f"{name} is there {n} times." for name, n in Counter(each.name for each in requirements).items() if n > 1
+    ]
+    found += [
         f"{name} has no test. Mark one: pytest.mark.requirement({name!r}) or @Tag({json.dumps(name)})."
         for name in sorted(known - shown)
     ]
@@ -201,13 +204,14 @@ def faults(results: Results | None) -> list[str]:
 
 def table(folder: Path = RESULTS) -> str:
     """When the tests of a folder's results ran, and the table of the requirements with what came of their tests."""
-    results = read_results([folder])
+    files = result_files(folder)
+    results = read_results(files)
     rows = []
     for each in read_requirements():
-        files = dict.fromkeys(Path(test.place).name for test in markers() if test.requirement == each.name)
-        names = ", ".join(f"`{name}`" for name in files)
+        places = dict.fromkeys(Path(test.place).name for test in markers() if test.requirement == each.name)
+        names = ", ".join(f"`{name}`" for name in places)
         rows.append((each.name, each.text, each.risk, names, in_words(counts(each.name, results))))
-    times = [path.stat().st_mtime for path in result_files(folder)]
+    times = [path.stat().st_mtime for path in files]
     run = f"{datetime.fromtimestamp(max(times), UTC):%Y-%m-%d %H:%M} UTC, camssf {__version__}" if times else NOT_RUN
     return f"Last run: {run}.\n\n{markdown_table(HEAD, rows)}"
 
