@@ -152,7 +152,7 @@ def figure_4(camera: Camera, index: int) -> Scores:
         for name in (*FIGURE_4, *OURS):
             if name == "sparse":
                 continue
-            found[f"{name}|{noise}"] = [attempt(name, shown, camera, w) for w in method(name).WEIGHTS]
+            found[f"{name}|{noise}"] = [attempt(name, shown, camera, w) for w in method(name).weights]
     return found
 
 
@@ -163,7 +163,7 @@ def rivals(camera: Camera, index: int) -> Scores:
         for noise in NOISES:
             shown = given(camera, ALL, light, noise, np.random.default_rng([SEED, 3, index, j]))
             for name in (*TABLE_1, *OURS):
-                found[f"{name}|{noise}|{light}"] = [attempt(name, shown, camera, w) for w in method(name).WEIGHTS]
+                found[f"{name}|{noise}|{light}"] = [attempt(name, shown, camera, w) for w in method(name).weights]
     return found
 
 
@@ -198,7 +198,7 @@ def atoms(camera: Camera, index: int) -> Scores:
     for noise in NOISES[:2]:
         shown = given(camera, TWELVE, "D55", noise, np.random.default_rng([SEED, 4, index]))
         for count in ATOMS:
-            for weight in method("tuned").WEIGHTS:
+            for weight in method("tuned").weights:
                 try:
                     answer = recover(
                         Observation(

@@ -20,8 +20,7 @@ from benchmarks.paper.experiments import (
     given,
     score,
 )
-from benchmarks.paper.rivals import FIGURE_4, method
-from benchmarks.paper.rivals.qr import READINGS
+from benchmarks.paper.rivals import FIGURE_4, READINGS, method
 from benchmarks.shared import (
     bar,
     chart,
@@ -90,9 +89,9 @@ def gather_figure_4(results: dict[int, Scores]) -> dict[str, Any]:
         if name in FIGURE_4:
             for j, reading in enumerate(READINGS):
                 values = [v[j] for v in runs.values()]
-                found.setdefault(f"{method(name).NAME}: {reading}", {})[noise] = float(np.mean(values))
+                found.setdefault(f"{method(name).label}: {reading}", {})[noise] = float(np.mean(values))
         else:
-            found.setdefault(method(name).NAME, {})[noise] = tuned(runs)["rmse"]
+            found.setdefault(method(name).label, {})[noise] = tuned(runs)["rmse"]
     return found
 
 
@@ -102,9 +101,9 @@ def gather_rivals(results: dict[int, Scores]) -> dict[str, Any]:
     for key, runs in by_key(results).items():
         name, noise, light = key.split("|")
         row = tuned(runs)
-        weights = method(name).WEIGHTS
+        weights = method(name).weights
         cell = {"rmse": row["rmse"]} | ({"weight": weights[row["picks"]]} if len(weights) > 1 else {})
-        found.setdefault(method(name).NAME, {}).setdefault(noise, {})[light] = cell
+        found.setdefault(method(name).label, {}).setdefault(noise, {})[light] = cell
     return found
 
 
@@ -117,7 +116,7 @@ def gather_lamps(results: dict[int, Scores]) -> dict[str, Any]:
         answered = np.isfinite(values[:, 0])
         rmse, relative = values[answered].mean(axis=0).tolist()
         cell = {"rmse": rmse, "rmsre_percent": relative, "refused": int((~answered).sum())}
-        found.setdefault(method(name).NAME, {}).setdefault(case, {})[light] = cell
+        found.setdefault(method(name).label, {}).setdefault(case, {})[light] = cell
     return found
 
 
@@ -212,15 +211,15 @@ def bars_of(found: dict[str, Any]) -> list[dict[str, Any]]:
     made: list[dict[str, Any]] = []
     rows = found["figure_4"]
     for noise in ("0.005", "0.01"):
-        best = rows[method("paper").NAME][noise]
+        best = rows[method("paper").label][noise]
         words = f"{100 * float(noise):g} % noise"
         for name in FIGURE_4:
-            ours = rows[f"{method(name).NAME}: wavelengths, clipped"][noise]
+            ours = rows[f"{method(name).label}: wavelengths, clipped"][noise]
             made.append(
-                bar(f"{method(name).NAME}, clipped, over the paper's l1, {words}", ours / best, 2.0, least=True)
+                bar(f"{method(name).label}, clipped, over the paper's l1, {words}", ours / best, 2.0, least=True)
             )
-        order = rows[f"{method('qr').NAME}: wavelengths, clipped"][noise]
-        order /= rows[f"{method('pinv').NAME}: wavelengths, clipped"][noise]
+        order = rows[f"{method('qr').label}: wavelengths, clipped"][noise]
+        order /= rows[f"{method('pinv').label}: wavelengths, clipped"][noise]
         made.append(bar(f"QR over pseudo-inverse, clipped, {words}", order, 1.0, least=True))
     for light, row in found["direct"].items():
         made.append(bar(f"camssf direct, {light}: worst channel's RMSE", row["rmse_worst"], 0.01))
