@@ -266,7 +266,7 @@ def test_frames_that_differ_are_refused(frames: dict[str, Path], tmp_path: Path)
     with pytest.raises(FramesDiffer, match="not darker"):
         divide(rgb, mono, dark=rgb)
     small = tmp_path / "small.dng"
-    write_dng(small, np.full((100, 200), 512, dtype=np.uint16), Sensor(), "x")
+    write_dng(small, np.full((100, 200), 512, dtype=np.uint16), Sensor(), nikon())
     with pytest.raises(FramesDiffer, match="200 × 100"):
         divide(rgb, mono, dark=small)
 
