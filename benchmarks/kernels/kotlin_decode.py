@@ -58,6 +58,7 @@ class Photo(Dng):
 def compiled() -> str:
     """The compiled bindings and Kotlin's library in the local Maven repository."""
     classes = [BINDINGS / "core" / "target" / kind for kind in ("classes", "test-classes")]
+    classes.append(BINDINGS / "model" / "target" / "classes")
     version = re.search(r"<kotlin.version>(.*?)<", (BINDINGS / "pom.xml").read_text(encoding="utf-8"))
     home = Path(os.environ.get("MAVEN_REPOSITORY", Path.home() / ".m2" / "repository"))
     found = version.group(1) if version else ""
