@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.metadata import Distribution, PackageNotFoundError, distribution
+from importlib.metadata import Distribution, distribution
 
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
@@ -47,21 +46,12 @@ def licence(found: Distribution) -> str:
     said = found.metadata.json  # a plain dictionary, because the message's lookup of missing keys is deprecated
     if expression := said.get("license_expression"):
         return str(expression)
-    classified = [
-        CLASSIFIERS[last]
-        for line in said.get("classifier", [])
-        if line.startswith("License :: ") and (last := line.rpartition(" :: ")[2]) in CLASSIFIERS
-    ]
+    last = [line.rpartition(" :: ")[2] for line in said.get("classifier", []) if line.startswith("License :: ")]
+    classified = [CLASSIFIERS[word] for word in last if word in CLASSIFIERS]
     if len(classified) == 1:
         return classified[0]
     words = str(said.get("license", "")).strip().partition("\n")[0]
     return WORDS.get(words, words) or " OR ".join(classified) or "not stated"
-
-
-def needs(found: Distribution, extra: str = "") -> list[Requirement]:
-    """Requirements that hold in this environment, for one extra or none."""
-    asked = map(Requirement, found.requires or [])
-    return [each for each in asked if each.marker is None or each.marker.evaluate({"extra": extra})]
 
 
 def closure(root: str = "camssf", extras: Sequence[str] = EXTRAS) -> list[Package]:
@@ -70,26 +60,13 @@ def closure(root: str = "camssf", extras: Sequence[str] = EXTRAS) -> list[Packag
     Raises:
         PackageNotFoundError: one of them is not installed here.
     """
-    top = distribution(root)
-    open_ = [name for extra in ("", *extras) for name in _wanted(top, extra)]
-    found = dict[str, Package]()
-    while open_:
-        name = open_.pop()
-        if name not in found:
-            package = distribution(name)
-            found[name] = Package(name, package.version, licence(package))
-            open_ += _wanted(package)
-    return [found[name] for name in sorted(found)]
-
-
-def _wanted(found: Distribution, extra: str = "") -> set[str]:
-    """Names of the requirements, including those of the extras that a requirement asks for."""
-    names = set()
-    for need in needs(found, extra):
-        names.add(canonicalize_name(need.name))
-        for asked in need.extras:
-            try:
-                names |= {canonicalize_name(more.name) for more in needs(distribution(need.name), asked)}
-            except PackageNotFoundError:
-                names.add(canonicalize_name(need.name))
-    return {name for name in names if re.fullmatch(r"[a-z0-9-]+", name)}
+    left, seen = [(root, extra) for extra in ("", *extras)], set()
+    while left:
+        name, extra = left.pop()
+        if (name, extra) not in seen:
+            seen.add((name, extra))
+            for need in map(Requirement, distribution(name).requires or []):
+                if need.marker is None or need.marker.evaluate({"extra": extra}):
+                    left += [(canonicalize_name(need.name), asked) for asked in ("", *need.extras)]
+    packages = {name: distribution(name) for name, _ in sorted(seen) if name != root}
+    return [Package(name, found.version, licence(found)) for name, found in packages.items()]

@@ -17,8 +17,6 @@ by how much the angle differs between the cameras (largest less smallest, mean o
 
 from __future__ import annotations
 
-import argparse
-import io
 import sys
 from pathlib import Path
 from typing import Any
@@ -28,14 +26,14 @@ import numpy as np
 from benchmarks.claims.accuracy import LOW, left_out
 from benchmarks.claims.colour import LAMPS, SEED, SHOTS, Case, calibrate, through_chart, unseen
 from benchmarks.claims.spectrum import prior_without
-from benchmarks.shared import console, lamp, one_thread, save, table, versions
-from camssf.colorimetry import adapt, delta_e00, signals_of, white_of
-from camssf.files import write_file
+from benchmarks.shared import command_parser, console, lamp, one_thread, save, table, versions
+from camssf.colorimetry import SRGB, adapt, delta_e00, lab, signals_of, white_of
 from camssf.grid import Floats
 from camssf.spectra import read_chart
-from camssf_colour import Camera, LitSurfaces, View, lab, spectrum, standard_colour
+from camssf_colour import Camera, LitSurfaces, View, spectrum, standard_colour
 from camssf_colour.standard import of_surfaces
 from camssf_lab.learning.training import maker_of
+from tools.pictures import from_lab, legend, save_png, subplots
 
 NAMES = ("Canon EOS 5D", "Nikon D5100", "Sony ILCE-7M3")
 UNDER = "FL2"
@@ -45,99 +43,68 @@ SKIN = View("1964", "D65")
 SKINS = {"CES15": 14, "CES18": 17}
 """The skins among the 99 samples, of which TM-30 takes its index of skin."""
 PLACE = Path(__file__).parents[1] / "docs" / "images"
+SEEN_BY_MATRIX, SEEN_BY_CURVES = "#c0392b", "#2455a4"
 
 
-def chart() -> Floats:
-    """(24, 681) the chart that stands there."""
-    return read_chart("classic24:ohta").values
-
-
-def recovered(rng: np.random.Generator) -> tuple[list[Case], list[Camera]]:
-    """The three, and what was recovered of them."""
-    curves, bases = left_out()
-    cases = [Case(name, curves[name], bases[maker_of(name)]) for name in NAMES]
-    return cases, [calibrate(case, SHOTS["two"], rng, off=False) for case in cases]
-
-
-def seen(table_: Floats, case: Case, power: Floats, rng: np.random.Generator) -> tuple[Floats, Floats]:
+def seen(surfaces: Floats, case: Case, power: Floats, rng: np.random.Generator) -> tuple[Floats, Floats]:
     """White-balanced signals (n, 3) of surfaces (n, 681), with noise, and their standard error."""
-    y = signals_of(table_, power, case.curves)
+    y = signals_of(surfaces, power, case.curves)
     error = np.hypot(LOW[0] * y, LOW[1])
     return y + error * rng.normal(size=y.shape), error
 
 
-def story(cases: list[Case], cameras: list[Camera], rng: np.random.Generator) -> dict[str, list[Floats]]:
+def by_matrix(y: Floats, case: Case, power: Floats, observer: str, rng: np.random.Generator) -> Floats:
+    """Lab (n, 3) adapted to D65 of signals (n, 3), by the matrix of the D55 chart."""
+    white, aim = white_of(power, observer), white_of(lamp("D65"), observer)
+    xyz = (y @ through_chart(case, lamp("D55"), rng)) / white_of(lamp("D55")) * white
+    return lab(adapt(xyz, white, aim), aim)
+
+
+def story(
+    cases: list[Case], cameras: list[Camera], chart: Floats, rng: np.random.Generator
+) -> dict[str, list[Floats]]:
     """Lab (24, 3) adapted to D65, by way and camera."""
     power, aim = lamp(UNDER), white_of(lamp("D65"))
-    found: dict[str, list[Floats]] = {way: [] for way in WAYS}
+    ways: dict[str, list[Floats]] = {way: [] for way in WAYS}
     for case, camera in zip(cases, cameras, strict=True):
-        y, error = seen(chart(), case, power, rng)
-        found[WAYS[0]].append(lab(from_srgb(np.clip(y, 0.0, 1.0)), aim))
-        xyz = (y @ through_chart(case, lamp("D55"), rng)) / white_of(lamp("D55"))
-        found[WAYS[1]].append(lab(adapt(xyz * white_of(power), white_of(power), aim), aim))
-        found[WAYS[2]].append(standard_colour(camera, UNDER, y, error, view=D65).lab)
-    return found
+        y, error = seen(chart, case, power, rng)
+        balanced = np.clip(y, 0.0, 1.0) @ np.linalg.inv(SRGB).T / np.linalg.inv(SRGB).sum(axis=1)
+        ways[WAYS[0]].append(lab(balanced * aim, aim))
+        ways[WAYS[1]].append(by_matrix(y, case, power, "1931", rng))
+        ways[WAYS[2]].append(standard_colour(camera, UNDER, y, error, view=D65).lab)
+    return ways
 
 
-def skin(cases: list[Case], cameras: list[Camera], rng: np.random.Generator) -> list[dict[str, Any]]:
-    """The angle by skin, lamp and camera: true, by the matrix, through the curves and its 95 % half-width."""
-    rows, aim = [], white_of(lamp("D65"), "1964")
-    skins = unseen()[list(SKINS.values())]
-    for name in LAMPS:
+def skin(cases: list[Case], cameras: list[Camera], rng: np.random.Generator) -> dict[str, Floats]:
+    """Angles (skins, lamps, cameras): true, by the matrix, through the exact and the recovered curves, half-width."""
+    keys = ("true", "matrix", "exact", "curves", "half_width")
+    angles = {key: np.empty((len(SKINS), len(LAMPS), len(NAMES))) for key in keys}
+    skins, prior = unseen()[list(SKINS.values())], prior_without("cie")
+    for j, name in enumerate(LAMPS):
         power = lamp(name)
-        truth = of_surfaces(skins, power, SKIN)[1]
-        for case, camera in zip(cases, cameras, strict=True):
+        angles["true"][:, j] = ita(of_surfaces(skins, power, SKIN)[1])[:, None]
+        for k, (case, camera) in enumerate(zip(cases, cameras, strict=True)):
             y, error = seen(skins, case, power, rng)
-            lit, prior = LitSurfaces(name, y, error), prior_without("cie")
-            ours = spectrum(camera, lit, prior=prior, view=SKIN)
             exact = Camera(case.name, case.curves / case.curves.max(axis=0), np.zeros((0, *case.curves.shape)))
-            known = spectrum(exact, lit, prior=prior, view=SKIN)
-            white = white_of(power, "1964")
-            xyz = (y @ through_chart(case, lamp("D55"), rng)) / white_of(lamp("D55")) * white
-            matrix = lab(adapt(xyz, white, aim), aim)
-            for patch, word in enumerate(SKINS):
-                angle, half = ita(ours.lab[patch], ours.lab_covariance[patch])
-                rows.append(
-                    {
-                        "skin": word,
-                        "lamp": name,
-                        "camera": case.name,
-                        "true": ita(truth[patch], np.zeros((3, 3)))[0],
-                        "matrix": ita(matrix[patch], np.zeros((3, 3)))[0],
-                        "exact": ita(known.lab[patch], np.zeros((3, 3)))[0],
-                        "curves": angle,
-                        "half_width": half,
-                    }
-                )
-    return rows
+            known, ours = (
+                spectrum(one, LitSurfaces(name, y, error), prior=prior, view=SKIN) for one in (exact, camera)
+            )
+            angles["exact"][:, j, k], angles["curves"][:, j, k] = ita(known.lab), ita(ours.lab)
+            angles["half_width"][:, j, k] = half_width(ours.lab, ours.lab_covariance)
+            angles["matrix"][:, j, k] = ita(by_matrix(y, case, power, "1964", rng))
+    return angles
 
 
-def ita(colour: Floats, covariance: Floats) -> tuple[float, float]:
-    """Individual typology angle and its 95 % half-width, degrees."""
-    height, b = colour[0] - 50.0, colour[2]
-    slope = np.array([b, 0.0, -height]) / (height**2 + b**2)
-    return float(np.degrees(np.arctan2(height, b))), float(1.96 * np.degrees(np.sqrt(slope @ covariance @ slope)))
+def ita(colours: Floats) -> Floats:
+    """Individual typology angle (n,) of Lab (n, 3), degrees."""
+    return np.degrees(np.arctan2(colours[:, 0] - 50.0, colours[:, 2]))
 
 
-TO_SRGB: Floats = np.array(
-    [[3.2406255, -1.5372080, -0.4986286], [-0.9689307, 1.8757561, 0.0415175], [0.0557101, -0.2040211, 1.0569959]]
-)
-"""IEC 61966-2-1, XYZ with Y of white 1."""
-
-
-def from_srgb(linear: Floats) -> Floats:
-    """Linear sRGB (..., 3) to XYZ, D65's white as this package has it."""
-    xyz = linear @ np.linalg.inv(TO_SRGB).T
-    return np.asarray(xyz / (np.ones(3) @ np.linalg.inv(TO_SRGB).T) * white_of(lamp("D65")))
-
-
-def display(colour: Floats) -> Floats:
-    """Lab (..., 3) under D65 to sRGB, 0 to 1."""
-    fy = (colour[..., 0] + 16.0) / 116.0
-    f = np.stack([fy + colour[..., 1] / 500.0, fy, fy - colour[..., 2] / 200.0], axis=-1)
-    xyz = np.where(f > 6 / 29, f**3, 3 * (6 / 29) ** 2 * (f - 4 / 29))  # over its white
-    linear = np.clip((xyz * (np.ones(3) @ np.linalg.inv(TO_SRGB).T)) @ TO_SRGB.T, 0.0, 1.0)
-    return np.asarray(np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055))
+def half_width(colours: Floats, covariance: Floats) -> Floats:
+    """The angle's 95 % half-width (n,), of Lab's covariance (n, 3, 3), degrees."""
+    height, b = colours[:, 0] - 50.0, colours[:, 2]
+    slope = np.stack([b, np.zeros_like(b), -height], axis=1) / (height**2 + b**2)[:, None]
+    return np.asarray(1.96 * np.degrees(np.sqrt(np.einsum("ni,nij,nj->n", slope, covariance, slope))))
 
 
 def between(labs: list[Floats]) -> float:
@@ -145,136 +112,82 @@ def between(labs: list[Floats]) -> float:
     return float(np.median([delta_e00(labs[i], labs[j]) for i in range(len(labs)) for j in range(i)]))
 
 
-def draw_story(plt: Any, found: dict[str, list[Floats]], truth: Floats) -> Any:
+def draw_story(ways: dict[str, list[Floats]], truth: Floats) -> Any:
     """Three ways by three cameras."""
-    figure, panels = plt.subplots(len(WAYS), len(NAMES), figsize=(9.6, 7.2), layout="constrained")
+    from matplotlib.patches import Rectangle
+
+    figure, panels = subplots(len(WAYS), len(NAMES), (9.6, 7.2))
     for row, way in zip(panels, WAYS, strict=True):
-        for panel, name, colours in zip(row, NAMES, found[way], strict=True):
-            for i, (ours, theirs) in enumerate(zip(display(colours), display(truth), strict=True)):
+        for panel, name, colours in zip(row, NAMES, ways[way], strict=True):
+            for i, (ours, theirs) in enumerate(zip(from_lab(colours), from_lab(truth), strict=True)):
                 x, y = i % 6, 3 - i // 6
-                panel.add_patch(plt.Rectangle((x, y), 0.94, 0.94, color=tuple(ours)))
-                panel.add_patch(plt.Rectangle((x + 0.32, y + 0.32), 0.3, 0.3, color=tuple(theirs)))
+                panel.add_patch(Rectangle((x, y), 0.94, 0.94, color=tuple(ours)))
+                panel.add_patch(Rectangle((x + 0.32, y + 0.32), 0.3, 0.3, color=tuple(theirs)))
             panel.set(xlim=(0, 5.94), ylim=(0, 3.94), aspect="equal", xticks=[], yticks=[])
             panel.set_title(f"{name}: {delta_e00(truth, colours).mean():.1f}", fontsize=9)
         row[0].set_ylabel(way, fontsize=9)
         row[-1].yaxis.set_label_position("right")
-        row[-1].set_ylabel(f"between them: {between(found[way]):.1f}", fontsize=9)
+        row[-1].set_ylabel(f"between them: {between(ways[way]):.1f}", fontsize=9)
     return figure
 
 
-def draw_skin(plt: Any, rows: list[dict[str, Any]]) -> Any:
+def draw_skin(angles: dict[str, Floats]) -> Any:
     """Two skins, five lamps, three cameras."""
-    figure, panels = plt.subplots(1, len(SKINS), figsize=(9.6, 3.6), layout="constrained")
-    for panel, word in zip(panels, SKINS, strict=True):
-        mine = [row for row in rows if row["skin"] == word]
-        for k, name in enumerate(LAMPS):
-            under = [row for row in mine if row["lamp"] == name]
-            panel.plot([k - 0.4, k + 0.4], [under[0]["true"]] * 2, color="black", linewidth=1)
-            at = k + 0.2 * np.arange(-1, 2)
-            panel.plot(at - 0.03, [row["matrix"] for row in under], "x", color="#c0392b", markersize=5)
-            panel.errorbar(
-                at + 0.03, [row["curves"] for row in under], [row["half_width"] for row in under], fmt="o",
-                color="#2455a4", markersize=3, linewidth=1,
-            )  # fmt: skip
+    figure, panels = subplots(1, len(SKINS), (9.6, 3.6))
+    at = np.arange(len(LAMPS))[:, None] + 0.2 * np.arange(-1, 2)
+    dots: dict[str, Any] = {"fmt": "o", "color": SEEN_BY_CURVES, "markersize": 3}
+    cross: dict[str, Any] = {"marker": "x", "linestyle": "", "color": SEEN_BY_MATRIX, "markersize": 5}
+    for i, (panel, word) in enumerate(zip(panels, SKINS, strict=True)):
+        mine = {key: values[i] for key, values in angles.items()}
+        panel.hlines(mine["true"][:, 0], at[:, 1] - 0.4, at[:, 1] + 0.4, color="black", linewidth=1)
+        panel.plot(at.ravel() - 0.03, mine["matrix"].ravel(), **cross)
+        panel.errorbar(at.ravel() + 0.03, mine["curves"].ravel(), mine["half_width"].ravel(), linewidth=1, **dots)
         panel.set_xticks(range(len(LAMPS)), LAMPS)
         panel.set_title(word, fontsize=10)
         panel.set_ylabel("ITA, degrees")
-    panels[0].plot([], [], "x", color="#c0392b", label="matrix of a D55 chart")
-    panels[0].errorbar([], [], [], fmt="o", color="#2455a4", markersize=3, label="through the curves, 95 %")
-    panels[0].plot([], [], color="black", label="true")
-    panels[0].legend(fontsize=8)
+    panels[0].errorbar([], [], [], label="through the curves, 95 %", **dots)
+    legend(panels[0], {"matrix of a D55 chart": cross, "true": {"color": "black"}}, loc="upper right")
     return figure
-
-
-def paint(folder: Path, found: dict[str, list[Floats]], truth: Floats, rows: list[dict[str, Any]]) -> list[Path]:
-    """Both pictures."""
-    from camssf.libraries import prepare_matplotlib
-
-    prepare_matplotlib()
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot as plt
-    from PIL import Image
-
-    folder.mkdir(parents=True, exist_ok=True)
-    made = []
-    for name, figure in (("story", draw_story(plt, found, truth)), ("skin", draw_skin(plt, rows))):
-        drawn, small = io.BytesIO(), io.BytesIO()
-        figure.savefig(drawn, format="png", dpi=90)
-        plt.close(figure)
-        Image.open(drawn).convert("RGB").quantize(250).save(small, format="png", optimize=True)
-        write_file(folder / f"colour-{name}.png", small.getvalue())
-        made.append(folder / f"colour-{name}.png")
-    return made
 
 
 def main(arguments: list[str] | None = None) -> int:
     """The command."""
-    parser = argparse.ArgumentParser(prog="python -m tools.colour_story", description=(__doc__ or "").split("\n")[0])
+    parser = command_parser(__spec__, __doc__)
     parser.add_argument("-o", "--out", type=Path, default=PLACE, help="folder of the pictures")
-    options = parser.parse_args(arguments)
+    folder = parser.parse_args(arguments).out
+    folder.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng(SEED)
-    cases, cameras = recovered(rng)
-    truth = of_surfaces(chart(), lamp(UNDER), D65)[1]
-    found = story(cases, cameras, rng)
-    rows = skin(cases, cameras, rng)
-    made = paint(options.out, found, truth, rows)
-    chart_rows: dict[str, dict[str, Any]] = {
-        way: {
-            "cameras": [float(delta_e00(truth, colours).mean()) for colours in labs],
-            "between": between(labs),
-        }
-        for way, labs in found.items()
+    curves, bases = left_out()
+    cases = [Case(name, curves[name], bases[maker_of(name)]) for name in NAMES]
+    cameras = [calibrate(case, SHOTS["two"], rng, off=False) for case in cases]
+    chart = read_chart("classic24:ohta").values
+    truth = of_surfaces(chart, lamp(UNDER), D65)[1]
+    ways = story(cases, cameras, chart, rng)
+    angles = skin(cases, cameras, rng)
+    save_png(draw_story(ways, truth), folder / "colour-story.png", 250)
+    save_png(draw_skin(angles), folder / "colour-skin.png", 250)
+    colours: dict[str, dict[str, Any]] = {
+        way: {"cameras": [float(delta_e00(truth, own).mean()) for own in labs], "between": between(labs)}
+        for way, labs in ways.items()
     }
-    angles = {
-        word: {
-            way: float(np.mean([abs(row[way] - row["true"]) for row in rows if row["skin"] == word]))
-            for way in ("matrix", "exact", "curves")
-        }
-        | {
-            f"range_{way}": float(
-                np.mean(
-                    [
-                        np.ptp([row[way] for row in rows if (row["skin"], row["lamp"]) == (word, name)])
-                        for name in LAMPS
-                    ]
-                )
-            )
-            for way in ("matrix", "curves")
-        }
-        | {"half_width": float(np.mean([row["half_width"] for row in rows if row["skin"] == word]))}
-        | {
-            "held": float(
-                np.mean([abs(row["curves"] - row["true"]) < row["half_width"] for row in rows if row["skin"] == word])
-            )
-        }
-        for word in SKINS
-    }
+    error = {way: np.abs(angles[way] - angles["true"]) for way in ("matrix", "exact", "curves")}
+    means = {way: values.mean(axis=(1, 2)) for way, values in error.items()}
+    means["half_width"] = angles["half_width"].mean(axis=(1, 2))
+    means["held"] = (error["curves"] < angles["half_width"]).mean(axis=(1, 2))
+    means |= {f"range_{way}": np.ptp(angles[way], axis=2).mean(axis=1) for way in ("matrix", "curves")}
     lines = [
-        (way, *(f"{value:.2f}" for value in row["cameras"]), f"{row['between']:.2f}")
-        for way, row in chart_rows.items()
+        (way, *(f"{value:.2f}" for value in row["cameras"]), f"{row['between']:.2f}") for way, row in colours.items()
     ]
     console().print(table(f"mean ΔE00 of the chart under {UNDER}", ("way", *NAMES, "between them"), lines))
     lines = [
-        (
-            word,
-            f"{row['matrix']:.1f}",
-            f"{row['exact']:.1f}",
-            f"{row['curves']:.1f}",
-            f"{row['half_width']:.1f}",
-            f"{row['held']:.2f}",
-            f"{row['range_matrix']:.1f}",
-            f"{row['range_curves']:.1f}",
-        )
-        for word, row in angles.items()
+        (word, *(f"{values[i]:.{2 if key == 'held' else 1}f}" for key, values in means.items()))
+        for i, word in enumerate(SKINS)
     ]
     head = ("skin", "matrix", "true curves", "curves", "95 % half-width", "held", "range, matrix", "range, curves")
     console().print(table("mean error of the individual typology angle, degrees", head, lines))
-    content = {"chart": chart_rows, "ita": angles, "versions": versions("colour-science", "matplotlib")}
+    by_skin = {word: {key: float(values[i]) for key, values in means.items()} for i, word in enumerate(SKINS)}
+    content = {"chart": colours, "ita": by_skin, "versions": versions("colour-science", "matplotlib")}
     print(save("colour-story", content))
-    for path in made:
-        print(path)
     return 0
 
 

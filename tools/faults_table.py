@@ -20,71 +20,69 @@ COMMAND = "python -m tools.faults_table"
 
 def summary(found: dict[str, Any]) -> str:
     """The counts in short, and every fault that was missed."""
-    bars_ = {bar["bar"]: bar["value"] for bar in found["bars"]}
+    limits = {bar["bar"]: bar["value"] for bar in found["bars"]}
     clean, pair, causes_ = found["clean"], found["two_shots"], found["causes"]
-    mild = [each[0] for each in found["faults"].values()]
-    missed = [
-        f"`{name}` {' and '.join(str(row['missed']) for row in each[1:])}"
-        for name, each in found["faults"].items()
-        if any(row["missed"] for row in each[1:])
-    ]
-    bare = [
+    mild = {
+        key: sum(degrees[0][key] for degrees in found["faults"].values())
+        for key in ("missed", "captures", "refused", "doubtful")
+    }
+    spoilt = {key: sum(row[key] for row in pair["faults"].values()) for key in ("captures", "caught", "named")}
+    missed = ", ".join(
+        f"`{name}` {' and '.join(str(row['missed']) for row in degrees[1:])}"
+        for name, degrees in found["faults"].items()
+        if any(row["missed"] for row in degrees[1:])
+    )
+    bare = "; ".join(
         f"{name}: {row['harmful_caught']} of {row['harmful']}"
         for name, row in found["without_matrix"].items()
         if row["harmful"]
-    ]
-    spoilt = pair["faults"].values()
-    field = [
+    )
+    field = "; ".join(
         f"{name}: {row['accepted']} of {row['captures']} accepted, RMSE {row['rmse']:.3f}, "
         f"bands cover {row['coverage']:.1%}"
         for name, row in found["field"].items()
-    ]
-    lines = [
+    )
+    return "\n".join([
         f"- Good captures: {clean['accepted']} of {clean['captures']} accepted, {clean['doubtful']} doubtful, "
         f"{clean['refused']} refused; mean RMSE {clean['rmse']:.3f}.",
-        f"- Harmful faults caught: {bars_['severity 2: harmful caught']:.1%} at severity 2, "
-        f"{bars_['severity 3: harmful caught']:.1%} at severity 3. Missed, of "
-        f"{found['captures_a_fault_and_severity']} each: {', '.join(missed)}.",
+        f"- Harmful faults caught: {limits['severity 2: harmful caught']:.1%} at severity 2, "
+        f"{limits['severity 3: harmful caught']:.1%} at severity 3. Missed, of "
+        f"{found['captures_a_fault_and_severity']} each: {missed}.",
         f"- The 95 % bands of everything that was accepted, faults included, cover {found['coverage']:.1%}.",
-        f"- Severity 1, the mildest: {sum(row['missed'] for row in mild)} of {sum(row['captures'] for row in mild)} "
-        f"captures missed, {sum(row['refused'] + row['doubtful'] for row in mild)} refused or doubtful.",
+        f"- Severity 1, the mildest: {mild['missed']} of {mild['captures']} captures missed, "
+        f"{mild['refused'] + mild['doubtful']} refused or doubtful.",
         f"- The right group of [causes](#causes) first: {causes_['right']:.2f}, mean of the faults; light blamed for "
         f"another fault: {causes_['light_blamed']} of {causes_['not_light']}.",
-        f"- **No colour matrix in the file**, harmful captures caught by fault and severity: {'; '.join(bare)}.",
+        f"- **No colour matrix in the file**, harmful captures caught by fault and severity: {bare}.",
         f"- **Two shots**, daylight and a bulb, one spoilt at severity 3 ({', '.join(pair['faults'])}): of "
-        f"{sum(row['captures'] for row in spoilt)} pairs {sum(row['caught'] for row in spoilt)} are caught, and in "
-        f"{sum(row['named'] for row in spoilt)} only the right shot is named. Of {pair['clean']} good pairs "
-        f"{pair['clean_caught']} were doubted.",
+        f"{spoilt['captures']} pairs {spoilt['caught']} are caught, and in {spoilt['named']} only the right shot is "
+        f"named. Of {pair['clean']} good pairs {pair['clean_caught']} were doubted.",
         "- **In the field** (no white frame, no dark frame, the lamp named as `daylight` or `bulb`), against the "
-        f"same photo with all: {'; '.join(field)}.",
-    ]
-    return "\n".join(lines)
+        f"same photo with all: {field}.",
+    ])  # fmt: skip
 
 
 def table(found: dict[str, Any]) -> str:
     """What the site shows: what became of every fault in severities 2 and 3."""
-    refused = [
-        name for name, each in found["faults"].items() if all(row["refused"] == row["captures"] for row in each[1:])
+    refused = {
+        name for name, rows in found["faults"].items() if all(row["refused"] == row["captures"] for row in rows[1:])
+    }
+    whats = "; ".join(f"`{name}`, {FAULTS[name].what}" for name in found["faults"] if name in refused)
+    lines = [
+        [f"`{name}`: {FAULTS[name].what}", *map(_cell, FAULTS[name].degrees[1:], rows[1:])]
+        for name, rows in found["faults"].items()
+        if name not in refused
     ]
-    whats = "; ".join(f"`{name}`, {FAULTS[name].what}" for name in refused)
-    rows = []
-    for name, each in found["faults"].items():
-        if name in refused:
-            continue
-        cells = []
-        for degree, row in list(zip(FAULTS[name].degrees, each, strict=True))[1:]:
-            parts = {
-                "refused": row["refused"],
-                "doubtful": row["doubtful"],
-                "harmless": row["accepted"] - row["missed"],
-                "**missed**": row["missed"],
-            }
-            counted = [f"{count} {word}" for word, count in parts.items() if count]
-            whole = [word for word, count in parts.items() if count == row["captures"]]
-            cells.append(f"{degree}: " + ", ".join(whole or counted))
-        rows.append([f"`{name}`: {FAULTS[name].what}", *cells])
-    others = markdown_table(("fault", "severity 2", "severity 3"), rows)
+    others = markdown_table(("fault", "severity 2", "severity 3"), lines)
     return f"All of both severities are refused: {whats}. The others:\n\n{others}"
+
+
+def _cell(degree: Any, row: dict[str, Any]) -> str:
+    """A severity, and what became of its captures."""
+    counts = {"refused": row["refused"], "doubtful": row["doubtful"]}
+    counts |= {"harmless": row["accepted"] - row["missed"], "**missed**": row["missed"]}
+    all_of_them = [word for word, count in counts.items() if count == row["captures"]]
+    return f"{degree}: " + ", ".join(all_of_them or [f"{count} {word}" for word, count in counts.items() if count])
 
 
 def causes(found: dict[str, Any]) -> str:
@@ -92,9 +90,11 @@ def causes(found: dict[str, Any]) -> str:
     counts = found["causes"]["counts"]
     said = [*counts, *sorted({group for row in counts.values() for group in row} - set(counts))]
     rows = [
-        [fault, sum(row.values()), *(row.get(group, "") for group in said)] for fault, row in counts.items() if row
+        [fault, *map(str, (sum(row.values()), *(row.get(group, "") for group in said)))]
+        for fault, row in counts.items()
+        if row
     ]
-    return markdown_table(("fault", "caught", *said), [[str(cell) for cell in row] for row in rows])
+    return markdown_table(("fault", "caught", *said), rows)
 
 
 def main() -> int:

@@ -9,20 +9,17 @@ lamps. The profile is m, m² = mean of (s - truth)² - σ² of the curves of pea
 from __future__ import annotations
 
 import hashlib
-import json
 import sys
 
 import numpy as np
 
 from benchmarks.claims.accuracy import ALL, SETTINGS, Setting, answer_of, declared, left_out, missed, photograph
 from benchmarks.shared import CURVES, chart
-from camssf.files import write_file
 from camssf.grid import Floats
 from camssf.recovery.basis import MISFIT_FILE, NODES
 from camssf_lab.learning.training import maker_of
 from golden.linear_model import linear_model
-from tools.pages import parser
-from tools.tabulate import Json, as_text
+from tools.tabulate import Json, made_file
 
 COMMAND = "python -m tools.misfit_profile"
 SEED = 2026
@@ -34,16 +31,7 @@ DECIMALS = 4
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command; returns 1 if `--check` finds a difference beyond the rounding."""
-    check = parser(COMMAND, __doc__).parse_args(arguments).check
-    content = tabulate()
-    if not check:
-        write_file(MISFIT_FILE, as_text(content))
-        return 0
-    stored = json.loads(MISFIT_FILE.read_text("utf-8"))
-    apart = np.abs(np.array(stored.pop("values")) - content.pop("values")).max()
-    same = stored == content and apart < 2.0 * 10.0**-DECIMALS
-    print(f"{MISFIT_FILE.name}: differs by at most {apart:.1e}" + ("" if same else f"; run `{COMMAND}`"))
-    return int(not same)
+    return made_file(COMMAND, MISFIT_FILE, tabulate, arguments, {"values": 2.0 * 10.0**-DECIMALS})
 
 
 def tabulate() -> Json:

@@ -27,7 +27,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from benchmarks.kernels.kotlin_calibrate import Unavailable, class_path
+from benchmarks.kernels.turns import Unavailable, class_path
 from benchmarks.shared import console, progress, table
 
 PLACE = Path(__file__).parents[1] / "reference" / "camssf" / "data" / "rules.json"

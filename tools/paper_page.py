@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -36,28 +37,32 @@ def page(found: dict[str, Any]) -> str:
     return template("paper.md", found=found, number=number, **{part.__name__: part(found) for part in parts})
 
 
+def counted(counts: Sequence[Any], unit: str) -> list[str]:
+    """Heads of columns, the first with its unit."""
+    return [f"{count}{f' {unit}' * (i == 0)}" for i, count in enumerate(counts)]
+
+
 def colours(found: dict[str, Any]) -> dict[str, Any]:
     """Fig. 3a to e."""
-    rows = found["colours"]
-    shown = [3, 6, 9, 12, 18]
+    rows, shown = found["colours"], [3, 6, 9, 12, 18]
     at = [rows["counts"].index(count) for count in shown]
     body = [
         [label, noise_word(noise), *(number(rows[key][noise]["mean"][i]) for i in at)]
         for label, key in (("l1 on Gaussians", "paper"), ("camssf", "product"))
         for noise in NOISES[:2]
     ]
-    head = ["method", "noise", *(f"{count}{' patches' * (count == shown[0])}" for count in shown)]
     refused = sum(rows[key][noise]["refused"] for key in ("paper", "product") for noise in NOISES[:2])
-    return {"table": markdown_table(head, body), "runs": rows["paper"]["0.0"]["runs"], "refused": refused}
+    table = markdown_table(["method", "noise", *counted(shown, "patches")], body)
+    return {"table": table, "runs": rows["paper"]["0.0"]["runs"], "refused": refused}
 
 
 def correlation(found: dict[str, Any]) -> dict[str, Any]:
     """Fig. 3f."""
     body = [[name, number(row["mean"])] for name, row in found["correlation"]["tables"].items()]
-    coherence = found["correlation"]["coherence_below_1"]["18"]
+    coherence = f"{found['correlation']['coherence_below_1']['18']:.1e}"
     return {
         "table": markdown_table(["table, patches", "mean of &#124;r&#124; over pairs"], body),
-        "coherence": f"{coherence:.1e}",
+        "coherence": coherence,
     }
 
 
@@ -67,7 +72,7 @@ def methods(found: dict[str, Any]) -> str:
         [name.replace(" with non-negativity", ""), *(number(row[noise]) for noise in NOISES)]
         for name, row in found["figure_4"].items()
     ]
-    return markdown_table(["method", *(noise_word(noise) for noise in NOISES)], body)
+    return markdown_table(["method", *map(noise_word, NOISES)], body)
 
 
 def families(found: dict[str, Any]) -> dict[str, Any]:
@@ -81,52 +86,43 @@ def families(found: dict[str, Any]) -> dict[str, Any]:
     ours, theirs = rows[PRODUCT], rows[WIENER]
     ratio = [theirs[n][light]["rmse"] / ours[n][light]["rmse"] for n in NOISES[1:] for light in lights]
     quiet = {name: row["0.0"]["D55"]["rmse"] for name, row in rows.items()}
-    first = min(quiet, key=lambda name: quiet[name])
+    first = min(quiet, key=quiet.__getitem__)
     return {"table": markdown_table(["method", *lights], body), "ratio": ratio, "first": first, "quiet": quiet[first]}
 
 
 def direct(found: dict[str, Any]) -> dict[str, Any]:
     """Sec. 4."""
-    rows = found["direct"]
+    rows, roles = found["direct"], ("rgb", "mono")
     body = [
-        [
-            light,
-            str(row["cameras"]),
-            number(row["rmse"], 4),
-            number(row["rmse_worst"], 4),
-            *(number(row[role]["wavelength_error_worst_nm"], 2) for role in ("rgb", "mono")),
-            *(number(row[role]["residual_nm"], 2) for role in ("rgb", "mono")),
-            f"{row['rgb']['fewest_lines']}, {row['mono']['fewest_lines']}",
-        ]
+        [light, str(row["cameras"]), number(row["rmse"], 4), number(row["rmse_worst"], 4)]
+        + [number(row[role][key], 2) for key in ("wavelength_error_worst_nm", "residual_nm") for role in roles]
+        + [", ".join(str(row[role]["fewest_lines"]) for role in roles)]
         for light, row in rows.items()
     ]
-    pairs = [f"{what}: colour" for what in ("worst wavelength", "residual")]
-    head = ["light", "cameras", "RMSE", "worst channel", pairs[0], "mono", pairs[1], "mono", "fewest lines"]
-    refused = sum(row["refused"] for row in rows.values())
-    return {"table": markdown_table(head, body), "refused": refused}
+    head = [
+        "light", "cameras", "RMSE", "worst channel", "worst wavelength: colour", "mono", "residual: colour", "mono",
+        "fewest lines",
+    ]  # fmt: skip
+    return {"table": markdown_table(head, body), "refused": sum(row["refused"] for row in rows.values())}
 
 
 def _phone_cells(answer: dict[str, Any]) -> list[str]:
     """RMSRE, ΔE00, RMSE with the verdict."""
     if "refused" in answer:
         return ["", "", f"refused: `{answer['refused']}`"]
-    rmse = " ".join(number(v) for v in answer["rmse"])
-    return [
-        " ".join(number(v, 2) for v in answer["rmsre_percent"]),
-        number(answer["delta_e00"], 2),
-        rmse if answer["verdict"] == "accepted" else f"{rmse} ({answer['verdict']})",
-    ]
+    relative, rmse = (" ".join(number(v, n) for v in answer[key]) for key, n in (("rmsre_percent", 2), ("rmse", 3)))
+    doubt = "" if answer["verdict"] == "accepted" else f" ({answer['verdict']})"
+    return [relative, number(answer["delta_e00"], 2), rmse + doubt]
 
 
 def phones(found: dict[str, Any]) -> dict[str, Any]:
     """Sec. 5."""
-    rows = found["phones"]
+    worlds = [(name, *world) for name, row in found["phones"].items() for world in row["worlds"].items()]
     body = [
         [name, world, *_phone_cells(answers["gaussian"]), *_phone_cells(answers["cameras"])]
-        for name, row in rows.items()
-        for world, answers in row["worlds"].items()
+        for name, world, answers in worlds
     ]
-    answers = [answer for row in rows.values() for world in row["worlds"].values() for answer in world.values()]
+    answers = [answer for *_, methods in worlds for answer in methods.values()]
     score = ["RMSRE, %", "mean ΔE00", "RMSE"]
     head = ["camera", "world", f"l1: {score[0]}", *score[1:], f"camssf: {score[0]}", *score[1:]]
     worst = {name: max(v for a in answers for v in a.get(name, [0])) for name in ("rmsre_percent", "rmse")}
@@ -138,19 +134,14 @@ def lamps(found: dict[str, Any]) -> dict[str, Any]:
     rows = found["lamps"]
     body, both = [], []
     for light in rows[PAPER]["known"]:
-        pairs = [(rows[name]["known"][light], rows[name]["ignored"][light]) for name in (PAPER, PRODUCT)]
+        pairs = [[rows[name][case][light] for case in ("known", "ignored")] for name in (PAPER, PRODUCT)]
         both += pairs
-        body.append([
-            light,
-            *(", ".join(number(row["rmse"]) for row in pair) for pair in pairs),
-            *(", ".join(number(row["rmsre_percent"], 2) for row in pair) for pair in pairs),
-        ])  # fmt: skip
+        scores = (("rmse", 3), ("rmsre_percent", 2))
+        body.append([light, *(", ".join(number(row[key], n) for row in pair) for key, n in scores for pair in pairs)])
     head = ["lamp", *(f"{score}: {who}" for score in ("RMSE", "RMSRE, %") for who in ("l1 on Gaussians", "camssf"))]
-    return {
-        "table": markdown_table(head, body),
-        "worst": max(ignored["rmse"] / known["rmse"] for known, ignored in both),
-        "largest": max(ignored["rmsre_percent"] for _, ignored in both),
-    }
+    worst = max(ignored["rmse"] / known["rmse"] for known, ignored in both)
+    largest = max(ignored["rmsre_percent"] for _, ignored in both)
+    return {"table": markdown_table(head, body), "worst": worst, "largest": largest}
 
 
 def atoms(found: dict[str, Any]) -> dict[str, Any]:
@@ -158,28 +149,24 @@ def atoms(found: dict[str, Any]) -> dict[str, Any]:
     rows = found["atoms"]
     counts = list(rows["0.0"])
     body = [[noise_word(noise), *(number(rows[noise][count]["rmse"]) for count in counts)] for noise in NOISES[:2]]
-    refused = {c: rows["0.0"][c]["refused"] + rows["0.005"][c]["refused"] for c in counts}
-    head = ["noise", *(f"{count}{' Gaussians' * (count == counts[0])}" for count in counts)]
-    return {
-        "table": markdown_table(head, body),
-        "refused": ", ".join(f"{n} with {c}" for c, n in refused.items() if n),
-    }
+    refused = {count: rows["0.0"][count]["refused"] + rows["0.005"][count]["refused"] for count in counts}
+    words = ", ".join(f"{n} with {count}" for count, n in refused.items() if n)
+    return {"table": markdown_table(["noise", *counted(counts, "Gaussians")], body), "refused": words}
 
 
 def charts(found: dict[str, Any]) -> dict[str, Any]:
     """Another chart, further lamps."""
     rows = found["charts"]
-    columns = [rows[who][table] for who, table in (
-        ("paper", "same"), ("paper", "foreign"), ("product", "same"), ("product", "foreign"), ("diagonal", "foreign"),
-    )]  # fmt: skip
-    body = [
-        [
-            light,
-            *(number(column.get(light)) for column in columns[:2]),
-            *(number(column[light]) for column in columns[2:]),
-        ]
-        for light in rows["product"]["same"]
+    columns = [
+        rows[who][table]
+        for who, tables in (
+            ("paper", ("same", "foreign")),
+            ("product", ("same", "foreign")),
+            ("diagonal", ("foreign",)),
+        )
+        for table in tables
     ]
+    body = [[light, *(number(column.get(light)) for column in columns)] for light in rows["product"]["same"]]
     head = ["lamps", "l1 on Gaussians, own table", "foreign table", "camssf, own table", "foreign table"]
     gain, diagonal = (100 * (1.0 - column["D55 + A"] / column["D55"]) for column in columns[3:])
     return {"table": markdown_table([*head, "foreign table, diagonal"], body), "gain": gain, "diagonal": diagonal}
@@ -220,10 +207,8 @@ def main() -> int:
     if found["every"] != 1:
         print("The last run left cameras out: run python -m benchmarks.paper without --every.", file=sys.stderr)
         return 2
-    short = light_copy(found)
     draw(found, DOCS / "images")
-    numbers = json.dumps(short, indent=1, ensure_ascii=False) + "\n"
-    write_file(DOCS / "paper.json", numbers)
+    write_file(DOCS / "paper.json", json.dumps(light_copy(found), indent=1, ensure_ascii=False) + "\n")
     return 0
 
 

@@ -15,14 +15,9 @@ from tools.pages import markdown_table
 
 FORMAT = "camssf-selftest/1"
 HEAD = (
-    "phone, Android",
-    "page size, bytes",
-    "golden cases: ran, failed",
-    "calibration",
-    "its time, ms",
-    "memory after it, MB",
-    "guide: frames, median and slowest twentieth, ms",
-)
+    "phone, Android", "page size, bytes", "golden cases: ran, failed", "calibration", "its time, ms",
+    "memory after it, MB", "guide: frames, median and slowest twentieth, ms",
+)  # fmt: skip
 NONE = "not run"
 
 
@@ -37,21 +32,16 @@ def row(report: dict[str, Any]) -> list[str]:
             f"The report's format is {report.get('format')!r}, not {FORMAT}: save it from the self-test app."
         )
     device, golden, calibration, guide = (report[name] for name in ("device", "golden", "calibration", "guide"))
-    found = [f"{device.get('manufacturer', '')} {device.get('model', '')}, {device.get('android', '')}".strip()]
-    found.append(str(device.get("page_size", "")))
-    found.append(f"{golden['ran']}, {len(golden['faults'])}" if golden else NONE)
+    phone = f"{device.get('manufacturer', '')} {device.get('model', '')}, {device.get('android', '')}".strip()
+    cases = f"{golden['ran']}, {len(golden['faults'])}" if golden else NONE
+    solved = [NONE, "", ""]
     if calibration:
-        memory = calibration["memory"]
-        found.append(calibration["result"]["verdict"]["status"])
-        found.append(str(calibration["milliseconds"]))
-        found.append(f"{(memory['java'] + memory['native']) / 1e6:.0f}")
-    else:
-        found += [NONE, "", ""]
+        megabytes = sum(calibration["memory"][part] for part in ("java", "native")) / 1e6
+        solved = [calibration["result"]["verdict"]["status"], str(calibration["milliseconds"]), f"{megabytes:.0f}"]
+    frames = NONE
     if guide and guide["frames"]:
-        found.append(f"{guide['frames']}, {guide['median_ms']:.1f}, {guide['slowest_twentieth_ms']:.1f}")
-    else:
-        found.append(NONE)
-    return found
+        frames = f"{guide['frames']}, {guide['median_ms']:.1f}, {guide['slowest_twentieth_ms']:.1f}"
+    return [phone, str(device.get("page_size", "")), cases, *solved, frames]
 
 
 def table(reports: Iterable[dict[str, Any]]) -> str:

@@ -7,8 +7,6 @@ matrix that LibRaw holds of each (Adobe's), and through the curves. Where the tw
 
 from __future__ import annotations
 
-import argparse
-import io
 import sys
 from pathlib import Path
 
@@ -16,24 +14,16 @@ import numpy as np
 
 from benchmarks.claims.colour import cases
 from benchmarks.claims.pictures import SEED, WAYS, show
-from benchmarks.shared import one_thread
-from camssf.colorimetry import BEND, D65, SLOPE, delta_e00, srgb
-from camssf.files import write_file
+from benchmarks.shared import command_parser, one_thread
+from camssf.colorimetry import delta_e00
 from camssf.grid import Floats
+from tools.pictures import from_lab, save_png, subplots
 
 NAMES = ("Canon EOS 5D", "Sony ILCE-7M3")
 UNDER = "A"
 COLUMNS, TILE = 11, 40
 TITLES = {"camssf": "through the recovered curves", "matrix": "through the cameras' colour matrices"}
 PLACE = Path(__file__).parents[1] / "docs" / "images"
-
-
-def from_lab(colours: Floats) -> Floats:
-    """sRGB (n, 3) of Lab (n, 3) under D65."""
-    y = (colours[:, 0] + 16.0) / 116.0
-    roots = np.stack([y + colours[:, 1] / 500.0, y, y - colours[:, 2] / 200.0], axis=1)
-    ratio = np.where(roots**3 > BEND, roots**3, (116.0 * roots - 16.0) / SLOPE)
-    return np.clip(srgb(ratio * D65), 0.0, 1.0)
 
 
 def tiles(first: Floats, second: Floats) -> Floats:
@@ -45,22 +35,18 @@ def tiles(first: Floats, second: Floats) -> Floats:
 
 def main(arguments: list[str] | None = None) -> int:
     """The command."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_parser(__spec__, __doc__)
     parser.add_argument("-o", "--out", type=Path, default=PLACE)
     folder = parser.parse_args(arguments).out
-    from matplotlib.figure import Figure
-
     by_name = {case.name: case for case in cases(52, None)}
     shown = [show(by_name[name], UNDER, np.random.default_rng([SEED, i])) for i, name in enumerate(NAMES)]
-    figure = Figure(figsize=(9.0, 4.4), layout="constrained")
-    for axes, way in zip(figure.subplots(1, 2), reversed(WAYS), strict=True):
+    figure, panels = subplots(1, 2, (9.0, 4.4))
+    for panel, way in zip(panels, reversed(WAYS), strict=True):
         first, second = (getattr(one, way).mean(axis=1) for one in shown)
-        axes.imshow(tiles(from_lab(first), from_lab(second)))
-        axes.set_title(f"{TITLES[way]}: ΔE00 {np.median(delta_e00(first, second)):.1f}", fontsize=10)
-        axes.set_axis_off()
-    data = io.BytesIO()
-    figure.savefig(data, format="png", dpi=110, metadata={"Software": None})
-    write_file(folder / "picture-story.png", data.getvalue())
+        panel.imshow(tiles(from_lab(first), from_lab(second)))
+        panel.set_title(f"{TITLES[way]}: ΔE00 {np.median(delta_e00(first, second)):.1f}", fontsize=10)
+        panel.set_axis_off()
+    save_png(figure, folder / "picture-story.png", 250, dpi=110)
     return 0
 
 

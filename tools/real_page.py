@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import sys
 from collections.abc import Mapping, Sequence
@@ -26,16 +25,14 @@ from benchmarks.claims.real import (
     solve,
 )
 from benchmarks.shared import RESULTS
-from camssf.files import write_file
-from camssf.grid import WAVELENGTHS
+from camssf.grid import BAND, WAVELENGTHS
 from tools.pages import markdown_table, write_or_check
+from tools.pictures import RGB, legend, save_png, subplots
 
 DOCS = Path(__file__).parents[1] / "docs"
 PICTURE = "images/real-d70.png"
 
-
 COMMAND = "python -m tools.real_page"
-RGB = ("#c0392b", "#1e8449", "#2455a4")
 
 
 def _by_setting(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -92,41 +89,31 @@ def markdown(found: Mapping[str, Any]) -> dict[str, str]:
 
 def draw(path: Path) -> None:
     """The curves beside both passes."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot as plt
-    from PIL import Image
-
-    figure, panels = plt.subplots(1, 2, figsize=(11, 4.2), sharey=True, layout="constrained")
+    figure, panels = subplots(1, 2, (11, 4.2), sharey=True)
     at = d70().at
     nm = WAVELENGTHS[at]
-    for panel, basis, title in zip(
-        panels, (CLAIM, PAPER), ("camssf, no Nikon in its basis", "l1 on Gaussians (the paper)"), strict=True
-    ):
+    titles = {CLAIM: "camssf, no Nikon in its basis", PAPER: "l1 on Gaussians (the paper)"}
+    for panel, (basis, title) in zip(panels, titles.items(), strict=True):
         curves, std = solve(basis, MEASURED, 0.08)[1].peak()
         for c, shade in enumerate(RGB):
             panel.plot(WAVELENGTHS, curves[:, c], color=shade, linewidth=1.5)
             if std is not None:
-                low, high = (curves[:, c] + way * 1.96 * std[:, c] for way in (-1, 1))
+                low, high = (curves[:, c] + way * BAND * std[:, c] for way in (-1, 1))
                 panel.fill_between(WAVELENGTHS, low, high, color=shade, alpha=0.15, linewidth=0)
             for truth, mark in zip(d70().truth.values(), ("o", "x"), strict=True):
                 panel.plot(nm, truth[at, c], mark, color=shade, markersize=3.5, markeredgewidth=0.8, fillstyle="none")
         panel.set_title(title, fontsize=10)
-        panel.set_xlabel("nm")
-        panel.set_xlim(390, 710)
+        panel.set(xlabel="nm", xlim=(390, 710), ylim=(-0.12, 1.3))
         panel.grid(alpha=0.3)
-    for mark, label in (("-", "recovered from the chart"), ("o", "monochromator 2011"), ("x", "monochromator 2010")):
-        panels[0].plot([], [], mark, color="black", markersize=3.5, fillstyle="none", label=label)
-    panels[0].set_ylim(-0.12, 1.3)
+    point: dict[str, Any] = {"color": "black", "markersize": 3.5, "fillstyle": "none", "linestyle": ""}
+    looks = {
+        "recovered from the chart": {"color": "black"},
+        "monochromator 2011": point | {"marker": "o"},
+        "monochromator 2010": point | {"marker": "x"},
+    }
     panels[0].set_ylabel("Nikon D70, peak 1")
-    panels[0].legend(fontsize=8, loc="upper right")
-    drawn = io.BytesIO()
-    figure.savefig(drawn, format="png", dpi=90)
-    plt.close(figure)
-    small = io.BytesIO()
-    Image.open(drawn).convert("RGB").quantize(160).save(small, format="png", optimize=True)
-    write_file(path, small.getvalue())
+    legend(panels[0], looks, loc="upper right")
+    save_png(figure, path)
 
 
 def main() -> int:

@@ -56,10 +56,8 @@ def _licence(component: Mapping[str, Any]) -> str:
 
 def faults(found: Found, known: Mapping[str, Mapping[str, str]]) -> list[str]:
     """Missing and superfluous entries of tools/soup.json."""
-    lacking = [f"{name}: add its purpose and known faults to tools/soup.json." for name in found]
-    return [words for words, name in zip(lacking, found, strict=True) if name not in known] + [
-        f"{name} in tools/soup.json is no dependency." for name in known if name not in found
-    ]
+    missing = [f"{name}: add its purpose and known faults to tools/soup.json." for name in found if name not in known]
+    return missing + [f"{name} in tools/soup.json is no dependency." for name in known if name not in found]
 
 
 def table(found: Found, known: Mapping[str, Mapping[str, str]]) -> str:

@@ -5,15 +5,13 @@
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import json
 import sys
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -58,9 +56,8 @@ def tabulate() -> Json:
     observers = {}
     for name, long_name in OBSERVERS.items():
         functions = science.MSDS_CMFS[long_name]
-        at = np.arange(380, 721)
-        rows = {int(nm): row for nm, row in zip(functions.wavelengths, functions.values.tolist(), strict=True)}
-        observers[name] = [[rows[int(nm)][i] for nm in at] for i in range(3)]
+        inside = (functions.wavelengths >= 380) & (functions.wavelengths <= 720)
+        observers[name] = functions.values[inside].T.tolist()
     return {
         "format": COLOUR_FORMAT,
         "generator": COMMAND,
@@ -89,50 +86,38 @@ def tabulate() -> Json:
     }
 
 
-def _standards() -> list[Json]:
+def _standards() -> Iterator[Json]:
     """Colour samples of standards, from colour-science."""
-    science = colour_science()
+    science, at = colour_science(), np.arange(380.0, 781.0, 5.0)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # it warns that tables are extrapolated
         from colour.quality.cfi2017 import load_TCS_CIE2017
 
-        table = load_TCS_CIE2017(science.SpectralShape(380, 780, 5))
-    samples = {
-        "cie2017": ("CIE 224:2017, 99 colour samples", np.asarray(table.values).T),
-        "cri": ("CIE 13.3 and its later skin, 15 test colours", _values(science.quality.SDS_TCS["CIE 2024"])),
-        "cqs": ("NIST CQS 9.0, 15 test colours", _values(science.quality.SDS_VS["NIST CQS 9.0"])),
-    }
-    return [
-        _set(
-            {"name": name, "kind": "general", "origin": f"{origin}; colour-science {version('colour-science')}"},
-            "BSD-3-Clause",
-            digest(rows),
-            np.arange(380.0, 781.0, 5.0),
-            rows,
-        )
-        for name, (origin, rows) in samples.items()
-    ]
+        cie2017 = np.asarray(load_TCS_CIE2017(science.SpectralShape(380, 780, 5)).values).T
+    cri, cqs = (
+        np.stack([np.interp(at, sample.wavelengths, sample.values) for sample in samples.values()])
+        for samples in (science.quality.SDS_TCS["CIE 2024"], science.quality.SDS_VS["NIST CQS 9.0"])
+    )
+    for name, what, rows in (
+        ("cie2017", "CIE 224:2017, 99 colour samples", cie2017),
+        ("cri", "CIE 13.3 and its later skin, 15 test colours", cri),
+        ("cqs", "NIST CQS 9.0, 15 test colours", cqs),
+    ):
+        about = {"name": name, "kind": "general", "origin": f"{what}; colour-science {version('colour-science')}"}
+        yield _set(about, "BSD-3-Clause", digest(rows), at, rows)
 
 
-def _values(samples: Mapping[str, Any]) -> Floats:
-    at = np.arange(380.0, 781.0, 5.0)
-    return np.stack([np.interp(at, sample.wavelengths, sample.values) for sample in samples.values()])
-
-
-def _measured() -> list[Json]:
+def _measured() -> Iterator[Json]:
     """The sets of data/surfaces."""
-    found = []
     for name, (kind, what) in FILES.items():
         at, values, sha256 = _table(name)
-        about = {"name": name, "kind": kind, "origin": f"{what}; {ISETCAM}"}
-        found.append(_set(about, "MIT", sha256, at, values))
-    return found
+        yield _set({"name": name, "kind": kind, "origin": f"{what}; {ISETCAM}"}, "MIT", sha256, at, values)
 
 
 def _table(name: str) -> tuple[Floats, Floats, str]:
     """Wavelengths (w,), values (n, w) and SHA-256 of a file of data/surfaces."""
     data = (MEASURED / f"{name}.csv").read_bytes()
-    table = np.array([[float(cell) for cell in row] for row in list(csv.reader(data.decode().splitlines()))[1:]])
+    table = np.loadtxt(data.decode().splitlines(), delimiter=",", skiprows=1)
     return table[:, 0], table[:, 1:].T, hashlib.sha256(data).hexdigest()
 
 

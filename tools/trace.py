@@ -14,11 +14,13 @@ import ast
 import json
 import re
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple, TypeAlias
 from xml.etree import ElementTree
 
 from camssf import __version__
@@ -53,8 +55,7 @@ class Requirement:
     claim: str | None = None
 
 
-@dataclass(frozen=True)
-class Marked:
+class Marked(NamedTuple):
     """A marked test, or all tests of a marked file or class.
 
     Attributes:
@@ -69,61 +70,28 @@ class Marked:
     group: str
     test: str | None
 
-    def __str__(self) -> str:
-        """The test as the page shows it."""
-        name = Path(self.place).name
-        return f"`{name}`" if self.test is None else f"`{name}`: {self.test}"
 
-
-@dataclass(frozen=True)
-class Counts:
-    """Numbers of test cases by their result."""
-
-    passed: int = 0
-    failed: int = 0
-    skipped: int = 0
-
-    def __add__(self, other: Counts) -> Counts:
-        """The sum of both."""
-        return Counts(self.passed + other.passed, self.failed + other.failed, self.skipped + other.skipped)
-
-    def __str__(self) -> str:
-        """The numbers that are not zero, in words."""
-        said = [(self.passed, "passed"), (self.failed, "**failed**"), (self.skipped, "skipped")]
-        return ", ".join(f"{count} {word}" for count, word in said if count) or NOT_RUN
-
-
-Results = Mapping[tuple[str, str], Counts]
-"""Results by group and test, without parameters."""
+Results: TypeAlias = dict[tuple[str, str], Counter[str]]
+"""How many cases of a group and test passed, **failed** or were skipped."""
 
 
 def read_requirements(path: Path = REQUIREMENTS) -> list[Requirement]:
     """All requirements, in the file's order."""
-    found = [Requirement(**each) for each in json.loads(path.read_text("utf-8"))]
-    names = [each.name for each in found]
-    if len(set(names)) < len(names):
-        raise ValueError(f"{path.name} names a requirement twice")
-    return found
-
-
-def _named(node: ast.expr) -> list[str]:
-    """The requirements in `pytest.mark.requirement(...)`, or in a list of such calls."""
-    if isinstance(node, ast.List | ast.Tuple):
-        return [name for elt in node.elts for name in _named(elt)]
-    if not (isinstance(node, ast.Call) and ast.unparse(node.func) == "pytest.mark.requirement"):
-        return []
-    return [str(ast.literal_eval(argument)) for argument in node.args]
+    return [Requirement(**each) for each in json.loads(path.read_text("utf-8"))]
 
 
 def python_markers(text: str, place: str) -> Iterator[Marked]:
     """The markers in one Python test file."""
     group = place.removesuffix(".py").replace("/", ".")
     for node in ast.parse(text).body:
-        if isinstance(node, ast.Assign) and [ast.unparse(target) for target in node.targets] == ["pytestmark"]:
-            yield from (Marked(name, place, group, None) for name in _named(node.value))
-        if isinstance(node, ast.FunctionDef):
-            for decorator in node.decorator_list:
-                yield from (Marked(name, place, group, node.name) for name in _named(decorator))
+        marks, test = [], None
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "pytestmark":
+            marks = [node.value]
+        elif isinstance(node, ast.FunctionDef):
+            marks, test = node.decorator_list, node.name
+        for call in (inner for mark in marks for inner in ast.walk(mark) if isinstance(inner, ast.Call)):
+            if ast.unparse(call.func) == "pytest.mark.requirement":
+                yield from (Marked(ast.literal_eval(name), place, group, test) for name in call.args)
 
 
 def kotlin_markers(text: str, place: str) -> Iterator[Marked]:
@@ -142,40 +110,35 @@ def kotlin_markers(text: str, place: str) -> Iterator[Marked]:
 
 
 @cache
-def markers(root: Path = ROOT) -> tuple[Marked, ...]:
+def markers() -> tuple[Marked, ...]:
     """The markers of all tests in both languages."""
-    python = sorted((root / "tests").glob("**/test_*.py"))
-    kotlin = sorted((root / "android-bindings").glob("*/src/test/kotlin/**/*.kt"))
-    found = [marker for path in python for marker in python_markers(path.read_text("utf-8"), _place(path, root))]
-    found += [marker for path in kotlin for marker in kotlin_markers(path.read_text("utf-8"), _place(path, root))]
-    return tuple(found)
+    languages = (
+        (python_markers, "tests/**/test_*.py"),
+        (kotlin_markers, "android-bindings/*/src/test/kotlin/**/*.kt"),
+    )
+    return tuple(
+        marker
+        for read, pattern in languages
+        for path in sorted(ROOT.glob(pattern))
+        for marker in read(path.read_text("utf-8"), path.relative_to(ROOT).as_posix())
+    )
 
 
-def _place(path: Path, root: Path) -> str:
-    return path.relative_to(root).as_posix()
-
-
-def _inside(folder: Path) -> list[Path]:
+def result_files(folder: Path) -> list[Path]:
     """Surefire's files anywhere below the folder, and pytest's files in it, one a run."""
     return sorted({*folder.glob("**/TEST-*.xml"), *folder.glob("pytest*.xml")})
 
 
 def read_results(paths: Sequence[Path]) -> Results:
     """The results in JUnit XML files; for a folder, in all TEST-*.xml below it and its pytest*.xml."""
-    files = [file for path in paths for file in (_inside(path) if path.is_dir() else [path])]
-    found: dict[tuple[str, str], Counts] = {}
-    for file in files:
+    results: Results = {}
+    for file in [file for path in paths for file in (result_files(path) if path.is_dir() else [path])]:
         for case in ElementTree.parse(file).iter("testcase"):
-            said = {child.tag for child in case}
-            one = Counts(
-                passed=not said & {"failure", "error", "skipped"},
-                failed=bool(said & {"failure", "error"}),
-                skipped="skipped" in said,
-            )
-            group = case.get("classname", "")
-            key = (group, _bare(case.get("name", "")))
-            found[key] = found.get(key, Counts()) + one
-    return found
+            children = {child.tag for child in case}
+            failed = "**failed**" if children & {"failure", "error"} else "passed"
+            key = (case.get("classname", ""), _bare(case.get("name", "")))
+            results.setdefault(key, Counter())["skipped" if "skipped" in children else failed] += 1
+    return results
 
 
 def _bare(name: str) -> str:
@@ -183,14 +146,17 @@ def _bare(name: str) -> str:
     return re.split(r"[\[({]", name, maxsplit=1)[0]
 
 
-def counts(tests: Sequence[Marked], results: Results) -> Counts:
+def counts(name: str, results: Results) -> Counter[str]:
     """The results of one requirement's tests; a test with two markers counts once."""
-    keys = {
-        (group, test)
-        for group, test in results
-        if any(group == each.group and (each.test is None or _bare(each.test) == test) for each in tests)
-    }
-    return sum((results[key] for key in keys), Counts())
+    tests = {(test.group, test.test and _bare(test.test)) for test in markers() if test.requirement == name}
+    found = (count for (group, test), count in results.items() if tests & {(group, None), (group, test)})
+    return sum(found, Counter[str]())
+
+
+def in_words(count: Counter[str]) -> str:
+    """The numbers that are not zero."""
+    order = ("passed", "**failed**", "skipped")
+    return ", ".join(f"{count[kind]} {kind}" for kind in order if count[kind]) or NOT_RUN
 
 
 def claims(page: str) -> list[str]:
@@ -200,51 +166,53 @@ def claims(page: str) -> list[str]:
     return [re.sub(r"\*\*|`", "", cell) for cell in cells if cell != "claim"]
 
 
-def faults(requirements: Sequence[Requirement], tests: Sequence[Marked], said: Sequence[str]) -> list[str]:
+def faults(results: Results | None) -> list[str]:
     """What is missing or wrong in the trace, each with what to do."""
-    known, shown = {requirement.name for requirement in requirements}, {test.requirement for test in tests}
+    requirements, rows = read_requirements(), claims(CLAIMS_PAGE.read_text("utf-8"))
+    known, shown = {requirement.name for requirement in requirements}, {test.requirement for test in markers()}
     found = [
+        f"{name} is there {n} times." for name, n in Counter(each.name for each in requirements).items() if n > 1
+    ]
+    found += [
         f"{name} has no test. Mark one: pytest.mark.requirement({name!r}) or @Tag({json.dumps(name)})."
         for name in sorted(known - shown)
     ]
     found += [
         f"{test.place} names {test.requirement}, which tools/requirements.json does not know."
-        for test in tests
+        for test in markers()
         if test.requirement not in known
     ]
-    claimed = {requirement.name: requirement.claim for requirement in requirements if requirement.claim is not None}
-    for row in said:
-        owners = [name for name, claim in claimed.items() if row.startswith(claim)]
+    for row in rows:
+        owners = [each.name for each in requirements if each.claim is not None and row.startswith(each.claim)]
         if len(owners) != 1:
             who = " and ".join(owners) or "no requirement"
             found.append(f"The claim {row[:60]!r} is of {who}: one in tools/requirements.json must claim it.")
     found += [
-        f"{name} claims {claim!r}, and no row of docs/claims.md begins so."
-        for name, claim in claimed.items()
-        if not any(row.startswith(claim) for row in said)
+        f"{each.name} claims {each.claim!r}, and no row of docs/claims.md begins so."
+        for each in requirements
+        if each.claim is not None and not any(row.startswith(each.claim) for row in rows)
     ]
+    if results is not None:
+        ended = {requirement.name: counts(requirement.name, results) for requirement in requirements}
+        found += [
+            f"{name}: {in_words(count)}."
+            for name, count in ended.items()
+            if count["**failed**"] or not count["passed"]
+        ]
     return found
 
 
-def described(requirements: Sequence[Requirement], tests: Sequence[Marked]) -> list[tuple[str, str, str, str]]:
-    """Name, text, risk and files with tests of each requirement."""
-    rows = []
-    for requirement in requirements:
-        files = dict.fromkeys(Path(test.place).name for test in tests if test.requirement == requirement.name)
-        rows.append((requirement.name, requirement.text, requirement.risk, ", ".join(f"`{name}`" for name in files)))
-    return rows
-
-
-def table(results: Path = RESULTS) -> str:
+def table(folder: Path = RESULTS) -> str:
     """When the tests of a folder's results ran, and the table of the requirements with what came of their tests."""
-    files = _inside(results)
-    found, tests = read_results(files), markers()
-    rows = [
-        (*row, str(counts([test for test in tests if test.requirement == row[0]], found)))
-        for row in described(read_requirements(), tests)
-    ]
-    when = datetime.fromtimestamp(max(path.stat().st_mtime for path in files), UTC) if files else None
-    run = f"{when:%Y-%m-%d %H:%M} UTC, camssf {__version__}" if when else NOT_RUN
+    files = result_files(folder)
+    results = read_results(files)
+    rows = []
+    for each in read_requirements():
+        places = dict.fromkeys(Path(test.place).name for test in markers() if test.requirement == each.name)
+        names = ", ".join(f"`{name}`" for name in places)
+        rows.append((each.name, each.text, each.risk, names, in_words(counts(each.name, results))))
+    times = [path.stat().st_mtime for path in files]
+    run = f"{datetime.fromtimestamp(max(times), UTC):%Y-%m-%d %H:%M} UTC, camssf {__version__}" if times else NOT_RUN
     return f"Last run: {run}.\n\n{markdown_table(HEAD, rows)}"
 
 
@@ -252,24 +220,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Check the trace; returns 1 if there are faults."""
     command = argparse.ArgumentParser(prog=COMMAND, description=(__doc__ or "").partition("\n")[0])
     command.add_argument("--results", type=Path, nargs="*", default=[], help="JUnit XML, folders with TEST-*.xml")
-    options = command.parse_args(argv)
-    requirements, tests = read_requirements(), markers()
-    wrong = faults(requirements, tests, claims(CLAIMS_PAGE.read_text("utf-8")))
-    total = Counts()
-    if options.results:
-        results = read_results(options.results)
-        found = {
-            requirement.name: counts([test for test in tests if test.requirement == requirement.name], results)
-            for requirement in requirements
-        }
-        wrong += [f"{name}: {each}." for name, each in found.items() if each.failed or not each.passed]
-        total = sum(found.values(), Counts())
-    for each in wrong:
-        print(each, file=sys.stderr)
-    marked = len({(each.place, each.test) for each in tests})
-    cases = f", {total}" if options.results else ""
+    paths = command.parse_args(argv).results
+    results = read_results(paths) if paths else None
+    wrong = faults(results)
+    for fault in wrong:
+        print(fault, file=sys.stderr)
+    requirements = read_requirements()
+    cases = ""
+    if results is not None:
+        cases = f", {in_words(sum((counts(each.name, results) for each in requirements), Counter[str]()))}"
+    marked = len({(test.place, test.test) for test in markers()})
     print(f"trace: {len(requirements)} requirements, {marked} markers{cases}, {len(wrong)} faults")
-    return 1 if wrong else 0
+    return int(bool(wrong))
 
 
 if __name__ == "__main__":

@@ -113,9 +113,9 @@ def kotlin(rounds: int = 10) -> tuple[float, float, float]:
     """Largest difference from Python's corners, px; median and largest ms of the drawings as previews.
 
     Raises:
-        OSError, benchmarks.kernels.kotlin_calibrate.Unavailable: there is no Java, or no build.
+        OSError, benchmarks.kernels.turns.Unavailable: there is no Java, or no build.
     """
-    from benchmarks.kernels.kotlin_calibrate import Unavailable, class_path
+    from benchmarks.kernels.turns import Unavailable, class_path
 
     ours: dict[str, FoundCharts] = {}
     with tempfile.TemporaryDirectory() as folder:

@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.kernels.kotlin_decode import BINDINGS, Unavailable
+from benchmarks.kernels.turns import BINDINGS, Unavailable
 from benchmarks.shared import command_parser, console, one_thread, progress, save, table, versions
 from camssf.grid import Floats
 from camssf.spectra import ChartTable, read_camera, read_chart, read_lamp

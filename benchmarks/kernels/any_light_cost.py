@@ -16,6 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from benchmarks.kernels.turns import clocked, in_turn
 from benchmarks.shared import command_parser, console, one_thread, save, table, versions
 from camssf.grid import Floats
 from camssf.recovery.basis import read_basis
@@ -46,22 +47,16 @@ def named() -> Observation:
 def weigh(guesses: Sequence[LampGuess], basis: str) -> Floats:
     """The model's evidence of each guess, in one call."""
     observations = [guess.observation for guess in guesses]
-    most = max(observation.lamp_modes.shape[1] for observation in observations)
+    first, most = observations[0], max(observation.lamp_modes.shape[1] for observation in observations)
     modes = [
         np.pad(observation.lamp_modes, ((0, 0), (0, most - observation.lamp_modes.shape[1]), (0, 0)))
         for observation in observations
     ]
-    first = observations[0]
     one = np.ones_like(first.signals)
-    names = ("standard_error", "chart_tolerance", "white_tolerance", "gain_own")
-    given = {name: getattr(first, name) for name in names[1:]}
-    given |= {name: getattr(first, name)[None] for name in names[:1]}
+    given = {name: getattr(first, name) for name in ("chart_tolerance", "white_tolerance", "gain_own")}
+    given |= {name: getattr(first, name)[None] for name in ("standard_error", "reflectance", "white_reflectance")}
+    given |= {name: np.stack([getattr(each, name) for each in observations]) for name in ("lamp", "lamp_tolerance")}
     given |= {"chart": first.signals[None], "white": one, "dark": 0 * one, "gain_modes": 0 * one[:, None, :, 0]}
-    given |= {name: getattr(first, name)[None] for name in ("reflectance", "white_reflectance")}
-    given |= {
-        name: np.stack([getattr(observation, name) for observation in observations])
-        for name in ("lamp", "lamp_tolerance")
-    }
     given |= {"lamp_modes": np.stack(modes), "prior_scale": 1.0, "solve": 0.0, "explain": 0.0}
     given |= {"l2": 1.0, "gamma": 0.05, "nonnegative": 0.0}
     inputs = {name: np.asarray(value, float) for name, value in given.items()}
@@ -104,12 +99,7 @@ def main(arguments: list[str] | None = None) -> int:
     calls["an answer's lights"] = lambda: [
         solve_on_basis(by_modes(by_name[each.kinds[0]].observation), each.basis) for each in solved
     ]
-    times: dict[str, list[float]] = {name: [] for name in calls}
-    for _ in range(rounds):
-        for name, call in calls.items():
-            start = time.process_time()
-            call()
-            times[name].append(time.process_time() - start)
+    times = in_turn({name: clocked(call, time.process_time) for name, call in calls.items()}, rounds)
     one = statistics.median(times["one lamp, by name"])
     rows = [[name, 1e3 * statistics.median(each), statistics.median(each) / one] for name, each in times.items()]
     console().print(table("Processor time, one shot, 24 patches", ["what", "ms", "of one lamp"], rows))

@@ -1,10 +1,10 @@
 """The models on AArch64 without a phone: `python -m benchmarks.kernels.arm [--work DIR] [--count 60] [--seed 0]`
 
 Runs the shipped models through the real AArch64 ONNX Runtime under user-mode QEMU and on this machine, on the same
-inputs (seeded problems of `certify`, and the golden cases of stage ssf), and prints the worst difference of each
-output; for golden cases also that of ARM from the stored outputs, which are the NumPy reference's. Bar: norm-wise,
-max |a - b| / max |b| <= 1e-10; and the duality gap on ARM <= 1e-9. It also counts the calls that need the finish on
-one of the two only. Emulation is exact arithmetic by the processor's rules, not timing.
+inputs (seeded problems of `certify`), and prints the worst difference of each output; `arm_jvm` runs the golden
+cases, whose stored outputs are the NumPy reference's. Bar: norm-wise, max |a - b| / max |b| <= 1e-10; and the duality
+gap on ARM <= 1e-9. It also counts the calls that need the finish on one of the two only. Emulation is exact
+arithmetic by the processor's rules, not timing.
 
 Needs qemu-user-static and a Debian's apt-get, but no root. The first run fetches arm64 packages from the machine's
 own apt source and two wheels from pip's own index into the cache folder; later runs need no network.
@@ -25,11 +25,13 @@ from typing import Any
 import numpy as np
 
 from benchmarks.claims.certify import draw
-from benchmarks.shared import command_parser, console, one_thread, progress, save, table, versions
+from benchmarks.kernels.turns import Unavailable, or_unavailable
+from benchmarks.shared import command_parser, console, one_thread, save, table, versions
 from camssf.grid import Floats
-from camssf.recovery.onnx_model import SHIPPED, load_model
+from camssf.recovery.onnx_model import load_model
 
 BAR, GAP_BAR = 1e-10, 1e-9
+CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "camssf-arm"
 UNCOMPARED = ("gap", "layers_gap", "finish_steps")
 TOOLS = {"qemu-aarch64-static": "qemu-user-static", "apt-get": "apt", "dpkg-deb": "dpkg"}
 CPUINFO = """processor\t: 0
@@ -43,10 +45,6 @@ CPU revision\t: 3
 
 """
 """ONNX Runtime reads the processor's description and crashes on an x86 one; QEMU prefers this to the host's."""
-
-
-class Unavailable(Exception):
-    """The benchmark cannot run here; the message says what to do."""
 
 
 def tools() -> None:
@@ -125,9 +123,9 @@ def wheels(work: Path, root: Path) -> Path:
 
 
 def emulate(root: Path, packages: Path, given: Path, made: Path) -> None:
-    """Run `run_models.py` on the emulated processor; its counter drives the bar."""
+    """Run `run_models.py` on the emulated processor; it counts on stderr."""
     here = Path(__file__).parent
-    source = here.parent / "reference"
+    source = here.parents[1] / "reference"
     keep = {k: v for k, v in os.environ.items() if k.endswith("_NUM_THREADS")}
     environment = keep | {
         "PYTHONHOME": str(root / "usr"),
@@ -139,35 +137,7 @@ def emulate(root: Path, packages: Path, given: Path, made: Path) -> None:
         "qemu-aarch64-static", "-cpu", "cortex-a72", "-L", str(root), str(root / "usr/bin/python3"),
         str(here / "run_models.py"), str(given), str(made),
     ]  # fmt: skip
-    said: list[str] = []
-    with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True) as process, progress() as bar:
-        task = bar.add_task("on AArch64", total=None)
-        assert process.stderr is not None
-        for line in process.stderr:
-            done, _, total = line.strip().partition("/")
-            if done.isdigit() and total.isdigit():
-                bar.update(task, completed=int(done), total=int(total))
-            else:
-                said.append(line.rstrip())
-    if process.returncode:
-        raise Unavailable(f"the emulated run ended with {process.returncode}: {' '.join(said[-3:])}")
-
-
-def golden() -> dict[tuple[str, str], tuple[dict[str, Floats], dict[str, Floats]]]:
-    """Golden cases of stage ssf that succeed on a shipped basis: (basis, case) → inputs and stored outputs."""
-    from golden.forms import resolve
-    from golden.products import model_inputs
-    from golden.reading import paths, read_case
-
-    cases = {}
-    for case in map(read_case, (path for path in paths() if path.parent.name == "ssf")):
-        inputs, stored = case["inputs"], case["outputs"]
-        if case["expect"] != "success" or inputs["basis"] not in SHIPPED:
-            continue
-        given = model_inputs(load_model(inputs["basis"]), {name: resolve(value) for name, value in inputs.items()})
-        known = {name: np.asarray(value, float) for name, value in stored.items() if value is not None}
-        cases[inputs["basis"], case["case"].replace("/", "-")] = given, known
-    return cases
+    subprocess.run(command, env=environment, check=True)
 
 
 def compare(here: dict[str, Floats], there: dict[str, Floats]) -> tuple[list[dict[str, Any]], float]:
@@ -197,94 +167,60 @@ def compare(here: dict[str, Floats], there: dict[str, Floats]) -> tuple[list[dic
     return list(worst.values()), gap
 
 
+@or_unavailable
 def main(arguments: list[str] | None = None) -> int:
     parser = command_parser(__spec__, __doc__)
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "camssf-arm"
-    parser.add_argument("--work", type=Path, default=cache, help="folder to keep the arm64 system in")
-    parser.add_argument("--count", type=int, default=60, help="seeded problems, besides the golden cases")
+    parser.add_argument("--work", type=Path, default=CACHE, help="folder to keep the arm64 system in")
+    parser.add_argument("--count", type=int, default=60, help="seeded problems")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args(arguments)
-    out, err = console(), progress().console
+    out = console()
     work = options.work.absolute()
-    try:
-        tools()
-        err.print("preparing the arm64 system, once ...")
-        root = root_folder(work)
-        packages = wheels(work, root)
-        cases = {}
-        for i in range(options.count):
-            problem, _ = draw(options.seed, i)
-            cases[problem.basis, f"seed{options.seed}-{i}"] = problem.inputs
-        from_golden = golden()
-        given, made = work / "inputs.npz", work / "outputs.npz"
-        made.unlink(missing_ok=True)
-        both = cases | {key: inputs for key, (inputs, _) in from_golden.items()}
-        with given.open("wb") as stream:
-            flat = {f"{basis}/{case}/{name}": v for (basis, case), x in both.items() for name, v in x.items()}
-            np.savez(stream, **flat)  # type: ignore[arg-type]
-        emulate(root, packages, given, made)
-    except Unavailable as error:
-        print(f"benchmarks.kernels.arm cannot run: {error}", file=sys.stderr)
-        return 2
-    except subprocess.CalledProcessError as error:
-        said = (error.stderr or error.stdout or "").strip().splitlines()
-        print(f"benchmarks.kernels.arm: {Path(error.cmd[0]).name} failed: {' '.join(said[-3:])}", file=sys.stderr)
-        return 2
+    tools()
+    print("preparing the arm64 system, once ...", file=sys.stderr)
+    root = root_folder(work)
+    packages = wheels(work, root)
+    cases = {}
+    for i in range(options.count):
+        problem, _ = draw(options.seed, i)
+        cases[problem.basis, f"seed{options.seed}-{i}"] = problem.inputs
+    given, made = work / "inputs.npz", work / "outputs.npz"
+    made.unlink(missing_ok=True)
+    with given.open("wb") as stream:
+        flat = {f"{basis}/{case}/{name}": v for (basis, case), x in cases.items() for name, v in x.items()}
+        np.savez(stream, **flat)  # type: ignore[arg-type]
+    emulate(root, packages, given, made)
     with np.load(made) as content:
         there = {name: content[name] for name in content.files}
     machine = str(there.pop("machine"))
     here = {
         f"{basis}/{case}/{name}": value
-        for (basis, case), inputs in both.items()
+        for (basis, case), inputs in cases.items()
         for name, value in load_model(basis).run(inputs).items()
     }
     rows, gap = compare(here, there)
     took = [key for key in here if key.endswith("/finish_steps") and (here[key].any() != there[key].any())]
-    stored = {
-        f"{basis}/{case}/{name}": value
-        for (basis, case), (_, outputs) in from_golden.items()
-        for name, value in outputs.items()
-    }
-    from_stored = {(row["basis"], row["output"]): row["worst"] for row in compare(stored, there)[0]}
-    for row in rows:
-        row["worst_from_stored"] = from_stored.get((row["basis"], row["output"]))
     rows.sort(key=lambda row: (row["basis"], row["output"]))
     versions_ = versions()
     title = (
-        f"{versions_['machine']} against {machine}: {len(cases)} seeded problems, {len(from_golden)} golden cases; "
+        f"{versions_['machine']} against {machine}: {len(cases)} seeded problems; "
         f"ONNX Runtime {versions_['onnxruntime']}"
     )
-    head = (
-        "basis",
-        "output",
-        "worst difference",
-        "in case",
-        "cases",
-        "same bits",
-        "worst from stored golden outputs",
-    )
-    lines = [
-        (
-            row["basis"], row["output"], f"{row['worst']:.1e}", row["case"], row["cases"], row["equal_bits"],
-            "" if row["worst_from_stored"] is None else f"{row['worst_from_stored']:.1e}",
-        )
-        for row in rows
-    ]  # fmt: skip
+    head = ("basis", "output", "worst difference", "in case", "cases", "same bits")
+    keys = ("case", "cases", "equal_bits")
+    lines = [(row["basis"], row["output"], f"{row['worst']:.1e}", *(row[key] for key in keys)) for row in rows]
     out.print(table(title, head, lines))
-    worst = max([row["worst"] for row in rows] + list(from_stored.values()))
+    worst = max(row["worst"] for row in rows)
     good = worst <= BAR and gap <= GAP_BAR and machine == "aarch64"
-    out.print(f"the finish is needed on one of the two processors only in {len(took)} of {len(both)} calls")
+    out.print(f"the finish is needed on one of the two processors only in {len(took)} of {len(cases)} calls")
     out.print(f"worst difference {worst:.1e} (bar {BAR:.0e}); largest gap on {machine} {gap:.1e} (bar {GAP_BAR:.0e})")
     out.print("held" if good else "MISSED")
-    place = save(
-        "arm",
-        {
-            "seed": options.seed, "count": len(cases), "golden": len(from_golden), "machine": machine,
-            "versions": versions_, "bar": BAR, "worst": worst, "gap_bar": GAP_BAR, "gap": gap, "held": good,
-            "finish_on_one": len(took), "outputs": rows,
-        },
-    )  # fmt: skip
-    out.print(f"written: {place}")
+    content = {
+        "seed": options.seed, "count": len(cases), "machine": machine,
+        "versions": versions_, "bar": BAR, "worst": worst, "gap_bar": GAP_BAR, "gap": gap, "held": good,
+        "finish_on_one": len(took), "outputs": rows,
+    }  # fmt: skip
+    out.print(f"written: {save('arm', content)}")
     return 0 if good else 1
 
 

@@ -12,30 +12,19 @@ own apt source into the cache folder, 0.3 GB unpacked; later runs need no networ
 
 from __future__ import annotations
 
-import os
 import re
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
-from benchmarks.kernels.arm import Unavailable, root_folder, tools
-from benchmarks.shared import command_parser, console, progress, save, table
+from benchmarks.kernels.arm import CACHE, root_folder, tools
+from benchmarks.kernels.turns import Unavailable, class_path, or_unavailable
+from benchmarks.shared import command_parser, console, save, table
 
 BAR = 1e-9
 JRE = "default-jre-headless"
-REPOSITORY = Path(__file__).parents[2]
-MODULES = REPOSITORY / "android-bindings"
-
-
-def class_path() -> str:
-    """The built jars and what they need, as Maven wrote it down."""
-    target = MODULES / "golden" / "target"
-    jars = [jar for jar in target.glob("camssf-golden-*.jar") if not jar.stem.endswith(("-sources", "-javadoc"))]
-    listed = target / "classpath.txt"
-    if len(jars) != 1 or not listed.exists():
-        raise Unavailable("the jars are missing. Build them with: mvn -f android-bindings -DskipTests package")
-    return os.pathsep.join([str(jars[0]), listed.read_text("utf-8").strip()])
+GOLDEN = Path(__file__).parents[2] / "golden"
 
 
 def java_of(root: Path) -> Path:
@@ -46,50 +35,40 @@ def java_of(root: Path) -> Path:
     return found[0]
 
 
-def run(command: list[str], cases: list[str], words: str) -> dict[str, Any]:
+def run(command: list[str], cases: list[str]) -> dict[str, Any]:
     """The golden runner's closing line as numbers.
 
     Raises:
         Unavailable: it did not come to its end.
     """
     heap = ["-XX:+UseSerialGC", "-Xmx768m", "-cp", class_path(), "org.camssf.golden.GoldenRunner"]
-    with progress() as bar:
-        bar.add_task(words, total=None)
-        done = subprocess.run([*command, *heap, str(REPOSITORY / "golden"), *cases], capture_output=True, text=True)
+    done = subprocess.run([*command, *heap, str(GOLDEN), *cases], capture_output=True, text=True)
     counts = r"golden: (\d+) of (\d+) cases ran, (\d+) failed, (\d+) skipped"
     ended = re.search(rf"on (\S+), Java (\S+)\n{counts}.*within (\S+) of the peak", done.stdout)
     if ended is None:
         said = (done.stderr or done.stdout).strip().splitlines()
         raise Unavailable(f"the golden runner ended with {done.returncode}: {' '.join(said[-3:])}")
-    machine, java, ran, cases, failed, skipped, off = ended.groups()
+    machine, java, ran, total, failed, skipped, off = ended.groups()
     return {
-        "machine": machine, "java": java, "cases": int(cases), "ran": int(ran), "failed": int(failed),
+        "machine": machine, "java": java, "cases": int(total), "ran": int(ran), "failed": int(failed),
         "skipped": int(skipped), "worst": float(off),
         "faults": [line for line in done.stdout.splitlines() if line.startswith("FAULT")],
     }  # fmt: skip
 
 
+@or_unavailable
 def main(arguments: list[str] | None = None) -> int:
     parser = command_parser(__spec__, __doc__)
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "camssf-arm"
     parser.add_argument("case", nargs="*", help="stage/name of golden cases (default: all)")
-    parser.add_argument("--work", type=Path, default=cache, help="folder to keep the arm64 system in")
+    parser.add_argument("--work", type=Path, default=CACHE, help="folder to keep the arm64 system in")
     options = parser.parse_args(arguments)
-    out, err = console(), progress().console
-    try:
-        tools()
-        err.print("preparing the arm64 system, once ...")
-        root = root_folder(options.work.absolute(), JRE)
-        here = run(["java"], options.case, "golden vectors here")
-        emulator = ["qemu-aarch64-static", "-cpu", "cortex-a72", "-L", str(root), str(java_of(root))]
-        there = run(emulator, options.case, "golden vectors on AArch64")
-    except Unavailable as error:
-        print(f"benchmarks.kernels.arm_jvm cannot run: {error}", file=sys.stderr)
-        return 2
-    except subprocess.CalledProcessError as error:
-        said = (error.stderr or error.stdout or "").strip().splitlines()
-        print(f"benchmarks.kernels.arm_jvm: {Path(error.cmd[0]).name} failed: {' '.join(said[-3:])}", file=sys.stderr)
-        return 2
+    out = console()
+    tools()
+    print("preparing the arm64 system, once ...", file=sys.stderr)
+    root = root_folder(options.work.absolute(), JRE)
+    here = run(["java"], options.case)
+    emulator = ["qemu-aarch64-static", "-cpu", "cortex-a72", "-L", str(root), str(java_of(root))]
+    there = run(emulator, options.case)
     head = ("machine", "Java", "cases", "ran", "failed", "skipped", "curves off Python's, of the peak")
     names = ("machine", "java", "cases", "ran", "failed", "skipped")
     lines = [[*(each[name] for name in names), f"{each['worst']:.1e}"] for each in (here, there)]

@@ -9,16 +9,21 @@ where a bar is missed.
 
 from __future__ import annotations
 
-import json
 import statistics
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from benchmarks.shared import command_parser, one_thread
+import rawpy
+
+from benchmarks.kernels.turns import clocked, in_turn, ratio, ratio_cells
+from benchmarks.shared import command_parser, one_thread, save, versions
+from camssf import Options, calibrate
+from camssf_lab.simulation.camera import Sensor
+from camssf_lab.simulation.frames import simulate
+from camssf_lab.simulation.scene import Scene
 
 SIZE = (4000, 3000)
 RATIO_BAR, MEMORY_BAR = 2.0, 4.0
@@ -38,19 +43,12 @@ print(kilobytes("VmHWM") - before)
 
 def decode(path: Path) -> int:
     """The yardstick: LibRaw's samples and nothing else."""
-    import rawpy
-
     with rawpy.imread(str(path)) as raw:
         return int(raw.raw_image[-1, -1])
 
 
 def measure(runs: int, basis: str) -> Result:
     """Both in turns, and the memory of a process of its own."""
-    from camssf import Options, calibrate
-    from camssf_lab.simulation.camera import Sensor
-    from camssf_lab.simulation.frames import simulate
-    from camssf_lab.simulation.scene import Scene
-
     with tempfile.TemporaryDirectory() as folder:
         print("simulating a 12-megapixel lossless-JPEG DNG ...", file=sys.stderr)
         camera, where = "Nikon 5100 (NPL)", Path(folder)
@@ -59,31 +57,20 @@ def measure(runs: int, basis: str) -> Result:
         small = simulate(camera, "D55", where / "small", scene=Scene(size=(900, 675))).shots[0].chart
         calibrate(small, "D55", options=Options(basis=basis))
         decode(photo)
-        bare, whole, ratios = [], [], []
-        for _ in range(runs):
-            start = time.perf_counter()
-            decode(photo)
-            middle = time.perf_counter()
-            calibrate(photo, "D55", options=Options(basis=basis))
-            end = time.perf_counter()
-            bare.append(middle - start)
-            whole.append(end - middle)
-            ratios.append(whole[-1] / bare[-1])
-        peak = subprocess.run(
-            [sys.executable, "-c", MEMORY, str(small), str(photo), basis],
-            capture_output=True,
-            text=True,
-            check=True,
+        times = in_turn(
+            {
+                "decode_seconds": clocked(lambda: decode(photo)),
+                "calibrate_seconds": clocked(lambda: calibrate(photo, "D55", options=Options(basis=basis))),
+            },
+            runs,
         )
+        words = [sys.executable, "-c", MEMORY, str(small), str(photo), basis]
+        peak = subprocess.run(words, capture_output=True, text=True, check=True)
         megabytes = photo.stat().st_size / 1e6
-    return {
-        "file_megabytes": megabytes,
-        "decode_seconds": statistics.median(bare),
-        "calibrate_seconds": statistics.median(whole),
-        "ratio": statistics.median(ratios),
-        "ratio_range": [min(ratios), max(ratios)],
-        "peak_over_mosaic": int(peak.stdout) * 1024 / (SIZE[0] * SIZE[1] * 2),
-    }
+    medians = {name: statistics.median(seconds) for name, seconds in times.items()}
+    spread = ratio(times["calibrate_seconds"], times["decode_seconds"])
+    over = int(peak.stdout) * 1024 / (SIZE[0] * SIZE[1] * 2)
+    return {"file_megabytes": megabytes} | medians | spread | {"peak_over_mosaic": over}
 
 
 def held(result: Result) -> bool:
@@ -96,20 +83,17 @@ def main(arguments: list[str] | None = None) -> int:
     parser = command_parser(__spec__, __doc__)
     parser.add_argument("--runs", type=int, default=9)
     parser.add_argument("--basis", default="cameras")
-    parser.add_argument("--json", type=Path, help="also write the numbers here")
     options = parser.parse_args(arguments)
 
     result = measure(options.runs, options.basis)
     print(f"DNG {result['file_megabytes']:.1f} MB, {options.runs} pairs, medians")
     print(f"bare decode      {result['decode_seconds']:.3f} s")
     print(f"calibrate        {result['calibrate_seconds']:.3f} s   ({options.basis})")
-    low, high = result["ratio_range"]
-    print(f"ratio            {result['ratio']:.2f}   ({low:.2f} to {high:.2f}; bar {RATIO_BAR:g}, goal 1.3)")
+    median, spread = ratio_cells(result)
+    print(f"ratio            {median}   ({spread}; bar {RATIO_BAR:g}, goal 1.3)")
     print(f"peak memory      {result['peak_over_mosaic']:.2f} x the mosaic   (bar {MEMORY_BAR:g})")
     print("every bar held" if held(result) else "a bar was MISSED")
-    if options.json:
-        options.json.parent.mkdir(parents=True, exist_ok=True)
-        options.json.write_text(json.dumps(result, indent=1) + "\n")
+    print(save("capture", {"versions": versions("rawpy"), "runs": options.runs, "basis": options.basis} | result))
     return 0 if held(result) else 1
 
 

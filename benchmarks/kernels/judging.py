@@ -11,9 +11,10 @@ from __future__ import annotations
 import statistics
 import sys
 import tempfile
-import time
+from functools import partial
 from pathlib import Path
 
+from benchmarks.kernels.turns import clocked, in_turn, ratio
 from benchmarks.shared import command_parser, console, one_thread, save, table, versions
 from camssf import Options
 from camssf.fit.capture_fit import prepare_fit
@@ -40,20 +41,17 @@ def main(arguments: list[str] | None = None) -> int:
     for basis in BARS:
         fit = prepare_fit(capture, Options(basis=basis))
         ssf = recover_fit(fit, fit.signals.used, None)
-        times = []
-        for _ in range(runs):
-            start = time.perf_counter()
-            recover_fit(single, fit.signals.used, None)
-            middle = time.perf_counter()
-            weigh(fit, ssf, [])
-            times.append((middle - start, time.perf_counter() - middle))
-        one, whole = (round(1e3 * statistics.median(each), 1) for each in zip(*times, strict=True))
-        ratio = round(statistics.median(b / a for a, b in times), 2)
-        rows.append((basis, one, whole, ratio, *BARS[basis]))
+        used = fit.signals.used
+        contenders = {
+            "fit": clocked(partial(recover_fit, single, used, None)), "judging": clocked(partial(weigh, fit, ssf, []))
+        }  # fmt: skip
+        times = in_turn(contenders, runs)
+        medians = (round(1e3 * statistics.median(seconds), 1) for seconds in times.values())
+        rows.append((basis, *medians, round(ratio(times["judging"], times["fit"])["ratio"], 2), *BARS[basis]))
     head = ["basis", "a fit, ms", "judging, ms", "ratio", "bar", "goal"]
     console().print(table(f"Judging one photo, {runs} pairs", head, rows))
     print(f"written: {save('judging', {'rows': rows, 'runs': runs, 'versions': versions()})}")
-    return int(any(ratio > bar for *_, ratio, bar, _ in rows))
+    return int(any(measured > bar for *_, measured, bar, _ in rows))
 
 
 if __name__ == "__main__":

@@ -8,11 +8,10 @@ colour, another standardiser with its tables and the colour of one surface take.
 
 from __future__ import annotations
 
-import subprocess
 import sys
 from pathlib import Path
 
-from benchmarks.kernels.kotlin_calibrate import Unavailable, class_path
+from benchmarks.kernels.turns import Jvm, Unavailable, class_path, or_unavailable
 from benchmarks.shared import command_parser, console, one_thread, save, table, versions
 
 BAR = 5.0
@@ -24,41 +23,27 @@ TIMES = ("first", "make", "one", "read", "xyz", "lab")
 
 
 def measure(case: str, runs: int) -> dict[str, float]:
-    """Milliseconds, medians.
-
-    Raises:
-        Unavailable: the JVM gave no times.
-    """
-    command = ["java", "-Xmx256m", "-XX:+UseSerialGC", "-cp", class_path(), "org.camssf.golden.Preview"]
-    done = subprocess.run(
-        [*command, str(GOLDEN), case, str(SIDE), str(runs)], stdout=subprocess.PIPE, text=True, check=False
-    )
-    answer = done.stdout.split()
-    if done.returncode or len(answer) != len(TIMES) + 1 or int(answer[-1]) != PIXELS:
-        raise Unavailable(f"Kotlin gave no times for {case}; its error is above.")
-    return dict(zip(TIMES, map(float, answer), strict=False))
+    """Milliseconds, medians, in a JVM of its own."""
+    words = ("org.camssf.golden.Preview", str(GOLDEN), case, str(SIDE), str(runs))
+    with Jvm(class_path(), *words, heap=256) as jvm:
+        *times, pixels = jvm.ask("")
+    if len(times) != len(TIMES) or int(pixels) != PIXELS:
+        raise Unavailable(f"Kotlin gave no times for {case}.")
+    return dict(zip(TIMES, map(float, times), strict=True))
 
 
-def holds(found: dict[str, dict[str, float]]) -> bool:
-    """Whether a preview keeps the bar."""
-    return all(one["read"] + one["lab"] < BAR for one in found.values())
-
-
+@or_unavailable
 def main() -> int:
     """Runs, prints, saves; 1 where the bar is broken, 2 where it cannot run."""
     parser = command_parser(__spec__, __doc__)
     parser.add_argument("--runs", type=int, default=200)
-    options = parser.parse_args()
-    try:
-        found = {name: measure(case, options.runs) for name, case in CASES.items()}
-    except (Unavailable, OSError) as error:
-        print(error, file=sys.stderr)
-        return 2
-    rows = [(name, *(f"{one[time]:.2f}" for time in TIMES)) for name, one in found.items()]
+    runs = parser.parse_args().runs
+    lamps = {name: measure(case, runs) for name, case in CASES.items()}
+    rows = [(name, *(f"{times[step]:.2f}" for step in TIMES)) for name, times in lamps.items()]
     head = ("lamp", "first ms", "make ms", "one ms", "read ms", "XYZ ms", "Lab ms")
-    console().print(table(f"{PIXELS} pixels, medians of {options.runs}, warm; bar {BAR:g} ms", head, rows))
-    print(save("kotlin_colour", {"versions": versions(), "runs": options.runs, "lamps": found}))
-    return 0 if holds(found) else 1
+    console().print(table(f"{PIXELS} pixels, medians of {runs}, warm; bar {BAR:g} ms", head, rows))
+    print(save("kotlin_colour", {"versions": versions(), "runs": runs, "lamps": lamps}))
+    return int(any(times["read"] + times["lab"] >= BAR for times in lamps.values()))
 
 
 if __name__ == "__main__":

@@ -12,10 +12,10 @@ from __future__ import annotations
 import os
 import re
 import statistics
-import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ import numpy as np
 import rawpy
 from numpy.typing import NDArray
 
+from benchmarks.kernels.turns import BINDINGS, Jvm, Unavailable, in_turn, or_unavailable, ratio, ratio_cells
 from benchmarks.shared import command_parser, console, one_thread, progress, save, table, versions
 from golden.dngs import JPEG, Dng
 
@@ -30,7 +31,6 @@ SIZE = (3024, 4032)
 BAR = 1.5
 HEAP = 64
 """Megabytes of the JVM."""
-BINDINGS = Path(__file__).parents[2] / "android-bindings"
 SERVER = "org.camssf.photo.dng.DecodeServer"
 FORMS: dict[str, dict[str, Any]] = {
     "uncompressed, 16 bit": {"bits": 16},
@@ -55,13 +55,10 @@ class Photo(Dng):
         return bytes(imagecodecs.jpeg_encode(pairs, lossless=True, bitspersample=self.bits))
 
 
-class Unavailable(Exception):
-    """The benchmark cannot run here; the message says what to do."""
-
-
-def class_path() -> str:
+def compiled() -> str:
     """The compiled bindings and Kotlin's library in the local Maven repository."""
     classes = [BINDINGS / "core" / "target" / kind for kind in ("classes", "test-classes")]
+    classes.append(BINDINGS / "model" / "target" / "classes")
     version = re.search(r"<kotlin.version>(.*?)<", (BINDINGS / "pom.xml").read_text(encoding="utf-8"))
     home = Path(os.environ.get("MAVEN_REPOSITORY", Path.home() / ".m2" / "repository"))
     found = version.group(1) if version else ""
@@ -85,35 +82,6 @@ def scene(bits: int) -> NDArray[np.uint16]:
     return np.clip(np.rint(noisy), 0, full - 1).astype(np.uint16)
 
 
-class Jvm:
-    """One warm JVM that decodes on demand."""
-
-    def __init__(self, path: str) -> None:
-        self.process = subprocess.Popen(
-            ["java", f"-Xmx{HEAP}m", "-XX:+UseSerialGC", "-cp", path, SERVER],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-
-    def ask(self, what: str, file: Path) -> tuple[float, int]:
-        """Seconds, and the sum of the samples."""
-        assert self.process.stdin is not None
-        assert self.process.stdout is not None
-        self.process.stdin.write(f"{what} {file}\n")
-        self.process.stdin.flush()
-        answer = self.process.stdout.readline().split()
-        if len(answer) != 2:
-            raise Unavailable("the JVM has ended; its error is above.")
-        return int(answer[0]) / 1e9, int(answer[1])
-
-    def close(self) -> None:
-        """Ends it."""
-        assert self.process.stdin is not None
-        self.process.stdin.close()
-        self.process.wait()
-
-
 def libraw(file: Path) -> tuple[float, int]:
     """Seconds to open and decode, and the sum of the samples."""
     start = time.perf_counter()
@@ -124,28 +92,32 @@ def libraw(file: Path) -> tuple[float, int]:
 
 
 def measure(jvm: Jvm, file: Path, runs: int) -> dict[str, Any]:
-    """Medians and the ratio's spread over `runs` pairs, after half as many to warm up."""
-    peer: list[float] = []
-    ours: list[float] = []
-    hashed: list[float] = []
-    for run in range(-max(runs // 2, 5), runs):
-        answers = libraw(file), jvm.ask("decode", file), jvm.ask("read", file)
-        if len({total for _, total in answers}) != 1:
-            raise SystemExit(f"{file.name}: the samples differ from LibRaw's.")
-        if run >= 0:
-            for times, (seconds, _) in zip((peer, ours, hashed), answers, strict=True):
-                times.append(seconds)
-    ratios = sorted(mine / theirs for mine, theirs in zip(ours, peer, strict=True))
-    return {
-        "megabytes": file.stat().st_size / 1e6,
-        "libraw_seconds": statistics.median(peer),
-        "kotlin_seconds": statistics.median(ours),
-        "kotlin_with_hash_seconds": statistics.median(hashed),
-        "ratio": statistics.median(ratios),
-        "ratio_10_90": [ratios[len(ratios) // 10], ratios[-1 - len(ratios) // 10]],
+    """Medians and the ratio's spread over `runs` turns, after half as many to warm up."""
+    sums = set()
+
+    def kotlin(what: str) -> tuple[float, int]:
+        nanoseconds, total = jvm.ask(f"{what} {file}")
+        return int(nanoseconds) / 1e9, int(total)
+
+    def seconds(decode: Callable[[], tuple[float, int]]) -> float:
+        taken, total = decode()
+        sums.add(total)
+        return taken
+
+    contenders = {
+        "libraw_seconds": lambda: seconds(lambda: libraw(file)),
+        "kotlin_seconds": lambda: seconds(lambda: kotlin("decode")),
+        "kotlin_with_hash_seconds": lambda: seconds(lambda: kotlin("read")),
     }
+    times = in_turn(contenders, runs, warm=max(runs // 2, 5))
+    if len(sums) != 1:
+        raise SystemExit(f"{file.name}: the samples differ from LibRaw's.")
+    medians = {name: statistics.median(taken) for name, taken in times.items()}
+    spread = ratio(times["kotlin_seconds"], times["libraw_seconds"])
+    return {"megabytes": file.stat().st_size / 1e6} | medians | spread
 
 
+@or_unavailable
 def main() -> int:
     """Runs, prints, saves; 1 where the bar is broken, 2 where it cannot run."""
     parser = command_parser(__spec__, __doc__)
@@ -153,46 +125,26 @@ def main() -> int:
     parser.add_argument("--classpath", help="of the compiled bindings and tests, and kotlin-stdlib")
     parser.add_argument("--only", default="", help="forms whose name holds this")
     options = parser.parse_args()
-    forms = {name: form for name, form in FORMS.items() if options.only in name}
-    found: dict[str, dict[str, Any]] = {}
-    try:
-        jvm = Jvm(options.classpath or class_path())
-    except (Unavailable, OSError) as error:
-        print(error, file=sys.stderr)
-        return 2
-    try:
-        with tempfile.TemporaryDirectory() as folder, progress() as bar:
-            task = bar.add_task("12 megapixels", total=len(forms))
-            for name, form in forms.items():
-                file = Path(folder) / "photo.dng"
-                file.write_bytes(Photo(scene(form["bits"]), **form).encode())
-                found[name] = measure(jvm, file, options.runs)
-                bar.advance(task)
-    except Unavailable as error:
-        print(error, file=sys.stderr)
-        return 2
-    finally:
-        jvm.close()
+    forms: dict[str, dict[str, Any]] = {}
+    path = options.classpath or compiled()
+    with tempfile.TemporaryDirectory() as folder, Jvm(path, SERVER, heap=HEAP) as jvm, progress() as bar:
+        chosen = [name for name in FORMS if options.only in name]
+        for name in bar.track(chosen, description="12 megapixels"):
+            file = Path(folder) / "photo.dng"
+            file.write_bytes(Photo(scene(FORMS[name]["bits"]), **FORMS[name]).encode())
+            forms[name] = measure(jvm, file, options.runs)
+    keys = ("libraw_seconds", "kotlin_seconds", "kotlin_with_hash_seconds")
     rows = [
-        (
-            name,
-            f"{one['megabytes']:.1f}",
-            f"{1e3 * one['libraw_seconds']:.0f}",
-            f"{1e3 * one['kotlin_seconds']:.0f}",
-            f"{1e3 * one['kotlin_with_hash_seconds']:.0f}",
-            f"{one['ratio']:.2f}",
-            "{:.2f} to {:.2f}".format(*one["ratio_10_90"]),
-        )
-        for name, one in found.items()
+        (name, f"{one['megabytes']:.1f}", *(f"{1e3 * one[key]:.0f}" for key in keys), *ratio_cells(one))
+        for name, one in forms.items()
     ]
     head = ("12 megapixels", "MB", "LibRaw ms", "Kotlin ms", "with hash ms", "ratio", "10 to 90 %")
     title = f"Decoding, medians of {options.runs} pairs, warm, heap of {HEAP} MB; bar {BAR} x LibRaw"
     console().print(table(title, head, rows))
     if not options.only:
-        result = {"versions": versions("rawpy"), "runs": options.runs, "heap_megabytes": HEAP, "forms": found}
-        place = save("kotlin_decode", result)
-        print(place)
-    return 0 if all(one["ratio"] <= BAR for one in found.values()) else 1
+        content = {"versions": versions("rawpy"), "runs": options.runs, "heap_megabytes": HEAP, "forms": forms}
+        print(save("kotlin_decode", content))
+    return int(any(one["ratio"] > BAR for one in forms.values()))
 
 
 if __name__ == "__main__":

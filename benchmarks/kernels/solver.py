@@ -24,16 +24,16 @@ import subprocess
 import sys
 import time
 import warnings
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Callable, Sequence
 from importlib import import_module, resources
 from typing import Any
 
 import numpy as np
 
 from benchmarks.kernels.peers import PEERS, Missing
+from benchmarks.kernels.turns import clocked, in_turn
 from benchmarks.problems import Problem, gamma_max, gaps, make_problem, reflectances, whiten
-from benchmarks.shared import command_parser, console, lamp, one_thread, progress, save, table, versions
+from benchmarks.shared import command_parser, console, lamp, one_thread, save, table, versions
 from camssf.grid import Floats
 from camssf.recovery import onnx_model
 from camssf.recovery.basis import LEARNED, Basis, read_basis
@@ -54,44 +54,35 @@ GROWTH_BAR = 4.0
 SHOTS = ("D55", "A", "FL2", "LED-B3", "D75", "HP1")
 
 
-def problem_of(basis: str, patches: int, shots: int = 1, share: float = 1e-3, book: Basis | None = None) -> Problem:
-    """The product's defaults: λ₂ 1, γ 0.05, full Σ; on `gaussian` λ₂ 0, γ = share · γ_max, x ≥ 0, diagonal Σ."""
+def problem_of(basis: str, patches: int, shots: int = 1) -> Problem:
+    """The product's defaults: λ₂ 1, γ 0.05, full Σ; on `gaussian` λ₂ 0, γ = 0.001 γ_max, x ≥ 0, diagonal Σ."""
     rng = np.random.default_rng(patches)
     paper = basis == "gaussian"
-    table_ = reflectances(patches, rng)
+    table_, lamps = reflectances(patches, rng), np.stack([lamp(name) for name in SHOTS[:shots]])
     tolerances = {} if paper else {"chart_tolerance": 0.03, "white_tolerance": 0.01, "lamp_tolerance": 0.02}
     made = make_problem(
-        basis,
-        read_camera("Nikon 5100 (NPL)").values,
-        np.stack([lamp(name) for name in SHOTS[:shots]]),
-        table_,
-        table_,
-        noise=0.005,
-        rng=rng,
-        l2=0.0 if paper else 1.0,
-        gamma=0.05,
-        nonnegative=paper,
-        label=f"{basis}, {patches} patches, {' + '.join(SHOTS[:shots])}",
-        **tolerances,  # type: ignore[arg-type]
-    )
+        basis, read_camera("Nikon 5100 (NPL)").values, lamps, table_, table_, noise=0.005, rng=rng,
+        l2=0.0 if paper else 1.0, gamma=0.05, nonnegative=paper,
+        label=f"{basis}, {patches} patches, {' + '.join(SHOTS[:shots])}", **tolerances,  # type: ignore[arg-type]
+    )  # fmt: skip
     if paper:
-        top = gamma_max(*whiten(made.sensing(book or read_basis(basis))), True)
-        made = Problem(made.inputs | {"gamma": np.array(share * top.min())}, basis, made.label)
+        top = gamma_max(*whiten(made.sensing(read_basis(basis))), True)
+        made = Problem(made.inputs | {"gamma": np.array(1e-3 * top.min())}, basis, made.label)
     return made
 
 
-def engines(problem: Problem, book: Basis, session: Callable[[dict[str, Floats]], Mapping[str, Floats]]) -> Runs:
-    """Our two; codes as the problems have them, (p, r)."""
-    given, evidence, p = problem.inputs, problem.evidence, 1 if book.prior else 3
-    settings = SolverSettings(problem.l2, problem.gamma, problem.nonnegative, "reference")
-    reference = partial(recover, evidence, basis=book, settings=settings)
-    return {
-        ONNX: lambda: session(given)["code"].T.reshape(p, -1),
-        REFERENCE: lambda: reference().code.T.reshape(p, -1),
-    }
-
-
 Runs = dict[str, Callable[[], Floats]]
+
+
+def engines(problem: Problem, book: Basis) -> Runs:
+    """Our two; codes as the problems have them, (p, r)."""
+    model, p = load_model(problem.basis), 1 if book.prior else 3
+    settings = SolverSettings(problem.l2, problem.gamma, problem.nonnegative, "reference")
+    evidence = problem.evidence
+    return {
+        ONNX: lambda: model.run(problem.inputs)["code"].T.reshape(p, -1),
+        REFERENCE: lambda: recover(evidence, basis=book, settings=settings).code.T.reshape(p, -1),
+    }
 
 
 def reduced(A: Floats, b: Floats) -> tuple[Floats, Floats]:
@@ -104,28 +95,22 @@ def reduced(A: Floats, b: Floats) -> tuple[Floats, Floats]:
 
 def race(runs: Runs, rounds: int, label: str) -> tuple[dict[str, list[float]], dict[str, Floats]]:
     """Seconds and last codes of each contender, called in turn; the first round warms up and does not count."""
-    seconds: dict[str, list[float]] = {name: [] for name in runs}
     codes: dict[str, Floats] = {}
-    with warnings.catch_warnings(), progress() as bar:
+
+    def remembered(name: str) -> Callable[[], float]:
+        return clocked(lambda: codes.__setitem__(name, runs[name]()))
+
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # what a peer has not reached, its gap shows
-        for turn in bar.track(range(rounds + 1), description=label):
-            for name, run in runs.items():
-                start = time.perf_counter()
-                codes[name] = run()
-                if turn:
-                    seconds[name].append(time.perf_counter() - start)
-    return seconds, codes
+        print(f"{label} ...", file=sys.stderr)
+        return in_turn({name: remembered(name) for name in runs}, rounds, warm=1), codes
 
 
-def contest(
-    problem: Problem,
-    rounds: int,
-    peers: tuple[str, ...] = tuple(PEERS),
-) -> tuple[list[dict[str, Any]], str]:
+def contest(problem: Problem, rounds: int, peers: Sequence[str] = tuple(PEERS)) -> tuple[list[dict[str, Any]], str]:
     """Every contender on one problem: median, quartiles, ratio to ONNX, worst gap; and who was missing."""
     book = read_basis(problem.basis)
     A, b = whiten(problem.sensing(book))
-    runs = engines(problem, book, load_model(problem.basis).run)
+    runs = engines(problem, book)
     missing = []
     for name in peers:
         if name == AT_ONCE and len(A) == 1:
@@ -170,15 +155,11 @@ def load_times(basis: str, sessions: int = 15, processes: int = 5) -> dict[str, 
 def growth(rounds: int) -> dict[str, float]:
     """A call of the largest sizes over one of 24 patches and one shot, called in turn."""
     sizes = {"24 patches, one shot": (24, 1), "140 patches": (140, 1), "6 shots": (24, 6)}
-    model = load_model("cameras").run
-    runs: Runs = {name: partial(_code, model, problem_of("cameras", n, k)) for name, (n, k) in sizes.items()}
+    books = read_basis("cameras")
+    runs = {name: engines(problem_of("cameras", n, k), books)[ONNX] for name, (n, k) in sizes.items()}
     seconds, _ = race(runs, rounds, "growth")
     base, *rest = map(np.array, seconds.values())
     return {name: float(np.median(each / base)) for name, each in zip([*sizes][1:], rest, strict=True)}
-
-
-def _code(model: Callable[[dict[str, Floats]], Mapping[str, Floats]], problem: Problem) -> Floats:
-    return model(problem.inputs)["code"]
 
 
 def threads() -> str:

@@ -49,7 +49,7 @@ def weigh(folder: Path) -> tuple[float, float]:
     return sum(size for _, size in sizes) / 1e6, sum(size for compiled, size in sizes if not compiled) / 1e6
 
 
-def installed(arguments: Sequence[str]) -> tuple[float, float]:
+def installed() -> tuple[float, float]:
     """What pip's installation adds to an empty environment, MB."""
     with tempfile.TemporaryDirectory() as folder:
         subprocess.run([sys.executable, "-m", "venv", folder], check=True)
@@ -59,7 +59,7 @@ def installed(arguments: Sequence[str]) -> tuple[float, float]:
         place = Path(subprocess.run([python, "-c", code], check=True, capture_output=True, text=True).stdout.strip())
         empty = weigh(place)
         environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-        subprocess.run([python, "-m", "pip", "install", "-q", *arguments], check=True, cwd=ROOT, env=environment)
+        subprocess.run([python, "-m", "pip", "install", "-q", "."], check=True, cwd=ROOT, env=environment)
         full = weigh(place)
     return full[0] - empty[0], full[1] - empty[1]
 
@@ -80,7 +80,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     }
     held = times["camssf calibrate --help"][0] < BAR_SECONDS
     if options.sizes:
-        full, bare = installed(["."])
+        full, bare = installed()
         print(f"{'installed':<30} {full:6.0f} MB, without bytecode {bare:.0f} MB")
         found["megabytes"] = {"with_bytecode": full, "without": bare}
         held = held and bare <= BAR_MEGABYTES

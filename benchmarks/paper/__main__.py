@@ -11,7 +11,6 @@ Exit status 1 where a bar is missed.
 
 from __future__ import annotations
 
-import json
 import resource
 import sys
 import time
@@ -24,7 +23,6 @@ from benchmarks.paper import captures
 from benchmarks.paper.experiments import CURVE_CAMERA, EXPERIMENTS, LAMPS, NOISES, cameras, phone, run, spectrograph
 from benchmarks.paper.gathering import GATHER, bars_of, correlations, curves, gather_direct
 from benchmarks.shared import (
-    RESULTS,
     bars_table,
     command_parser,
     console,
@@ -40,9 +38,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = command_parser(__spec__, __doc__)
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     parser.add_argument("--every", type=int, default=1, help="take every so manieth camera")
-    parser.add_argument(
-        "--captures", action="store_true", help="only Sec. 4 and 5 (spectrograph, phones) anew, the rest as it was"
-    )
     options = parser.parse_args(arguments)
     out = console()
     begun = time.perf_counter()
@@ -50,7 +45,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     chosen = [i for i in range(len(known)) if i % options.every == 0 or known[i].name.endswith("(NPL)")]
     phones = [i for i, camera in enumerate(known) if camera.name in captures.PHONES]
     work: list[tuple[Any, ...]] = [(run, name, i) for name in EXPERIMENTS for i in chosen]
-    work = [] if options.captures else work
     public = next(i for i, camera in enumerate(known) if camera.name == CURVE_CAMERA)
     work += [(spectrograph, i, light) for i in sorted({*chosen[::4], public}) for light in ("AM1.5", "daylight")]
     work += [(phone, i) for i in phones]
@@ -62,15 +56,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
             results[waiting[done]] = done.result()
             bar.advance(task)
     found: dict[str, Any] = {"cameras": len(chosen), "every": options.every}
-    if options.captures:
-        found = json.loads((RESULTS / "paper.json").read_text("utf-8")) | {"captures_anew": True}
-    else:
-        for name, gather in GATHER.items():
-            found[name] = gather({i: results[run, name, i] for i in chosen})
-        found["correlation"], found["curves_of_one"] = correlations(), curves()
-        spent = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-        found["minutes"] = (time.perf_counter() - begun) / 60.0
-        found["cpu_minutes"] = sum(each.ru_utime + each.ru_stime for each in spent) / 60.0
+    for name, gather in GATHER.items():
+        found[name] = gather({i: results[run, name, i] for i in chosen})
+    found["correlation"], found["curves_of_one"] = correlations(), curves()
+    spent = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    found["minutes"] = (time.perf_counter() - begun) / 60.0
+    found["cpu_minutes"] = sum(each.ru_utime + each.ru_stime for each in spent) / 60.0
     found["phones"] = {known[i].name: results[phone, i] for i in phones}
     found["direct"] = gather_direct({k[1:]: v for k, v in results.items() if k[0] is spectrograph})
     found["direct_of_one"] = results[spectrograph, public, "AM1.5"]

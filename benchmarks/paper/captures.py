@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.paper.spectrograph import Spectrograph, shoot
+from benchmarks.paper.spectrograph import MONO, Spectrograph, shoot
 from camssf.calibration import calibrate
 from camssf.errors import CalibrationError
 from camssf.fit.scores import patch_colours, rmse, rmsre, validate
@@ -74,24 +74,15 @@ def phone(name: str, curves: Floats, basis: Basis, colours: Floats, seed: int) -
         if world == "exact":
             table = replace(table, tolerance=np.zeros(24))
         with tempfile.TemporaryDirectory() as aside:
-            small = simulate(
-                camera,
-                light,
-                Path(aside, "chart"),
-                chart=read_chart(scene["chart"]),
-                scene=VIEW,
-                sensor=SENSOR,
-                seed=seed + number,
-            )
-            wide = simulate(
-                camera,
-                light,
-                Path(aside, "large"),
-                chart=large,
-                scene=replace(VIEW, fill=0.8),
-                sensor=SENSOR,
-                seed=seed + 10 + number,
-            )
+            small, wide = (
+                simulate(
+                    camera, light, Path(aside, folder), chart=seen, scene=replace(VIEW, fill=fill), sensor=SENSOR,
+                    seed=seed + number + later,
+                )
+                for folder, seen, fill, later in (
+                    ("chart", read_chart(scene["chart"]), VIEW.fill, 0), ("large", large, 0.8, 10)
+                )
+            )  # fmt: skip
             (shot,), (other,) = small.shots, wide.shots
             capture = measure(replace(other.shot, lamp="D55", corners=wide.pose.corners), chart=large)
             signals = normalise([each.means for each in capture.shots], large)
@@ -137,7 +128,7 @@ def phone(name: str, curves: Floats, basis: Basis, colours: Floats, seed: int) -
 
 def spectrograph(name: str, curves: Floats, light: str, seed: int) -> dict[str, Any]:
     """One camera before the simulated spectrograph: RMSE, and the largest error of each frame's wavelengths, nm."""
-    device, mono = Spectrograph(), Spectrograph(pixel=0.0048, size=(1400, 200), centre=565.0, tilt=-0.4)
+    device, mono = Spectrograph(), Spectrograph(**MONO)
     with tempfile.TemporaryDirectory() as aside:
         paths = shoot(CameraCurves(name, curves, name), Path(aside), seed, light=light, device=device, mono=mono)
         try:

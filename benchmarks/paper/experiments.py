@@ -14,11 +14,7 @@ import numpy as np
 from benchmarks.claims.accuracy import left_out
 from benchmarks.paper import captures
 from benchmarks.paper.rivals import FIGURE_4, OURS, TABLE_1, Given, method
-from benchmarks.shared import (
-    CURVES,
-    chart,
-    lamp,
-)
+from benchmarks.shared import CURVES, chart, lamp
 from camssf.errors import NotConverged
 from camssf.fit.scores import rmsre
 from camssf.grid import WAVELENGTHS, Floats
@@ -152,7 +148,7 @@ def figure_4(camera: Camera, index: int) -> Scores:
         for name in (*FIGURE_4, *OURS):
             if name == "sparse":
                 continue
-            found[f"{name}|{noise}"] = [attempt(name, shown, camera, w) for w in method(name).WEIGHTS]
+            found[f"{name}|{noise}"] = [attempt(name, shown, camera, w) for w in method(name).weights]
     return found
 
 
@@ -163,7 +159,7 @@ def rivals(camera: Camera, index: int) -> Scores:
         for noise in NOISES:
             shown = given(camera, ALL, light, noise, np.random.default_rng([SEED, 3, index, j]))
             for name in (*TABLE_1, *OURS):
-                found[f"{name}|{noise}|{light}"] = [attempt(name, shown, camera, w) for w in method(name).WEIGHTS]
+                found[f"{name}|{noise}|{light}"] = [attempt(name, shown, camera, w) for w in method(name).weights]
     return found
 
 
@@ -198,16 +194,9 @@ def atoms(camera: Camera, index: int) -> Scores:
     for noise in NOISES[:2]:
         shown = given(camera, TWELVE, "D55", noise, np.random.default_rng([SEED, 4, index]))
         for count in ATOMS:
-            for weight in method("tuned").WEIGHTS:
+            for weight in method("tuned").weights:
                 try:
-                    answer = recover(
-                        Observation(
-                            shown.signals, shown.reflectance, shown.lamp, standard_error=shown.standard_error, **PLAIN
-                        ),
-                        basis=gaussian_basis(count),
-                        settings=SolverSettings(gamma=weight, engine="reference"),
-                    )
-                    value = score(answer.values, camera)
+                    value = score(shown.solved(gaussian_basis(count), gamma=weight, engine="reference"), camera)
                 except NotConverged:
                     value = float("nan")
                 found.setdefault(f"{noise}|{count}", []).append(value)
@@ -247,18 +236,12 @@ def _diagonal(y: Floats, error: Floats, lights: Floats, basis: Basis, arguments:
     k, n, _ = y.shape
     full = linear_model(
         Observation(
-            y,
-            chart(),
-            lights,
-            standard_error=error,
-            chart_tolerance=np.full(n, arguments["chart_tolerance"]),
-            white_reflectance=np.ones_like(WAVELENGTHS),
-            white_tolerance=arguments["white_tolerance"],
-            lamp_tolerance=np.zeros(k),
-            lamp_modes=np.zeros((k, 0, WAVELENGTHS.size)),
+            y, chart(), lights, standard_error=error, chart_tolerance=np.full(n, arguments["chart_tolerance"]),
+            white_reflectance=np.ones_like(WAVELENGTHS), white_tolerance=arguments["white_tolerance"],
+            lamp_tolerance=np.zeros(k), lamp_modes=np.zeros((k, 0, WAVELENGTHS.size)),
         ),
         basis,
-    )
+    )  # fmt: skip
     shots = full.terms["lamp"]
     loose = LinearModel(full.matrix, full.target, shots + (full.covariance - shots) * np.eye(3 * k * n))
     code = solve(loose, L2, np.array([GAMMA])).values.reshape(3, -1)

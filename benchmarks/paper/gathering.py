@@ -20,12 +20,8 @@ from benchmarks.paper.experiments import (
     given,
     score,
 )
-from benchmarks.paper.rivals import FIGURE_4, method
-from benchmarks.paper.rivals.qr import READINGS
-from benchmarks.shared import (
-    bar,
-    chart,
-)
+from benchmarks.paper.rivals import FIGURE_4, READINGS, method
+from benchmarks.shared import bar, chart
 from camssf.grid import STEP
 from camssf.recovery.basis import gaussian_basis
 from camssf.spectra import read_chart
@@ -82,62 +78,69 @@ def gather_colours(results: dict[int, Scores]) -> dict[str, Any]:
     return found
 
 
-def gather_figure_4(results: dict[int, Scores]) -> dict[str, Any]:
-    """Rows: method and reading × noise."""
+def nested(
+    results: dict[int, Scores], cell: Callable[[str, dict[int, list[float]]], Any], *, labels: bool = True
+) -> dict[str, Any]:
+    """A cell for each key "name|...|...", nested by its words; methods by their labels."""
     found: dict[str, Any] = {}
     for key, runs in by_key(results).items():
-        name, noise = key.split("|")
-        if name in FIGURE_4:
+        name, *middle, last = key.split("|")
+        place = found.setdefault(method(name).label if labels else name, {})
+        for word in middle:
+            place = place.setdefault(word, {})
+        place[last] = cell(name, runs)
+    return found
+
+
+def gather_figure_4(results: dict[int, Scores]) -> dict[str, Any]:
+    """Rows: method and reading × noise."""
+    rows = nested(results, lambda name, runs: list(runs.values()) if name in FIGURE_4 else tuned(runs)["rmse"])
+    found: dict[str, Any] = {}
+    for label, cells in rows.items():
+        if label in {method(name).label for name in FIGURE_4}:
             for j, reading in enumerate(READINGS):
-                values = [v[j] for v in runs.values()]
-                found.setdefault(f"{method(name).NAME}: {reading}", {})[noise] = float(np.mean(values))
+                means = {noise: float(np.mean([v[j] for v in values])) for noise, values in cells.items()}
+                found[f"{label}: {reading}"] = means
         else:
-            found.setdefault(method(name).NAME, {})[noise] = tuned(runs)["rmse"]
+            found[label] = cells
     return found
 
 
 def gather_rivals(results: dict[int, Scores]) -> dict[str, Any]:
     """Method → noise → lamp → RMSE and the weight chosen most often."""
-    found: dict[str, Any] = {}
-    for key, runs in by_key(results).items():
-        name, noise, light = key.split("|")
-        row = tuned(runs)
-        weights = method(name).WEIGHTS
-        cell = {"rmse": row["rmse"]} | ({"weight": weights[row["picks"]]} if len(weights) > 1 else {})
-        found.setdefault(method(name).NAME, {}).setdefault(noise, {})[light] = cell
-    return found
+
+    def cell(name: str, runs: dict[int, list[float]]) -> dict[str, Any]:
+        row, weights = tuned(runs), method(name).weights
+        return {"rmse": row["rmse"]} | ({"weight": weights[row["picks"]]} if len(weights) > 1 else {})
+
+    return nested(results, cell)
 
 
 def gather_lamps(results: dict[int, Scores]) -> dict[str, Any]:
     """Method → known or ignored → lamp → RMSE and RMSRE in %."""
-    found: dict[str, Any] = {}
-    for key, runs in by_key(results).items():
-        name, case, light = key.split("|")
+
+    def cell(_: str, runs: dict[int, list[float]]) -> dict[str, Any]:
         values = np.array(list(runs.values()))
         answered = np.isfinite(values[:, 0])
         rmse, relative = values[answered].mean(axis=0).tolist()
-        cell = {"rmse": rmse, "rmsre_percent": relative, "refused": int((~answered).sum())}
-        found.setdefault(method(name).NAME, {}).setdefault(case, {})[light] = cell
-    return found
+        return {"rmse": rmse, "rmsre_percent": relative, "refused": int((~answered).sum())}
+
+    return nested(results, cell)
 
 
 def gather_atoms(results: dict[int, Scores]) -> dict[str, Any]:
     """Noise → atoms → RMSE, with the best γ of the other makers; how many answers were refused."""
-    found: dict[str, Any] = {"cameras": sum(bool(scores) for scores in results.values())}
-    for key, runs in by_key(results).items():
-        noise, count = key.split("|")
+
+    def cell(_: str, runs: dict[int, list[float]]) -> dict[str, Any]:
         row = tuned(runs)
-        found.setdefault(noise, {})[count] = {"rmse": row["rmse"], "refused": row["refused"]}
-    return found
+        return {"rmse": row["rmse"], "refused": row["refused"]}
+
+    return {"cameras": sum(map(bool, results.values()))} | nested(results, cell, labels=False)
 
 
 def gather_charts(results: dict[int, Scores]) -> dict[str, Any]:
     """Method → table → lamps → RMSE."""
-    found: dict[str, Any] = {}
-    for key, runs in by_key(results).items():
-        name, table_name, names = key.split("|")
-        found.setdefault(name, {}).setdefault(table_name, {})[names] = float(np.nanmean(list(runs.values())))
-    return found
+    return nested(results, lambda _, runs: float(np.nanmean(list(runs.values()))), labels=False)
 
 
 GATHER: dict[str, Callable[[dict[int, Scores]], dict[str, Any]]] = {
@@ -212,16 +215,14 @@ def bars_of(found: dict[str, Any]) -> list[dict[str, Any]]:
     made: list[dict[str, Any]] = []
     rows = found["figure_4"]
     for noise in ("0.005", "0.01"):
-        best = rows[method("paper").NAME][noise]
+        best = rows[method("paper").label][noise]
         words = f"{100 * float(noise):g} % noise"
         for name in FIGURE_4:
-            ours = rows[f"{method(name).NAME}: wavelengths, clipped"][noise]
-            made.append(
-                bar(f"{method(name).NAME}, clipped, over the paper's l1, {words}", ours / best, 2.0, least=True)
-            )
-        order = rows[f"{method('qr').NAME}: wavelengths, clipped"][noise]
-        order /= rows[f"{method('pinv').NAME}: wavelengths, clipped"][noise]
-        made.append(bar(f"QR over pseudo-inverse, clipped, {words}", order, 1.0, least=True))
+            ours = rows[f"{method(name).label}: wavelengths, clipped"][noise]
+            what = f"{method(name).label}, clipped, over the paper's l1, {words}"
+            made.append(bar(what, ours / best, 2.0, least=True))
+        qr, pinv = (rows[f"{method(name).label}: wavelengths, clipped"][noise] for name in FIGURE_4)
+        made.append(bar(f"QR over pseudo-inverse, clipped, {words}", qr / pinv, 1.0, least=True))
     for light, row in found["direct"].items():
         made.append(bar(f"camssf direct, {light}: worst channel's RMSE", row["rmse_worst"], 0.01))
         for role in ("rgb", "mono"):

@@ -14,16 +14,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import tifffile
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery.basis import FWHM_TO_SIGMA
 from camssf.spectra import CameraCurves, read_lamp
+from camssf_lab.simulation import dng
 from camssf_lab.simulation.camera import Sensor
+from camssf_lab.simulation.shot_plan import FileTags
 
+MONO: dict[str, Any] = {"pixel": 0.0048, "size": (1400, 200), "centre": 565.0, "tilt": -0.4}
+"""What differs in the mono camera's spectrograph."""
 FINE: Floats = np.arange(330.0, 830.0, 0.05)
 """Wavelengths of the simulated light, nm."""
 DRAWN = (
@@ -137,29 +143,9 @@ def frame(
     return samples[0], samples[1]
 
 
-def write_dng(path: Path, samples: NDArray[np.uint16], sensor: Sensor, model: str) -> None:
-    """The least DNG that holds a mosaic: RGGB, uncompressed, with its black and white level."""
-    import tifffile
-
-    tags = [
-        (271, 2, 0, "camssf", True),
-        (272, 2, 0, model.encode("ascii", "replace").decode(), True),
-        (274, 3, 1, 1, True),
-        (33421, 3, 2, (2, 2), True),
-        (33422, 1, 4, bytes((0, 1, 1, 2)), True),
-        (50706, 1, 4, bytes((1, 4, 0, 0)), True),
-        (50708, 2, 0, "camssf simulated camera", True),
-        (50713, 3, 2, (2, 2), True),
-        (50714, 5, 4, (round(sensor.black), 1) * 4, True),
-        (50717, 4, 1, sensor.white_level, True),
-        (50721, 10, 9, (1, 1, 0, 1, 0, 1, 0, 1, 1, 1, 0, 1, 0, 1, 0, 1, 1, 1), True),
-        (50728, 5, 3, (1, 1) * 3, True),
-        (50778, 3, 1, 21, True),
-    ]
-    tifffile.imwrite(
-        path, samples, byteorder="<", rowsperstrip=64, photometric="cfa", metadata=None, software=False,
-        extratags=tags,
-    )  # fmt: skip
+def write_dng(path: Path, samples: NDArray[np.uint16], sensor: Sensor, camera: CameraCurves) -> None:
+    """A camera's frame: RGGB, uncompressed, with its black and white level."""
+    dng.write_dng(path, samples, FileTags("RGGB", sensor.black, sensor.white_level), camera, np.ones(3), None)
 
 
 def shoot(
@@ -173,28 +159,20 @@ def shoot(
     exposure: float = 0.7,
 ) -> dict[str, Path]:
     """rgb.dng, rgb-dark.dng, mono.tif, mono-dark.tif and mono-response.csv in `folder`; their paths."""
-    import tifffile
-
     rng = np.random.default_rng(seed)
     device = device or Spectrograph()
-    mono = mono or Spectrograph(pixel=0.0048, size=(1400, 200), centre=565.0, tilt=-0.4)
+    mono = mono or Spectrograph(**MONO)
     sensor = Sensor(full_well=15000.0)
     curves = np.stack([np.interp(FINE, WAVELENGTHS, c, 0.0, 0.0) for c in camera.values.T], axis=1)
     curves /= curves.max()
     folder.mkdir(parents=True, exist_ok=True)
     paths = {name: folder / name for name in ("rgb.dng", "rgb-dark.dng", "mono.tif", "mono-dark.tif")}
     cell = np.array([[0, 1], [1, 2]])
-    for name, samples in zip(
-        ("rgb.dng", "rgb-dark.dng"),
-        frame(curves, device, rng, light=light, sensor=sensor, colours=cell, exposure=exposure),
-        strict=True,
-    ):
-        write_dng(paths[name], samples, sensor, camera.name)
-    for name, samples in zip(
-        ("mono.tif", "mono-dark.tif"),
-        frame(silicon(FINE)[:, None], mono, rng, light=light, sensor=sensor),
-        strict=True,
-    ):
+    colour = frame(curves, device, rng, light=light, sensor=sensor, colours=cell, exposure=exposure)
+    grey = frame(silicon(FINE)[:, None], mono, rng, light=light, sensor=sensor)
+    for name, samples in zip(("rgb.dng", "rgb-dark.dng"), colour, strict=True):
+        write_dng(paths[name], samples, sensor, camera)
+    for name, samples in zip(("mono.tif", "mono-dark.tif"), grey, strict=True):
         tifffile.imwrite(paths[name], samples)
     response = folder / "mono-response.csv"
     lines = [f"{nm:g},{value:.6f}" for nm, value in zip(WAVELENGTHS[::10], silicon(WAVELENGTHS[::10]), strict=True)]

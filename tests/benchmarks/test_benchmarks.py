@@ -126,7 +126,7 @@ def test_arm_compares_norm_wise() -> None:
 def test_capture_ends_with_1_where_a_bar_is_missed(
     ratio: float, peak: float, status: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    measured = {"file_megabytes": 1.0, "decode_seconds": 1.0, "calibrate_seconds": 1.0, "ratio_range": [1.0, 3.0]}
+    measured = {"file_megabytes": 1.0, "decode_seconds": 1.0, "calibrate_seconds": 1.0, "ratio_10_90": [1.0, 3.0]}
     measured |= {"ratio": ratio, "peak_over_mosaic": peak}
     monkeypatch.setattr(capture, "measure", lambda runs, basis: measured)
     assert capture.main([]) == status

@@ -77,7 +77,7 @@ def test_what_the_page_says_in_words_holds(found: dict[str, Any]) -> None:
             ours, theirs = (families[name][noise][light]["rmse"] for name in (PRODUCT, WIENER))
             assert ours < theirs
             assert theirs < families[JIANG][noise][light]["rmse"]
-            assert theirs == min(families[method(name).NAME][noise][light]["rmse"] for name in TABLE_1)
+            assert theirs == min(families[method(name).label][noise][light]["rmse"] for name in TABLE_1)
     foreign = found["charts"]["product"]["foreign"]
     assert foreign["D55 + A + LED-B3"] < foreign["D55 + A"] < 0.9 * foreign["D55"]
     assert foreign["D55 + D55"] == pytest.approx(foreign["D55"], rel=0.03)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.paper.rivals import FIGURE_4, OURS, TABLE_1, Given, bends, between, method, pinv
+from benchmarks.paper.rivals import FIGURE_4, OURS, TABLE_1, Given, bends, between, method
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery.basis import NODES, gaussian_basis, read_basis
 from camssf.spectra import read_chart, read_lamp
@@ -51,7 +51,7 @@ def off(found: Floats, truth: Floats) -> float:
 def test_every_method_answers_a_real_capture(name: str) -> None:
     given = capture(TRUTH, read_chart("classic24").values, 0.003)
     one = method(name)
-    for weight in (one.WEIGHTS[0], one.WEIGHTS[-1]):
+    for weight in (one.weights[0], one.weights[-1]):
         found = one.estimate(given, weight)
         assert found.shape == (681, 3)
         assert np.isfinite(found).all()
@@ -106,7 +106,7 @@ def test_the_smallest_non_negative_solution() -> None:
     """Against Clarabel: min ‖s‖ under F s = y, s ≥ 0; on ten patches, whose equations it can meet."""
     cp = pytest.importorskip("cvxpy")
     given = capture(TRUTH, read_chart("classic24").values[6:12])
-    found = pinv.estimate(given, 1.0)
+    found = method("pinv").estimate(given, 1.0)
     assert found.min() >= 0.0
     assert given.rows() @ found == pytest.approx(given.signals, rel=2e-4)
     s = cp.Variable(681, nonneg=True)

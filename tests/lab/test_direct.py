@@ -244,7 +244,7 @@ def files(frames: dict[str, Path], tmp_path: Path) -> dict[str, Path | None]:
     picture("few.tif", rng.integers(0, 100, (2, 2)))
     picture("spikes.tif", np.where(rng.random((200, 800)) < 1e-4, 15000, 520))
     picture("slope.tif", np.repeat(np.linspace(600, 9000, 800)[None], 100, 0) * np.hanning(100)[:, None])
-    write_dng(tmp_path / "small.dng", np.full((100, 200), 512, dtype=np.uint16), Sensor(), "x")
+    write_dng(tmp_path / "small.dng", np.full((100, 200), 512, dtype=np.uint16), Sensor(), nikon())
     (tmp_path / "broken.tif").write_bytes(b"II*\0" + b"\0" * 40)
     x = np.arange(1500, dtype=float)
     rows = zip(x, sunlit(375.0 + 0.2 * x), strict=True)

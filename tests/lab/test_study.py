@@ -43,7 +43,7 @@ def photograph_sweep(curves: Floats) -> None:
         for (i, j), channel in {(0, 0): 0, (0, 1): 1, (1, 0): 1, (1, 1): 2}.items():
             mosaic[i::2, j::2] = signals[channel]
         mosaic = mosaic + SENSOR.black + stray + 6.0 * rng.normal(size=mosaic.shape)
-        write_dng(folder / name, np.rint(mosaic).astype(np.uint16), SENSOR, "Demo phone")
+        write_dng(folder / name, np.rint(mosaic).astype(np.uint16), SENSOR, read_camera("Demo phone"))
 
     shoot("dark.dng", np.zeros(3))
     for wavelength, watts in zip(nm, power, strict=True):

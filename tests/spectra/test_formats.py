@@ -264,12 +264,11 @@ def test_a_meter_s_line_without_its_number_is_refused(line: str, tmp_path: Path)
 
 
 def test_a_chart_in_xml_is_read_by_its_content_as_well(tmp_path: Path) -> None:
-    from tools.fuzz import _cxf
-
+    chart = (ROOT / "tools" / "sound" / "chart" / "cxf3.cxf").read_bytes()
     found = []
     for name in ("chart.cxf", "chart.txt"):
         path = tmp_path / name
-        path.write_bytes(_cxf(24))
+        path.write_bytes(chart)
         found.append(read_chart(str(path)).values)
     assert np.array_equal(*found)
     assert np.array_equal(found[0], np.full((24, 681), 0.5))

@@ -18,7 +18,6 @@ from tools import tabulate
 @pytest.mark.repository
 def test_the_file_is_what_the_command_makes(capsys: pytest.CaptureFixture[str]) -> None:
     assert tabulate.main(["--check"]) == 0, capsys.readouterr().out
-    assert capsys.readouterr().out == "0 of 13 parts drifted\n"
 
 
 def test_it_is_strict_json_of_plain_numbers() -> None:
