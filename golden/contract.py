@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 from golden.forms import Json
 from golden.linear_model import LinearModel
+
+LARGEST_GAP = 1e-9
+"""Largest relative duality gap of any engine's result."""
+PLAIN = ("basis", "shots", "iteration", "depth", "prior", "make", "unnamed", "called", "colour_matrices")
+"""Inputs that are no numbers."""
+Rows: TypeAlias = Sequence[tuple[str, str, float]]
+"""Limits against the stored outputs: value, metric, bound."""
 
 
 def words(text: str) -> frozenset[str]:
@@ -24,50 +31,45 @@ class Call(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Keys:
-    """The keys of a stage's cases.
-
-    Attributes:
-        inputs, optional: of the inputs; format.md gives the optional ones' defaults.
-        outputs: of the outputs.
-        arrays: inputs that `resolve` makes arrays of; None for all but PLAIN.
-        rounded: outputs that are stored with fewer digits.
-    """
-
-    inputs: frozenset[str]
-    outputs: frozenset[str]
-    optional: frozenset[str] = frozenset()
-    arrays: frozenset[str] | None = None
-    rounded: frozenset[str] = words("ssf ssf_std code_covariance W")
-
-
-@dataclass(frozen=True)
 class Stage:
     """One stage.
 
     Attributes:
         name: its folder under cases/.
-        keys: of its cases.
-        requires: the capabilities that a runner needs for a case of these inputs.
+        requires: the capabilities that a runner needs, unless a case says others.
         cases: all cases before they are run.
         run: the outputs of a case by the reference or the model.
-        limits: of a complete case and what `case` said of it.
+        inputs, optional: keys of the inputs, and those that a case may leave out.
+        limits: rows of limits, or all limits of a complete case from it and what `case` said of it.
+        outputs: stored outputs beyond those of the rows.
+        arrays: inputs that `resolve` makes arrays of; None for all but PLAIN.
+        rounded: outputs that are stored with fewer digits.
         problem: the rows of a case's convex problems, from its inputs; None where it has none.
         oracle: whether cvxpy solves them, too.
     """
 
     name: str
-    keys: Keys
-    requires: Callable[[Json], list[str]]
-    cases: Callable[[], Iterator[Json]]
+    requires: str
+    cases: Callable[[], Iterable[Json]]
     run: Callable[[Call], dict[str, Any]]
-    limits: Callable[[Json, Json], list[Json]]
+    inputs: frozenset[str]
+    limits: Rows | Callable[[Json, Json], list[Json]]
+    optional: frozenset[str] = frozenset()
+    outputs: frozenset[str] = frozenset()
+    arrays: frozenset[str] | None = None
+    rounded: frozenset[str] = words("ssf ssf_std code_covariance W")
     problem: Callable[[dict[str, Any]], LinearModel] | None = None
     oracle: bool = False
 
+    def stored_outputs(self) -> list[str]:
+        """The outputs that a case stores."""
+        return sorted(self.outputs | (set() if callable(self.limits) else {name for name, _, _ in self.limits}))
 
-PLAIN = ("basis", "shots", "iteration", "depth", "prior", "make", "unnamed", "called", "colour_matrices")
-"""Inputs that are no numbers."""
+    def limits_of(self, made: Json, scene: Json) -> list[Json]:
+        """All limits of a complete case."""
+        if callable(self.limits):
+            return self.limits(made, scene)
+        return [*stored(made, self.limits), *against_truth(made, scene)]
 
 
 def case(
@@ -76,6 +78,7 @@ def case(
     inputs: Json,
     *,
     expect: str = "success",
+    requires: str | None = None,
     truth: Json | None = None,
     rmse: float | None = None,
     generic: bool = True,
@@ -89,20 +92,16 @@ def case(
         comment: the one reason why the case is there.
         inputs: in the forms of format.md.
         expect: "success" or an error code.
+        requires: the capabilities that a runner needs, if others than the stage's.
         truth: the true camera; `rmse` bounds the error of the curves.
         generic: whether code and pivots may be compared (stage `solve`).
         files: photos by their path in golden/.
-        outputs: what was written to the file, where no reader says it (stage `mosaic`).
+        outputs: those that the author knows; what is found must agree.
     """
     return {
-        "case": name, "comment": comment, "inputs": inputs, "expect": expect, "truth": truth, "rmse": rmse,
-        "generic": generic, "files": files or {}, "outputs": outputs,
+        "case": name, "comment": comment, "inputs": inputs, "expect": expect, "requires": requires, "truth": truth,
+        "rmse": rmse, "generic": generic, "files": files or {}, "outputs": outputs,
     }  # fmt: skip
-
-
-def always(*names: str) -> Callable[[Json], list[str]]:
-    """`requires` of a stage whose cases all need the same."""
-    return lambda inputs: list(names)
 
 
 def limit(value: str, against: str, metric: str, bound: float, *requires: str) -> Json:
@@ -116,16 +115,11 @@ def each(metric: str, bound: float, names: str) -> list[tuple[str, str, float]]:
     return [(name, metric, bound) for name in names.split()]
 
 
-def stored(made: Json, limits: Sequence[tuple[str, str, float]]) -> list[Json]:
-    """Limits against the stored outputs, (value, metric, bound) each, but for outputs that are null."""
+def stored(made: Json, rows: Rows) -> list[Json]:
+    """Limits against the stored outputs, but for outputs that are null."""
     return [
-        limit(name, "outputs", metric, bound) for name, metric, bound in limits if made["outputs"][name] is not None
+        limit(name, "outputs", metric, bound) for name, metric, bound in rows if made["outputs"][name] is not None
     ]
-
-
-def against_stored(limits: Sequence[tuple[str, str, float]]) -> Callable[[Json, Json], list[Json]]:
-    """`limits` of a stage that compares stored outputs alone."""
-    return lambda made, scene: stored(made, limits)
 
 
 def against_oracle(made: Json, *requires: str) -> list[Json]:
@@ -143,7 +137,3 @@ def against_oracle(made: Json, *requires: str) -> list[Json]:
 def against_truth(made: Json, scene: Json) -> list[Json]:
     """The error of the curves, where the true camera is given."""
     return [limit("ssf", "truth", "rmse", scene["rmse"])] if made["truth"] is not None else []
-
-
-LARGEST_GAP = 1e-9
-"""Largest relative duality gap of any engine's result."""

@@ -136,6 +136,20 @@ def rounded(points: Floats, places: int = 2) -> list[Any]:
     return found
 
 
+@cache
+def charts() -> dict[str, bytes]:
+    """Photos of a chart alone, by their names in golden/dng."""
+    gbrg = bytes((1, 2, 0, 1))
+    return {
+        **{f"chart-turned-{turns}.dng": file(draw(turned(24, turns))) for turns in range(4)},
+        **{f"chart-large-{n}.dng": file(draw(turned(p, 1, p), unrest=0)) for n, p in ((2, 90), (3, 128))},
+        "chart-tilted.dng": file(draw(TILTED, gbrg), cfa=gbrg),
+        "chart-mirrored.dng": file(draw(turned(24, 0), mirrored=True)),
+        "chart-small.dng": file(draw(turned(8, 0, margin=8))),
+    }
+
+
 def photo_case(name: str, comment: str, inputs: Json, photos: dict[str, bytes], expect: str = "success") -> Json:
-    """A case with its photos in golden/dng."""
-    return case(name, comment, inputs, expect=expect, files={f"dng/{each}": text for each, text in photos.items()})
+    """A case with those of the photos that its inputs name."""
+    named = [value for value in inputs.values() if isinstance(value, str) and value in photos]
+    return case(name, comment, inputs, expect=expect, files={f"dng/{photo}": photos[photo] for photo in named})

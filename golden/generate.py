@@ -1,13 +1,8 @@
 """The only writer of golden/: `python -m golden.generate` writes, `--check` tests that nothing has drifted.
 
-`--check` makes everything again in memory and compares it with the files:
-
-- what is reproducible on any machine must be identical: names, comments, expectations, inputs, limits, sources,
-  spectra, the manifest;
-- outputs must agree with the stored ones within the case's limits (another BLAS or CPU rounds differently); the
-  number of identical files is printed;
-- the oracle's numbers must agree with the stored ones within the limits for all others, and the gap recomputed from
-  the stored code must keep its own bound, plus a bound on rounding (`compare.blur`).
+Both make everything in memory. A stored case stays as it is to the bit if the one made now has the same inputs and
+limits, its outputs agree with the stored ones within the limits (another BLAS or CPU rounds differently), and the
+stored oracle proves itself: its gap, computed anew, keeps its bound and one on rounding (`compare.blur`).
 """
 
 from __future__ import annotations
@@ -19,29 +14,29 @@ from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
+from rich.console import Console
+from rich.progress import track
 
 from camssf.errors import CalibrationError
 from camssf.files import write_file
-from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery.basis import widened
 from camssf.recovery.hypotheses import AUTO
 from camssf.recovery.onnx_model import load_model
-from golden import forms, reading
+from golden import forms
 from golden.compare import METRICS, blur, optimality, rmse
 from golden.contract import Stage
 from golden.forms import ROOT, GoldenError, Json, digest, resolve
+from golden.oracle import consult
 from golden.products import basis_of
-from golden.reading import FORMAT, check, paths, read_case
-from golden.running import findings, problem, run
+from golden.reading import FORMAT, check, generator_digest, paths
+from golden.running import judge, problem, run
 from golden.stages import STAGES
+from golden.tables import write_tables
 
 ORACLE_GAP = 5e-10
 """Largest relative duality gap of the oracle's solution, apart from rounding (`Proof.bound`)."""
 MARGIN = 0.9
 """At generation the RMSE against the truth must be below this fraction of its bound."""
-ARRIVED, ERRING = 1e-9, 1e-6
-"""Distance between a curve of layers and the optimum, relative to the peak, that is rounding; and the relative
-tolerance with which a larger distance must be reproduced."""
 DIGITS = 12
 """Significant digits stored for curves, bands and W; more precise than their limits of 1e-10."""
 COMMAND = "python -m golden.generate"
@@ -58,65 +53,86 @@ def main(arguments: list[str] | None = None) -> int:
         print("cvxpy is missing: the oracle needs it. Install the extra dev.", file=sys.stderr)
         return 2
     try:
-        files = dict(_files(keep=not options.check))
+        made = dict(_files())
     except GoldenError as error:
         print(f"golden: {error}", file=sys.stderr)
         return 1
     finally:
         forms.PENDING.clear()
-    if options.check:
-        return _check_files(files)
-    _write(files)
-    size = sum(len(content) for content in files.values())
-    print(f"{sum(name.startswith('cases/') for name in files)} cases, {size / 1e6:.1f} MB written")
-    return 0
+    known = [*paths(), *(ROOT / "dng").glob("*"), *(ROOT / "spectra").glob("*"), ROOT / "manifest.json"]
+    stored = {path.relative_to(ROOT).as_posix(): path.read_bytes() for path in known if path.exists()}
+    changed = sorted(name for name in stored.keys() | made.keys() if stored.get(name) != made.get(name))
+    for name in changed:
+        if options.check:
+            print(f"{name}: {_change(stored.get(name), made.get(name))}")
+        elif name in made:
+            (ROOT / name).parent.mkdir(parents=True, exist_ok=True)
+            write_file(ROOT / name, made[name])
+        else:
+            (ROOT / name).unlink()
+    print(f"{len(made)} files, {len(changed)} {'drifted' if options.check else 'written'}")
+    if options.check and changed:
+        print(f"If that is meant, run `{COMMAND}`.", file=sys.stderr)
+    return 1 if options.check and changed else 0
 
 
-def _files(keep: bool) -> Iterable[tuple[str, bytes]]:
-    """Relative path and content of every file, the manifest last; made in memory.
+def _change(stored: bytes | None, made: bytes | None) -> str:
+    """What is different about a file, in words."""
+    if stored is None or made is None:
+        return "missing" if stored is None else "no scene makes it"
+    try:
+        return ", ".join(drift(json.loads(stored), json.loads(made))) or "another content"
+    except (ValueError, KeyError):
+        return "another content"
 
-    keep: a stored case within its own limits stays as it is, so that rounding on this machine changes no file.
-    """
-    from rich.console import Console
-    from rich.progress import track
 
-    from golden.tables import write_tables
-
+def _files() -> Iterable[tuple[str, bytes]]:
+    """Relative path and content of every file, the manifest last; made in memory."""
     spectra = {f"spectra/{name}.json": _text(table) for name, table in write_tables().items()}
     forms.PENDING.update(spectra)
     yield from spectra.items()
-    entries: dict[str, str] = {}
-    faults: list[str] = []
     scenes = [scene for stage in STAGES.values() for scene in stage.cases()]
     photos = {name: content for scene in scenes for name, content in scene["files"].items()}
     forms.PENDING.update(photos)
-    yield from sorted(photos.items())
+    yield from photos.items()
     names = [scene["case"] for scene in scenes]
     if len(set(names)) < len(names):
         raise GoldenError(f"two cases share a name: {sorted({n for n in names if names.count(n) > 1})}")
     console = Console(stderr=True)
+    cases: dict[str, str] = {}
+    faults: list[str] = []
     for scene in track(scenes, "golden vectors", console=console, disable=not console.is_terminal):
         try:
-            made = finish(scene)
+            content = _kept(finish(scene))
         except GoldenError as error:
             faults.append(str(error))
             continue
-        path = f"cases/{made['case']}.json"
-        content = _kept(path, made) if keep else _text(made)
+        path = f"cases/{scene['case']}.json"
         forms.PENDING[path] = content
-        entries[made["case"]] = digest(content)
+        cases[scene["case"]] = digest(content)
         yield path, content
     if faults:
         raise GoldenError("\n".join(faults))
     manifest = {
         "format": FORMAT,
-        "count": len(entries),
-        "generator": reading.generator_digest(),
+        "count": len(cases),
+        "generator": generator_digest(),
         "spectra": {name: digest(content) for name, content in spectra.items()},
         "dng": {name: digest(content) for name, content in sorted(photos.items())},
-        "cases": dict(sorted(entries.items())),
+        "cases": dict(sorted(cases.items())),
     }
     yield "manifest.json", (json.dumps(manifest, indent=1, ensure_ascii=False) + "\n").encode()
+
+
+def _kept(made: Json) -> bytes:
+    """The case with its stored numbers if they have not drifted, so that rounding on this machine changes no file."""
+    path = ROOT / "cases" / f"{made['case']}.json"
+    if path.exists():
+        stored = json.loads(path.read_bytes()) | {"comment": made["comment"]}
+        fields = [set(case.get(part) or {}) for case in (stored, made) for part in ("outputs", "oracle", "truth")]
+        if set(stored) == set(made) and fields[:3] == fields[3:] and not drift(stored, made):
+            return _text(stored)
+    return _text(made)
 
 
 def finish(scene: Json) -> Json:
@@ -129,7 +145,7 @@ def finish(scene: Json) -> Json:
         "stage": stage.name,
         "comment": scene["comment"],
         "expect": scene["expect"],
-        "requires": stage.requires(inputs),
+        "requires": (scene["requires"] or stage.requires).split(),
         "source": _source(inputs),
         "inputs": inputs,
         "outputs": None,
@@ -137,46 +153,33 @@ def finish(scene: Json) -> Json:
         "truth": None,
         "limits": [],
     }
-    if scene["outputs"] is not None:
-        return _written(made, scene)
-    if scene["expect"] != "success":
-        try:
-            run(made)
-        except CalibrationError as error:
-            if error.code == scene["expect"]:
-                return check(made)
-            raise GoldenError(f"{made['case']}: expected {scene['expect']}, found {error.code} ({error})") from error
-        raise GoldenError(f"{made['case']}: expected {scene['expect']}, found success")
-    if stage.oracle:
+    success = scene["expect"] == "success"
+    if success and stage.oracle:
         made["oracle"] = _plain(_oracle(made))
     try:
         outputs = run(made)
     except CalibrationError as error:
-        raise GoldenError(f"{made['case']}: {error.code}: {error}") from error
-    kept = {name: _stored(name, outputs[name], stage) for name in sorted(stage.keys.outputs)}
-    made["outputs"] = _plain(kept)
+        if error.code == scene["expect"]:
+            return check(made)
+        raise GoldenError(f"{made['case']}: expected {scene['expect']}, found {error.code} ({error})") from error
+    if not success:
+        raise GoldenError(f"{made['case']}: expected {scene['expect']}, found success")
+    kept = {name: _stored(name, outputs[name], stage) for name in stage.stored_outputs()}
+    made["outputs"] = _plain(kept) | (scene["outputs"] or {})
     if scene["truth"] is not None:
-        made["truth"] = {
-            "ssf": scene["truth"],
-            "measured": _truth(made, outputs["ssf"], scene["truth"], scene["rmse"]),
-        }
-    made["limits"] = stage.limits(made, scene)
-    return check(made)
-
-
-def _written(made: Json, scene: Json) -> Json:
-    """A case whose outputs are the values written to its file; the reference must read the same."""
-    made["outputs"] = scene["outputs"]
-    made["limits"] = STAGES[made["stage"]].limits(made, scene)
-    broken = [finding for finding in findings(made) if not finding.holds]
-    if broken:
-        raise GoldenError(f"{made['case']}: {broken}")
+        off = rmse(outputs["ssf"], resolve(scene["truth"]))
+        if not off <= MARGIN * scene["rmse"]:
+            raise GoldenError(f"{made['case']}: RMSE {off:.4f} leaves no margin below {scene['rmse']}")
+        made["truth"] = {"ssf": scene["truth"], "measured": {"rmse": round(off, 4)}}
+    made["limits"] = stage.limits_of(made, scene)
+    if scene["outputs"] is not None:
+        broken = [finding for finding in judge(made, outputs) if not finding.holds]
+        if broken:
+            raise GoldenError(f"{made['case']}: {broken}, found {[outputs.get(name) for name in scene['outputs']]}")
     return check(made)
 
 
 def _oracle(made: Json) -> Json:
-    from golden.oracle import consult
-
     given, sensing = made["inputs"], problem(made)
     gamma = np.broadcast_to(np.array(given["gamma"], float), len(sensing.matrix))
     basis = white = None
@@ -184,57 +187,42 @@ def _oracle(made: Json) -> Json:
         basis = widened(basis_of(given["basis"]), given.get("prior_scale", 1.0))
         white = resolve(given["white_reflectance"]) * resolve(given["lamp"])[0]
     oracle = consult(sensing, given["l2"], gamma, given["nonnegative"], basis, white)
-    for proof in proofs(made | {"oracle": oracle}):
-        if not proof.gap <= proof.bound:
-            raise GoldenError(f"{made['case']}: the oracle's own gap is {proof.gap:.1e}, not {proof.bound:.1e}")
+    faults = _unproven(made | {"oracle": oracle})
+    if faults:
+        raise GoldenError(f"{made['case']}: {', '.join(faults)}")
     return oracle
-
-
-def _truth(made: Json, found: Floats, truth: Json, bound: float) -> Json:
-    measured = rmse(found, resolve(truth))
-    if not measured <= MARGIN * bound:
-        raise GoldenError(f"{made['case']}: RMSE {measured:.4f} leaves no margin below {bound}")
-    return {"rmse": round(measured, 4)}
 
 
 def _source(inputs: Json) -> Json:
     """The source of a case: the basis with the hash in the shipped model's metadata, the spectra by name."""
-    basis = _basis(inputs)
-    shipped = isinstance(basis, str)
-    one = isinstance(basis, str) and basis != AUTO
-    return {
-        "generator": COMMAND,
-        "basis": basis,
-        "basis_sha256": load_model(basis).metadata["basis_sha256"] if one else None,
-        "spectra": sorted(_names(inputs)),
-    } | (
-        {} if shipped else {"basis": None if basis is None else f"{basis['count']} Gaussians of {basis['width']} nm"}
-    )
-
-
-def _basis(inputs: Json) -> Any:
-    if "basis" in inputs:
-        return inputs["basis"]
     parent = inputs.get("matrix")
     if isinstance(parent, dict):
-        return forms.sibling(parent["case"])["inputs"]["basis"]
-    return None
+        inputs = inputs | {"basis": forms.sibling(parent["case"])["inputs"]["basis"]}
+    basis = inputs.get("basis")
+    named = isinstance(basis, str)
+    return {
+        "generator": COMMAND,
+        "basis": basis if named or basis is None else f"{basis['count']} Gaussians of {basis['width']} nm",
+        "basis_sha256": load_model(basis).metadata["basis_sha256"] if named and basis != AUTO else None,
+        "spectra": sorted(_names(inputs)),
+    }
 
 
 def _names(value: Any) -> set[str]:
-    if isinstance(value, dict):
-        found = {f"charts:{value['chart']}"} if isinstance(value.get("chart"), str) else set()
-        found |= {f"lamps:{name}" for name in value.get("lamps", []) if name != "equal-energy"}
-        found |= {f"modes:{name}" for name in value.get("modes", []) if name}
-        return found.union(*(_names(v) for v in value.values()), set())
-    return set()
+    """The spectra that input forms name."""
+    if not isinstance(value, dict):
+        return set()
+    found = {f"charts:{value['chart']}"} if isinstance(value.get("chart"), str) else set()
+    found |= {f"lamps:{name}" for name in value.get("lamps", []) if name != "equal-energy"}
+    found |= {f"modes:{name}" for name in value.get("modes", []) if name}
+    return found.union(*(_names(v) for v in value.values()))
 
 
 def _stored(name: str, value: Any, stage: Stage) -> Any:
     """A value as it is stored: None for a missing band, and large arrays with fewer numbers or digits."""
     if isinstance(value, np.ndarray) and value.dtype.kind == "f" and np.isnan(value).all():
         return None
-    if value is None or name not in stage.keys.rounded:
+    if value is None or name not in stage.rounded:
         return value
     if name == "code_covariance":
         return value.reshape(len(value), 3, -1).sum(axis=2)
@@ -270,60 +258,6 @@ def _text(case: Json) -> bytes:
     return ("{\n" + ",\n".join(lines) + "\n}\n").encode()
 
 
-def _place(files: dict[str, bytes]) -> None:
-    """Write the files that changed, each atomically."""
-    for name, content in files.items():
-        path = ROOT / name
-        if path.exists() and path.read_bytes() == content:
-            continue
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_file(path, content)
-
-
-def _kept(name: str, made: Json) -> bytes:
-    """The stored case if it has the same fields and has not drifted, else the new one."""
-    path = ROOT / name
-    if path.exists():
-        stored = json.loads(path.read_bytes())
-        fields = [set(case.get(part) or {}) for case in (stored, made) for part in ("outputs", "oracle", "truth")]
-        if set(stored) == set(made) and fields[:3] == fields[3:] and not drift(stored, made):
-            return path.read_bytes()
-    return _text(made)
-
-
-def _write(files: dict[str, bytes]) -> None:
-    """Write all files, and delete those that no scene makes."""
-    _place(files)
-    for path in [*paths(), *(ROOT / "dng").glob("*")]:
-        if path.relative_to(ROOT).as_posix() not in files:
-            path.unlink()
-
-
-def _check_files(files: dict[str, bytes]) -> int:
-    faults = [f"{path.relative_to(ROOT)}: no scene makes it" for path in [*paths(), *(ROOT / "dng").glob("*")]
-              if path.relative_to(ROOT).as_posix() not in files]  # fmt: skip
-    same = 0
-    for name, content in files.items():
-        path = ROOT / name
-        stored = path.read_bytes() if path.exists() else None
-        if stored == content:
-            same += 1
-        elif stored is None:
-            faults.append(f"{name}: missing")
-        elif name.startswith("cases/"):
-            faults += [f"{name}: {fault}" for fault in drift(read_case(path), json.loads(content))]
-        elif name == "manifest.json":
-            faults += _manifest_drift(json.loads(stored), json.loads(content))
-        else:
-            faults.append(f"{name}: another content")
-    for fault in faults:
-        print(fault)
-    print(f"{len(files)} files, {same} equal to the bit, {len(faults)} drifted")
-    if faults:
-        print(f"If that is meant, run `{COMMAND}`.", file=sys.stderr)
-    return 1 if faults else 0
-
-
 def drift(stored: Json, made: Json) -> list[str]:
     """The differences between a stored case and the same case made now that exceed its limits."""
     numbers = ("outputs", "oracle", "truth")
@@ -337,13 +271,16 @@ def drift(stored: Json, made: Json) -> list[str]:
                 faults.append("another truth")
         elif METRICS[limit["metric"]](made[kind][value], stored[kind][value]) > bound:
             faults.append(f"{value} of the {kind} by more than {bound:g} ({limit['metric']})")
-    if stored["oracle"] is not None:
-        faults += [
-            f"the stored oracle's gap is {proof.gap:.1e}, not {proof.bound:.1e}"
-            for proof in proofs(stored)
-            if not proof.gap <= proof.bound
-        ]
-    return faults
+    return faults + (_unproven(stored) if stored["oracle"] is not None else [])
+
+
+def _unproven(case: Json) -> list[str]:
+    """The oracle's gaps that are too large, in words."""
+    return [
+        f"the oracle's gap is {proof.gap:.1e}, not {proof.bound:.1e}"
+        for proof in proofs(case)
+        if not proof.gap <= proof.bound
+    ]
 
 
 class Proof(NamedTuple):
@@ -368,21 +305,6 @@ def proofs(case: Json) -> list[Proof]:
         )
     ]
 
-
-def _manifest_drift(stored: Json, made: Json) -> list[str]:
-    """The faults of the stored manifest; hashes of cases need only match the files, all else must be equal."""
-    keys = ("format", "count", "generator", "spectra", "dng")
-    faults = [f"manifest.json: {key} differs" for key in keys if stored.get(key) != made[key]]
-    if set(stored.get("cases", {})) != set(made["cases"]):
-        faults.append("manifest.json: another list of cases")
-    for name, value in stored.get("cases", {}).items():
-        path = ROOT / "cases" / f"{name}.json"
-        if not path.exists() or digest(path.read_bytes()) != value:
-            faults.append(f"manifest.json: the hash of {name} is not the file's")
-    return faults
-
-
-assert WAVELENGTHS.size == 681  # the scenes contain this number in shapes
 
 if __name__ == "__main__":
     sys.exit(main())

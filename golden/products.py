@@ -21,12 +21,14 @@ from camssf.photo.shot import Shot
 from camssf.recovery.basis import Basis, gaussian_basis, read_basis, widened
 from camssf.recovery.observation import Observation
 from camssf.recovery.onnx_model import Model
+from camssf.recovery.sensitivity import SolverSettings, Ssf
 from camssf.spectra import ChartTable, Lamp, Light, read_chart
 from camssf.spectra.lamps import AUTO, TORCH
 from camssf.spectra.layouts import LAYOUTS
 from camssf.spectra.lights import unnamed_light
+from camssf.verdict.reasons import Verdict
 from golden.compare import optimality
-from golden.contract import words
+from golden.contract import Call, words
 from golden.forms import Json, dng, resolve
 from golden.linear_model import LinearModel, linear_model
 
@@ -69,7 +71,7 @@ def build_rows(given: dict[str, Any], signals: Floats) -> LinearModel:
 
 def problem_of_call(given: dict[str, Any]) -> LinearModel:
     """The rows of a model's call, from raw patch means."""
-    return build_rows(given, (given["chart"] - given["dark"]) / (given["white"] - given["dark"]))
+    return build_rows(given, raw_signals(given))
 
 
 def prior_scale(given: dict[str, Any]) -> float:
@@ -97,56 +99,93 @@ def objective_of(given: dict[str, Any], rows: LinearModel, code: Floats) -> Floa
     ])  # fmt: skip
 
 
+def raw_signals(given: dict[str, Any]) -> Floats:
+    """(k, n, 3) signals from raw patch means, Eq. (5)."""
+    signals: Floats = (given["chart"] - given["dark"]) / (given["white"] - given["dark"])
+    return signals
+
+
+def settings_of(call: Call) -> SolverSettings:
+    """How the case wants its problems solved."""
+    given = call.given
+    return SolverSettings(l2=given["l2"], gamma=given["gamma"], nonnegative=given["nonnegative"], engine=call.engine)
+
+
+def chosen(ssf: Ssf) -> dict[str, Any]:
+    """What was weighed, and the answer: curves and bands on the 5-nm nodes, at peak 1."""
+    curves, std = ssf.peak()
+    assert std is not None
+    return {
+        "log_evidence": np.array([weight.log_evidence for weight in ssf.choice]),
+        "probability": np.array([weight.probability for weight in ssf.choice]),
+        "ssf": curves[::10],
+        "ssf_std": std[::10],
+        "gap": ssf.proof.gap,
+        **{name: getattr(ssf, name) for name in ("basis", "prior_scale", "chart_fading", "predicted")},
+    }
+
+
+def judgement(verdict: Verdict) -> dict[str, Any]:
+    """Status and reasons of a verdict."""
+    reasons = verdict.reasons
+    return {
+        "status": verdict.status,
+        "codes": [reason.code for reason in reasons],
+        "messages": [reason.message for reason in reasons],
+        "values": [float(reason.value or 0.0) for reason in reasons] or None,
+        "thresholds": [float(reason.threshold or 0.0) for reason in reasons] or None,
+    }
+
+
+def pose_by_hand(quads: Floats, corners: Floats | None = None) -> Pose:
+    """A pose with the patches (n, 4, 2) of a classic chart."""
+    return Pose(
+        layout="classic24", corners=np.zeros((4, 2)) if corners is None else corners, patches=quads, quarter_turns=0,
+        method="by hand", score=1.0, notes=(),
+    )  # fmt: skip
+
+
 def build_capture(given: dict[str, Any], engine: str) -> tuple[Capture, Options]:
     """A capture made from patch statistics, and the options to solve it."""
     table = build_table(given["reflectance"], given["chart_tolerance"], given["white"])
     square = 100.0 * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     places = np.array([[100.0 * (i % 6), 100.0 * (i // 6)] for i in range(24)])
-    corners = square * np.array([6.0, 4.0])
-    pose = Pose(
-        layout="classic24", corners=corners, patches=places[:, None, :] + square, quarter_turns=0, method="by hand",
-        score=1.0, notes=(),
-    )  # fmt: skip
-    photo = Photo(
+    pose = pose_by_hand(places[:, None, :] + square, square * np.array([6.0, 4.0]))
+    empty = Photo(
         name="golden", width=600, height=400, orientation=1, exposure=None, iso=None, gain_map=False,
         make=given.get("make", "golden"), model=given.get("model", "golden"), sha256="0" * 64,
     )  # fmt: skip
-    charts, whites, darks = (
-        [replace(photo, sha256=f"{number}{j:063}") for j in range(len(given["shots"]))] for number in (1, 2, 3)
-    )
-    unnamed = dict.fromkeys(given.get("unnamed", ()), AUTO) | dict.fromkeys(given.get("torch", ()), TORCH)
-    names = given.get("called") or [""] * len(given["shots"])
-    matrices = given.get("colour_matrices") or [[] for _ in given["shots"]]
-    shots = tuple(
-        MeasuredShot(
-            lamp=unnamed_light(unnamed[j])
-            if j in unnamed
-            else _told(names[j - 1])
-            if names[j - 1]
-            else build_lamp(values, tolerance, modes),
-            photo=replace(
-                charts[j - 1],
-                colour_matrices=tuple(ColourMatrix(each["light"], tuple(each["values"])) for each in matrices[j - 1]),
-            ),
-            white=whites[j - 1] if shot["white"] else None,
-            dark=darks[j - 1] if shot["dark"] else None,
-            pose=pose,
-            means=build_means(shot),
-            thumbnail=None,
+    shots = []
+    for j, shot in enumerate(given["shots"]):
+        chart, white, dark = (replace(empty, sha256=f"{number}{j:063}") for number in (1, 2, 3))
+        stated = given["colour_matrices"][j] if "colour_matrices" in given else []
+        matrices = tuple(ColourMatrix(matrix["light"], tuple(matrix["values"])) for matrix in stated)
+        shots.append(
+            MeasuredShot(
+                lamp=_light(given, j),
+                photo=replace(chart, colour_matrices=matrices),
+                white=white if shot["white"] else None,
+                dark=dark if shot["dark"] else None,
+                pose=pose,
+                means=build_means(shot),
+                thumbnail=None,
+            )
         )
-        for j, (shot, values, tolerance, modes) in enumerate(
-            zip(given["shots"], given["lamp"], given["lamp_tolerance"], given["lamp_modes"], strict=True), 1
-        )
-    )
-    options = Options(
-        basis=given["basis"],
-        nonnegative=given["nonnegative"],
-        l2=given["l2"],
-        gamma=given["gamma"],
-        engine=engine,
-        light_per_patch=given.get("light_per_patch"),
-    )
-    return Capture(shots=shots, chart=table, white_reflectance=given["white_reflectance"]), options
+    names = ("basis", "nonnegative", "l2", "gamma")
+    options = Options(**{name: given[name] for name in names}, engine=engine,
+                      light_per_patch=given.get("light_per_patch"))  # fmt: skip
+    return Capture(shots=tuple(shots), chart=table, white_reflectance=given["white_reflectance"]), options
+
+
+def _light(given: dict[str, Any], j: int) -> Light:
+    """The light of a shot: unnamed, the torch, a name (with its tolerance, `D55,2%`), or a lamp of the case."""
+    for word, numbers in ((AUTO, given.get("unnamed", ())), (TORCH, given.get("torch", ()))):
+        if j + 1 in numbers:
+            return unnamed_light(word)
+    name, _, tolerance = (given["called"][j] if "called" in given else "").partition(",")
+    if name:
+        return Shot("golden.dng", name, lamp_tolerance=tolerance or None).light()
+    return build_lamp(given["lamp"][j], given["lamp_tolerance"][j], given["lamp_modes"][j])
 
 
 def build_lamp(values: Floats, tolerance: float, modes: Floats) -> Lamp:
@@ -218,9 +257,3 @@ def read_card(card: Json) -> ChartTable:
         layout.write_text(json.dumps(card["layout"]))
         table.write_text(card["csv"])
         return read_chart(f"{layout}:{table}")
-
-
-def _told(text: str) -> Light:
-    """The light that a name stands for, or a name and its tolerance, `D55,2%`."""
-    name, _, tolerance = text.partition(",")
-    return Shot("golden.dng", name, lamp_tolerance=tolerance or None).light()

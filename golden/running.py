@@ -14,7 +14,6 @@ from golden.linear_model import LinearModel
 from golden.reading import CAPABILITIES
 from golden.stages import STAGES
 
-ENGINES = ("reference", "onnx")
 LACKING = {"metadata"}
 """Capabilities that Python's reader lacks; a phone's may have them."""
 ABILITIES = tuple(name for name in CAPABILITIES if name not in LACKING)
@@ -36,7 +35,7 @@ class Finding(NamedTuple):
 
 def arrays(case: Json) -> dict[str, Any]:
     """The case's inputs with every form resolved."""
-    numbers = STAGES[case["stage"]].keys.arrays
+    numbers = STAGES[case["stage"]].arrays
     return {
         key: resolve(value) if (key not in PLAIN if numbers is None else key in numbers) else value
         for key, value in case["inputs"].items()

@@ -7,7 +7,7 @@ DN are rounded to 1/1000 and stored; the rounded numbers are the inputs.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -65,7 +65,6 @@ BETWEEN = {
 ODD = {"bells": [[[1.0, 632, 18]], [[1.0, 560, 22]], [[1.0, 440, 18]]]}
 """Narrow filters far from each other, unlike any camera."""
 FLAT = {"constant": 1.0, "shape": [681]}
-Case = Json
 
 
 def photograph(
@@ -124,7 +123,7 @@ def scene(
     expect: str = "success",
     stage: str = "ssf",
     **more: Any,
-) -> Case:
+) -> Json:
     """A case of the stage ssf, or of another stage with the same inputs.
 
     taken: the table of the chart that was photographed, if it differs from `table`; fading: of that chart.
@@ -151,6 +150,17 @@ def scene(
     } | (change or {})
     truth = camera if rmse is not None else None
     return case(f"{stage}/{name}", comment, inputs, expect=expect, truth=truth, rmse=rmse, **more)
+
+
+def gain_modes(own: float | None = None) -> list[list[float]]:
+    """Linear and quadratic gain modes (5, 24), and one of the white patch of this size, 0 on the white patch."""
+    i = np.arange(24)
+    x, y = (i % 6 - 2.5) / 2.5, (i // 6 - 1.5) / 2.5
+    ways = np.stack([0.2 * x, 0.2 * y, 0.3 * x**2, 0.3 * x * y, 0.3 * y**2])
+    if own is not None:
+        ways = np.concatenate([ways, own * (i == 18)[None]])
+    modes: list[list[float]] = np.round(ways - ways[:, [18]], 9).tolist()
+    return modes
 
 
 def uneven_light(bend: float = 1.0) -> Floats:
@@ -197,26 +207,34 @@ def put(shot: Json, frame: str, key: str, where: Any, value: float) -> Json:
     return shot | {frame: shot[frame] | {key: array}}
 
 
-def faulty() -> Iterator[tuple[str, str, str, list[Json], str]]:
-    """Captures for which Eq. (5) must raise: name, comment, code, shots, channel."""
+def evenly(camera: Json = NIKON, lamps: Sequence[str] = ("D55",), **more: Any) -> list[Json]:
+    """Shots in even light whose white is the chart's white patch."""
+    return frames(camera, lamps, white=resolve({"chart": "babelcolor", "patches": [19]})[0], shade=0.0, **more)
+
+
+def faulty() -> list[tuple[str, str, str, list[Json]]]:
+    """Captures for which Eq. (5) must raise: name, comment, code, shots."""
     (shot,) = frames()
-    yield ("channel-all-clipped", "Every patch's green is clipped.", "overexposed",
-           [clip(shot, "chart", slice(0, 24))], "")  # fmt: skip
-    yield ("white-clipped", "The white frame is clipped in red.", "overexposed",
-           [clip(shot, "white", slice(4, 5), 0.02, slice(0, 1))], "")  # fmt: skip
-    faint = put(shot, "white", "mean", (slice(None), 2), 90.0)
-    yield "white-faint", "The white frame's blue lies at 0.2 % of the range.", "underexposed", [faint], ""
-    noisy = put(shot, "white", "standard_error", (5, 1), 1000.0)
-    yield "white-noisy", "The white frame is known to worse than 5 % at one patch.", "underexposed", [noisy], ""
-    lost = put(shot, "chart", "standard_error", (slice(0, 20), slice(None)), 5000.0)
-    yield "patches-lost", "Noise swallows 20 of 24 patches.", "underexposed", [lost], ""
+    every = slice(None)
+    return [
+        ("channel-all-clipped", "Every patch's green is clipped.", "overexposed",
+         [clip(shot, "chart", slice(0, 24))]),
+        ("white-clipped", "The white frame is clipped in red.", "overexposed",
+         [clip(shot, "white", slice(4, 5), 0.02, slice(0, 1))]),
+        ("white-faint", "The white frame's blue lies at 0.2 % of the range.", "underexposed",
+         [put(shot, "white", "mean", (every, 2), 90.0)]),
+        ("white-noisy", "The white frame is known to worse than 5 % at one patch.", "underexposed",
+         [put(shot, "white", "standard_error", (5, 1), 1000.0)]),
+        ("patches-lost", "Noise swallows 20 of 24 patches.", "underexposed",
+         [put(shot, "chart", "standard_error", (slice(0, 20), every), 5000.0)]),
+    ]  # fmt: skip
 
 
 def dimmed(shots: list[Json], light: Floats) -> list[Json]:
     """The same shots in uneven light, without white frames."""
-    found = []
+    lit = []
     for shot in shots:
         dark = shot["dark"]["mean"]
         mean = np.round(dark + light[:, None] * (shot["chart"]["mean"] - dark), 3)
-        found.append(shot | {"white": None, "chart": shot["chart"] | {"mean": mean}})
-    return found
+        lit.append(shot | {"white": None, "chart": shot["chart"] | {"mean": mean}})
+    return lit

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from camssf.grid import Floats
@@ -24,43 +22,27 @@ DECIMALS = 6
 
 def write_tables() -> dict[str, Json]:
     """The content of golden/spectra/<name>.json, by name."""
-    grid = "380 to 720 nm every 0.5 nm"
-    science = "colour-science, BSD-3-Clause"
-    return {
-        "charts": {
-            "origin": f"{science}: BabelColor Average and ColorChecker N Ohta, by camssf.spectra.read_chart",
-            "licence": "BSD-3-Clause",
-            "grid": grid,
-            "values": {name: _settled(name, read_chart(spec).values) for name, spec in CHARTS.items()},
-        },
-        "lamps": {
-            "origin": f"{science}: CIE illuminants, scaled to a mean of 1, by camssf.spectra.read_lamp",
-            "licence": "BSD-3-Clause",
-            "grid": grid,
-            "values": {name: _rounded(read_lamp(name).values) for name in LAMPS + KINDS},
-        },
-        "modes": {
-            "origin": f"{science}: what lamps of a kind differ by, in parts of the kind's mean among the lamps, one "
-            "standard deviation each, by camssf.spectra.read_lamp",
-            "licence": "BSD-3-Clause",
-            "grid": "380 to 720 nm every 5 nm, straight between",
-            "values": {name: _rounded(_upright(read_lamp(name).modes[:, ::10])) for name in KINDS},
-        },
-        "cameras": _cameras(CURVES),
-    }
-
-
-def _cameras(path: Path) -> Json:
     from camssf_lab.learning.training import read_curves
 
-    curves = read_curves(path)
+    science, every, nodes = "colour-science, BSD-3-Clause", "every 0.5 nm", "every 5 nm, straight between"
+    curves, file = read_curves(CURVES), digest(CURVES.read_bytes())
+    kinds = {name: read_lamp(name) for name in KINDS}
+    tables = {
+        "charts": (f"{science}: BabelColor Average and ColorChecker N Ohta, by camssf.spectra.read_chart", every,
+                   {name: _settled(name, read_chart(spec).values) for name, spec in CHARTS.items()}),
+        "lamps": (f"{science}: CIE illuminants, scaled to a mean of 1, by camssf.spectra.read_lamp", every,
+                  {name: _rounded(read_lamp(name).values) for name in LAMPS + KINDS}),
+        "modes": (f"{science}: what lamps of a kind differ by, in parts of the kind's mean among the lamps, one "
+                  "standard deviation each, by camssf.spectra.read_lamp", nodes,
+                  {name: _rounded(_upright(kind.modes[:, ::10])) for name, kind in kinds.items()}),
+        "cameras": (f"rawtoaces-data 1.1.0 of the Academy Software Foundation (SHA-256 {file}), each channel's "
+                    "peak 1", nodes, {name: _rounded(curves[name]) for name in CAMERAS}),
+    }  # fmt: skip
     return {
-        "origin": f"rawtoaces-data 1.1.0 of the Academy Software Foundation (SHA-256 {digest(path.read_bytes())}), "
-        "each channel's peak 1",
-        "licence": "Apache-2.0",
-        "grid": "380 to 720 nm every 5 nm, straight between",
-        "values": {name: _rounded(curves[name]) for name in CAMERAS},
-    }
+        name: {"origin": origin, "licence": "Apache-2.0" if name == "cameras" else "BSD-3-Clause",
+               "grid": f"380 to 720 nm {grid}", "values": values}
+        for name, (origin, grid, values) in tables.items()
+    }  # fmt: skip
 
 
 def _settled(name: str, values: Floats) -> list[list[float]] | list[float]:

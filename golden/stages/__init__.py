@@ -1,4 +1,6 @@
-"""The stages of the golden vectors, in the order in which they are made; one a file."""
+"""The stages of the golden vectors: how each is run, its cases and its limits."""
+
+from __future__ import annotations
 
 from golden.contract import Stage
 from golden.stages import (
@@ -23,27 +25,9 @@ from golden.stages import (
     weights,
 )
 
-STAGES: dict[str, Stage] = {
-    each.STAGE.name: each.STAGE
-    for each in (
-        mosaic,
-        pose,
-        patches,
-        signals,
-        sensing,
-        weights,
-        solve,
-        ssf,
-        layers,
-        choice,
-        calibrate,
-        light,
-        rivals,
-        verdict,
-        colour,
-        spectrum,
-        regions,
-        picture,
-        finder,
-    )
-}
+ORDER = (
+    mosaic, pose, patches, signals, sensing, weights, solve, ssf, layers, choice, calibrate, light, rivals, verdict,
+    colour, spectrum, regions, picture, finder,
+)  # fmt: skip
+"""A stage follows those whose outputs its cases name."""
+STAGES: dict[str, Stage] = {module.STAGE.name: module.STAGE for module in ORDER}

@@ -7,8 +7,8 @@ inputs.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Iterator, Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -25,8 +25,7 @@ from camssf.verdict.reasons import Reason, Verdict
 from camssf_colour import PARTS, Camera, Reference, View, camera_of_result, standard_colour
 from camssf_colour.camera import camera_of_answer
 from camssf_colour.reach import REACH
-from golden import contract
-from golden.contract import Call, Keys, Stage, against_stored, always, each, words
+from golden.contract import Call, Stage, case, each, words
 from golden.forms import Json, chart, resolve, sibling
 from golden.scenes import PHONE
 
@@ -39,111 +38,105 @@ PATCHES = (0, 6, 12, 15, 18)
 ATOMS = 24
 
 
-def cases() -> Iterator[Json]:
-    """All cases of the stage `colour`."""
-    yield case("named", "A lamp by name, nothing asked of the reference.", result(), "D65")
-    base = {"case": "colour/named"}
-    yield case("own-lamp", "The lamp of the result's own first shot.", base, FIRST)
-    yield case(
-        "reference",
-        "The reference's raw ratios say what light it is: the lamp, known by kind, and the curves are conditioned.",
-        base, "daylight", true="D65", asked=True,
-    )  # fmt: skip
-    yield case("auto", "The four kinds, weighed by the reference's ratios.", base, "auto", true="LED-B3", asked=True)
-    yield case("auto-bulb", "The same under a bulb.", base, "auto", true="A", asked=True)
-    yield case(
-        "auto-estimated", "The result's own light was not named: its estimate with its standard deviation.",
-        base | {"but": {"shots": [{"lamp": {"name": "auto"}, "light": estimate()}]}}, "auto",
-        true="LED-B3", asked=True,
-    )  # fmt: skip
-    lamp = {"name": "lost.csv", "tolerance": 0.03, "source": "file lost.csv", "power": estimate()["power"]}
-    yield case(
-        "auto-stored", "The result's own lamp was a file, whose spectrum the document holds.",
-        base | {"but": {"shots": [{"lamp": lamp}]}}, "auto", true="A", asked=True,
-    )  # fmt: skip
-    yield case(
-        "modes", "A kind of lamp with modes, and no reference asked.", base, "white-led", true="LED-B3", white="D65"
-    )
-    yield case("adapted-d50", "The observer of 1964, adapted to D50.", base, "A", observer="1964", white="D50")
-    yield case("adapted-d65", "The observer of 1931, adapted to D65.", base, "FL2", white="D65")
-    yield case(
-        "loose-reference", "A reference known to 5 %, which reflects 18 %, and no noise.", base, "D50",
-        tolerance=0.05, noise=0.0,
-    )  # fmt: skip
-    yield case(
-        "dark", "Black, below black, and hardly any light.", base, "D65",
-        signals=[[0.0, 0.0, 0.0], [-0.002, 0.001, -0.001], [0.004, 0.003, 0.002]],
-    )  # fmt: skip
-    yield case(
-        "out-of-reach", "Colours that no surface has, beside one that many have.", base, "D65",
-        signals=[[0.9, 0.05, 0.02], [1.4, 1.4, 1.4], [0.3, 0.3, 0.3], [0.02, 0.6, 0.7]],
-    )  # fmt: skip
-    wide = result("cameras", 2.0)
-    wide = {name: wide[name] for name in ("basis", "basis_sha256", "prior_scale", "ssf_std")}
-    yield case(
-        "wide", "The basis cameras, with a prior twice as wide.", base | {"but": wide}, "D65", true="D65", asked=True
-    )
-    yield case(
-        "bands", "No covariance: errors are smooth over 10 nm within the bands.",
-        base | {"but": {"code_covariance": None}}, "D65", true="D65", asked=True,
-    )  # fmt: skip
-    yield case(
-        "other-basis", "The covariance belongs to another basis of this name, so the errors are those of the bands.",
-        base | {"but": {"basis_sha256": "0" * 64}}, "D65",
-    )  # fmt: skip
-    yield case(
-        "exact", "Curves without a band are taken to be exact.",
-        base | {"but": {"ssf_std": None, "code_covariance": None}}, "daylight", true="D50", asked=True,
-    )  # fmt: skip
-    yield case(
-        "measured-lamp", "A first lamp that was a file: nothing ties the channels, the reference is not asked.",
-        base | {"but": {"shots": [{"lamp": {"name": "desk.csv"}}]}}, "D65", true="A", asked=True,
-    )  # fmt: skip
-    yield case(
-        "error-contradicted", "A reference lit by a bulb, and daylight was named.", base, "D65", true="A", asked=True,
-        expect="lamp_unfit",
-    )  # fmt: skip
-    yield case("error-auto", "The lamp is unknown.", base, "auto", expect="invalid_argument")
-    yield case(
-        "error-blind", "A channel that sees nothing.",
-        base | {"but": {"ssf": {name: [0] * 681 for name in ("red", "green", "blue")}}}, "D65",
-        expect="invalid_argument",
-    )  # fmt: skip
+BASE = {"case": "colour/named"}
+VIEW = {"observer": "1931", "white": "lamp"}
+Row: TypeAlias = tuple[str, str, Json, str, Json]
+"""Name, comment, result, lamp, and what is unlike the base case: arguments of `photo`, fields of VIEW, `expect`."""
+
+
+def rows() -> list[Row]:
+    """All cases."""
+
+    def but(**fields: Any) -> Json:
+        return BASE | {"but": fields}
+
+    light = estimate()
+    file = {"name": "lost.csv", "tolerance": 0.03, "source": "file lost.csv", "power": light["power"]}
+    estimated, stored = ({"lamp": {"name": "auto"}, "light": light}, {"lamp": file})
+    wide = {key: value for key, value in result("cameras", 2.0).items()
+            if key in ("basis", "basis_sha256", "prior_scale", "ssf_std")}  # fmt: skip
+    blind = {name: [0] * 681 for name in ("red", "green", "blue")}
     refused = {"verdict": {"reasons": [{"advice": "Take it again."}]}}
-    yield case("error-refused", "A result that was refused.", refused, "D65", expect="invalid_argument")
+    dark = [[0.0, 0.0, 0.0], [-0.002, 0.001, -0.001], [0.004, 0.003, 0.002]]
+    strange = [[0.9, 0.05, 0.02], [1.4, 1.4, 1.4], [0.3, 0.3, 0.3], [0.02, 0.6, 0.7]]
+
+    def under(true: str, **more: Any) -> Json:
+        return {"true": true, "asked": True, **more}
+
+    wrong = {"expect": "invalid_argument"}
+    return [
+        ("named", "A lamp by name, nothing asked of the reference.", result(), "D65", {}),
+        ("own-lamp", "The lamp of the result's own first shot.", BASE, FIRST, {}),
+        ("reference", "The reference's raw ratios tell the light: the lamp, known by its kind, and the curves are "
+         "conditioned.", BASE, "daylight", under("D65")),
+        ("auto", "The four kinds, weighed by the reference's ratios.", BASE, "auto", under("LED-B3")),
+        ("auto-bulb", "The same under a bulb.", BASE, "auto", under("A")),
+        ("auto-estimated", "The result's own light was unnamed: its estimate with its standard deviation.",
+         but(shots=[estimated]), "auto", under("LED-B3")),
+        ("auto-stored", "The result's own lamp was a file, whose spectrum the document holds.",
+         but(shots=[stored]), "auto", under("A")),
+        ("modes", "A kind of lamp with modes, and no reference asked.",
+         BASE, "white-led", {"true": "LED-B3", "white": "D65"}),
+        ("adapted-d50", "The observer of 1964, adapted to D50.", BASE, "A", {"observer": "1964", "white": "D50"}),
+        ("adapted-d65", "The observer of 1931, adapted to D65.", BASE, "FL2", {"white": "D65"}),
+        ("loose-reference", "A reference known to 5 %, which reflects 18 %, and no noise.",
+         BASE, "D50", {"tolerance": 0.05, "noise": 0.0}),
+        ("dark", "Black, below black, and hardly any light.", BASE, "D65", {"signals": dark}),
+        ("out-of-reach", "Colours that no surface has, beside one that many have.",
+         BASE, "D65", {"signals": strange}),
+        ("wide", "The basis cameras, with a prior twice as wide.", but(**wide), "D65", under("D65")),
+        ("bands", "No covariance: errors are smooth over 10 nm within the bands.",
+         but(code_covariance=None), "D65", under("D65")),
+        ("other-basis", "The covariance belongs to another basis of this name: the errors are those of the bands.",
+         but(basis_sha256="0" * 64), "D65", {}),
+        ("exact", "Curves without a band are taken to be exact.",
+         but(ssf_std=None, code_covariance=None), "daylight", under("D50")),
+        ("measured-lamp", "A first lamp that was a file: nothing ties the channels, the reference is not asked.",
+         but(shots=[{"lamp": {"name": "desk.csv"}}]), "D65", under("A")),
+        ("error-contradicted", "A reference lit by a bulb, and daylight was named.",
+         BASE, "D65", under("A", expect="lamp_unfit")),
+        ("error-auto", "The lamp is unknown.", BASE, "auto", wrong),
+        ("error-blind", "A channel that sees nothing.", but(ssf=blind), "D65", wrong),
+        ("error-refused", "A result that was refused.", refused, "D65", wrong),
+    ]  # fmt: skip
 
 
-def case(name: str, comment: str, document: Json, lamp: str, **more: Any) -> Json:
-    """One case of the stage `colour`."""
-    inputs = {
-        "result": document,
-        **photo(lamp, **more),
-        "view": {name: more.get(name, usual) for name, usual in VIEW.items()},
-    }
-    return contract.case(f"colour/{name}", comment, inputs, expect=more.get("expect", "success"))
+def cases() -> Iterator[Json]:
+    """All cases."""
+    for name, comment, document, lamp, change in rows():
+        view = {key: change.get(key, usual) for key, usual in VIEW.items()}
+        of_photo = {key: value for key, value in change.items() if key not in (*VIEW, "expect")}
+        inputs = {"result": document, **photo(lamp, **of_photo), "view": view}
+        yield case(f"colour/{name}", comment, inputs, expect=change.get("expect", "success"))
 
 
-def photo(lamp: str, **more: Any) -> Json:
-    """Lamp, signals and reference of a photo; its signals are the chart's under the `true` lamp."""
-    light = more.get("true", lamp if lamp != "auto" else FIRST)
-    seen = curves() * read_lamp(light).values[:, None]
-    patches = chart("babelcolor")[list(more.get("patches", PATCHES))]
-    y = more.get("signals", plain(patches @ seen / seen.sum(axis=0)))
+def photo(
+    lamp: str,
+    *,
+    true: str | None = None,
+    asked: bool = False,
+    patches: Sequence[int] = PATCHES,
+    signals: Any = None,
+    noise: float = 0.005,
+    tolerance: float = 0.01,
+) -> Json:
+    """Lamp, signals and reference of a photo; its signals are the chart's under the `true` lamp.
+
+    asked: whether the reference's raw ratios are given.
+    """
+    seen = curves() * read_lamp(true or (lamp if lamp != "auto" else FIRST)).values[:, None]
     first = (curves() * read_lamp(FIRST).values[:, None]).sum(axis=0)
-    noise = more.get("noise", 0.005)
+    y = plain(chart("babelcolor")[list(patches)] @ seen / seen.sum(axis=0)) if signals is None else signals
     return {
         "lamp": lamp,
         "signals": y,
         "standard_error": plain(np.hypot(noise * np.array(y), 0.1 * noise)),
         "reference": {
-            "tolerance": more.get("tolerance", 0.01),
-            "raw": plain(8000.0 * np.array(GAINS) * TINT * seen.sum(axis=0) / first) if more.get("asked") else None,
+            "tolerance": tolerance,
+            "raw": plain(8000.0 * np.array(GAINS) * TINT * seen.sum(axis=0) / first) if asked else None,
             "error": 0.002,
         },
     }
-
-
-VIEW = {"observer": "1931", "white": "lamp"}
 
 
 def curves() -> Floats:
@@ -196,28 +189,30 @@ def plain(values: Any) -> Any:
 def run(call: Call) -> dict[str, Any]:
     """The stage `colour`: `camssf_colour.standard_colour` of a result; `reach` has only distances above REACH."""
     given = call.given
-    camera = camera_in(given["result"])
-    as_given = given["reference"]
-    raw = None if as_given["raw"] is None else np.array(as_given["raw"])
-    reference = Reference(tolerance=as_given["tolerance"], raw=raw, error=as_given["error"])
-    found = standard_colour(
-        camera,
+    colours = standard_colour(
+        camera_in(given["result"]),
         given["lamp"],
         given["signals"],
         given["standard_error"],
-        reference=reference,
+        reference=reference_in(given["reference"]),
         view=View(**given["view"]),
     )
-    far = found.reach > REACH
+    far = colours.reach > REACH
+    names = "xyz lab xyz_covariance lab_covariance white chi_squared"
     return {
-        **{name: getattr(found, name) for name in ("xyz", "lab", "xyz_covariance", "lab_covariance", "white")},
-        "parts": np.stack([np.sqrt(np.diagonal(found.parts[name][1], axis1=1, axis2=2)) for name in PARTS]),
-        "lamps": [name for name, _ in found.lamps],
-        "weights": np.array([weight for _, weight in found.lamps]),
-        "chi_squared": found.chi_squared,
+        **{name: getattr(colours, name) for name in names.split()},
+        "parts": np.stack([np.sqrt(np.diagonal(colours.parts[name][1], axis1=1, axis2=2)) for name in PARTS]),
+        "lamps": [name for name, _ in colours.lamps],
+        "weights": np.array([weight for _, weight in colours.lamps]),
         "far": far.tolist(),
-        "reach": found.reach[far] if far.any() else None,
+        "reach": colours.reach[far] if far.any() else None,
     }
+
+
+def reference_in(given: Json) -> Reference:
+    """The reference of a photo."""
+    raw = None if given["raw"] is None else np.array(given["raw"])
+    return Reference(tolerance=given["tolerance"], raw=raw, error=given["error"])
 
 
 def camera_in(given: Json) -> Camera:
@@ -259,26 +254,20 @@ def result_of(given: Json) -> Json:
     return sibling(given["case"])["inputs"]["result"] | given.get("but", {}) if "case" in given else given
 
 
-LIMITS = (
-    *each("norm", 1e-12, "xyz lab xyz_covariance lab_covariance parts"),
-    *each("norm", 1e-14, "white"),
-    *each("exact", 0.0, "lamps"),
-    *each("norm", 1e-12, "weights"),
-    *each("relative", 1e-11, "chi_squared"),  # of the small difference of two raw whites
-    *each("exact", 0.0, "far"),
-    *each("norm", 1e-9, "reach"),
-)
-
-
 STAGE = Stage(
     name="colour",
-    keys=Keys(
-        words("result lamp signals standard_error reference view"),
-        words("white weights xyz lab xyz_covariance lab_covariance parts lamps chi_squared far reach"),
-        arrays=words("signals standard_error"),
-    ),
-    requires=always("colour"),
+    requires="colour",
     cases=cases,
     run=run,
-    limits=against_stored(LIMITS),
+    inputs=words("result lamp signals standard_error reference view"),
+    limits=(
+        *each("norm", 1e-12, "xyz lab xyz_covariance lab_covariance parts"),
+        *each("norm", 1e-14, "white"),
+        *each("exact", 0.0, "lamps"),
+        *each("norm", 1e-12, "weights"),
+        *each("relative", 1e-11, "chi_squared"),  # of the small difference of two raw whites
+        *each("exact", 0.0, "far"),
+        *each("norm", 1e-9, "reach"),
+    ),
+    arrays=words("signals standard_error"),
 )

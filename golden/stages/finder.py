@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import isqrt
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +14,8 @@ from camssf.photo.find.chart_colours import ChartColours, chart_colours
 from camssf.photo.find.picture import SearchImage, codes_of_bytes, codes_of_light, codes_of_mosaic, rgb_of_yuv
 from camssf.photo.find.search import own_kind, plain_signals
 from camssf.photo.read.dng import Mosaic
-from golden.contract import Call, Keys, Stage, against_stored, always, each, words
-from golden.drawing import BLACK, GAP, TABLE, TILTED, Samples, View, draw, file, photo_case, turned
+from golden.contract import Call, Stage, each, words
+from golden.drawing import BLACK, GAP, TABLE, TILTED, Samples, View, charts, draw, file, photo_case, turned
 from golden.forms import Json
 from golden.products import CARD, own_card, read_card, read_photo
 
@@ -48,63 +48,69 @@ def shown(light: NDArray[np.int64]) -> NDArray[np.uint8]:
     return np.array([2 * isqrt(int(v)) for v in light.ravel()], dtype=np.uint8).reshape(light.shape)
 
 
-def cases() -> Iterator[Json]:
-    """All cases, each photo in one of FORMS."""
+Row: TypeAlias = tuple[str, str, str, Json]
+"""Name, comment, photo, and what is unlike the base case: one of FORMS, or a chart of the user's own."""
 
-    def case(
-        name: str,
-        comment: str,
-        content: tuple[str, Samples],
-        form: str = "mosaic",
-        expect: str = "success",
-        card: Json | None = None,
-    ) -> Json:
-        photo, samples = content
-        inputs = {"dng": photo, "form": form} | (card or {})
-        return photo_case(f"finder/{name}", comment, inputs, {photo: file(samples)}, expect)
 
-    upright_24 = ("chart-turned-0.dng", draw(turned(24, 0)))
-    for form in FORMS:
-        yield case(f"form-{form}", f"An upright chart, searched as {form}.", upright_24, form)
-    for turns in (1, 2, 3):
-        content = (f"chart-turned-{turns}.dng", draw(turned(24, turns)))
-        yield case(f"turned-{turns}", f"The chart turned by {90 * turns}° clockwise.", content)
-    yield case("mirrored", "A mirrored chart.", ("chart-mirrored.dng", draw(turned(24, 0), mirrored=True)))
-    wide = draw(WIDE)
-    yield case("tilted", "Turned and tilted.", ("finder-tilted.dng", wide))
-    yield case("tilted-yuv", "The same as a preview's planes.", ("finder-tilted.dng", wide), "yuv")
-    chart = draw(turned(48, 0), unrest=0)
+def photos() -> dict[str, bytes]:
+    """All photos by name."""
+    one, chart = draw(turned(24, 0)), draw(turned(48, 0), unrest=0)
     large = np.full((chart.shape[0], 1960), TABLE, dtype=np.uint16)
     large[:, 1000 : 1000 + chart.shape[1]] = chart
-    yield case("reduced", "A large photo: blocks of cells make a pixel of the search.", ("finder-large.dng", large))
-    two = np.concatenate([draw(turned(24, 0)), draw(turned(24, 2))])
-    yield case("two", "Two charts: the first in the list agrees best.", ("finder-two.dng", two))
-    row = np.concatenate([draw(turned(24, 0, margin=36)) for _ in range(2)], axis=1)
-    yield case(
-        "two-aligned", "Two charts whose rows and pitches run on from one to the other.", ("finder-row.dng", row)
-    )
-    yield case("semi-gloss", "140 patches, the classic 24 among them.", ("finder-sg140.dng", _semi_gloss(20)))
-    yield case("clutter", "Between keys and tiles.", ("finder-clutter.dng", _cluttered()))
-    yield case("keys-beside", "Between keys about as wide as patches.", ("finder-keys.dng", keys_beside()))
-    yield case("none", "Keys and tiles alone.", ("finder-none.dng", _clutter((480, 320))))
+    semi_gloss = next(kind for kind in chart_colours() if kind.columns == 14)
+    drawn = {
+        "tilted": draw(WIDE),
+        "large": large,
+        "two": np.concatenate([one, draw(turned(24, 2))]),
+        "row": np.concatenate([draw(turned(24, 0, margin=36))] * 2, axis=1),
+        "sg140": upright(semi_gloss, 20),
+        "clutter": _cluttered(),
+        "keys": keys_beside(),
+        "none": _clutter((480, 320)),
+        "part": one[:, :120],
+    }
+    return {
+        **charts(),
+        **{f"finder-{name}.dng": file(samples) for name, samples in drawn.items()},
+        "finder-card.dng": card_photo(),
+    }
+
+
+def rows() -> list[Row]:
+    """All cases that are no errors."""
     card = own_card()
-    photo = ("finder-card.dng", upright(card_kind(card), 24))
-    yield case("own-layout", "A chart of the user's own layout and table.", photo, card=card)
-    yield case("own-layout-rgb", "The same as a picture for a display.", photo, "rgb", card=card)
-    yield case("own-layout-elsewhere", "A ColorChecker where another chart is searched.", upright_24, card=card)
+    return [
+        *((f"form-{form}", f"An upright chart, searched as {form}.", "chart-turned-0", {"form": form})
+          for form in FORMS),
+        *((f"turned-{n}", f"The chart turned by {90 * n}° clockwise.", f"chart-turned-{n}", {})
+          for n in (1, 2, 3)),
+        ("mirrored", "A mirrored chart.", "chart-mirrored", {}),
+        ("tilted", "Turned and tilted.", "finder-tilted", {}),
+        ("tilted-yuv", "The same as a preview's planes.", "finder-tilted", {"form": "yuv"}),
+        ("reduced", "A large photo: blocks of cells make a pixel of the search.", "finder-large", {}),
+        ("two", "Two charts: the first in the list agrees best.", "finder-two", {}),
+        ("two-aligned", "Two charts whose rows and pitches run on from one to the other.", "finder-row", {}),
+        ("semi-gloss", "140 patches, the classic 24 among them.", "finder-sg140", {}),
+        ("clutter", "Between keys and tiles.", "finder-clutter", {}),
+        ("keys-beside", "Between keys about as wide as patches.", "finder-keys", {}),
+        ("none", "Keys and tiles alone.", "finder-none", {}),
+        ("part", "Half of a chart.", "finder-part", {}),
+        ("own-layout", "A chart of the user's own layout and table.", "finder-card", card),
+        ("own-layout-rgb", "The same as a picture for a display.", "finder-card", {"form": "rgb"} | card),
+        ("own-layout-elsewhere", "A ColorChecker where another chart is searched.", "chart-turned-0", card),
+    ]  # fmt: skip
+
+
+def cases() -> Iterator[Json]:
+    """All cases."""
+    files, wrong = photos(), "invalid_argument"
+    for name, comment, photo, change in rows():
+        yield photo_case(f"finder/{name}", comment, {"dng": f"{photo}.dng", "form": "mosaic"} | change, files)
+    small, own = ({"dng": f"{photo}.dng", "form": "mosaic"} for photo in ("chart-small", "finder-card"))
+    yield photo_case("finder/error-small", "28 × 20 cells.", small, files, wrong)
     for name, fields in DAMAGED.items():
-        damaged = {"layout": card["layout"] | fields, "csv": ""}
-        yield case(f"error-layout-{name}", "A damaged layout file.", photo, expect="invalid_argument", card=damaged)
-    part = draw(turned(24, 0))[:, :120]
-    yield case("part", "Half of a chart.", ("finder-part.dng", part))
-    yield case(
-        "error-small", "28 × 20 cells.", ("chart-small.dng", draw(turned(8, 0, margin=8))), expect="invalid_argument"
-    )
-
-
-def _semi_gloss(pitch: int) -> Samples:
-    """An upright chart of 140 patches, each 0.8 pitch wide."""
-    return upright(next(kind for kind in chart_colours() if kind.columns == 14), pitch)
+        damaged = {"layout": CARD | fields, "csv": ""}
+        yield photo_case(f"finder/error-layout-{name}", "A damaged layout file.", own | damaged, files, wrong)
 
 
 def upright(kind: ChartColours, pitch: int) -> Samples:
@@ -127,6 +133,11 @@ def card_kind(card: Json) -> ChartColours:
     """The kind of chart of a layout and its table."""
     table = read_card(card)
     return own_kind(table.layout, plain_signals(table))
+
+
+def card_photo() -> bytes:
+    """A photo of the user's own chart."""
+    return file(upright(card_kind(own_card()), 24))
 
 
 def _clutter(size: tuple[int, int]) -> Samples:
@@ -164,10 +175,10 @@ def run(call: Call) -> dict[str, Any]:
     given = call.given
     photo = read_photo(given["dng"])
     kinds = (card_kind(given),) if "layout" in given else None
-    found = find_candidates(_searched(photo, given["form"]), kinds)
-    seen = found.candidates
+    result = find_candidates(_searched(photo, given["form"]), kinds)
+    seen = result.candidates
     return {
-        "findings": list(found.findings),
+        "findings": list(result.findings),
         "kinds": [each.kind for each in seen],
         "mirrored": [each.mirrored for each in seen],
         "seen": [each.blobs for each in seen],
@@ -191,23 +202,17 @@ def _searched(photo: Mosaic, form: str) -> SearchImage:
     return codes_of_bytes(picture[:, :, 1] if form == "luma" else picture)
 
 
-LIMITS = (
-    *each("exact", 0.0, "findings kinds mirrored seen"),
-    *each("norm", 1e-13, "corners patches"),
-    *each("norm", 3e-9, "confidence"),
-)
-
-
 STAGE = Stage(
     name="finder",
-    keys=Keys(
-        words("dng form"),
-        words("corners patches kinds findings mirrored seen confidence"),
-        optional=words("layout csv"),
-        arrays=frozenset(),
-    ),
-    requires=always("finder"),
+    requires="finder",
     cases=cases,
     run=run,
-    limits=against_stored(LIMITS),
+    inputs=words("dng form"),
+    optional=words("layout csv"),
+    arrays=frozenset(),
+    limits=(
+        *each("exact", 0.0, "findings kinds mirrored seen"),
+        *each("norm", 1e-13, "corners patches"),
+        *each("norm", 3e-9, "confidence"),
+    ),
 )

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from camssf.photo.find.pose import Pose
 from camssf.photo.patches import FrameMeans, measure_patches
-from golden.contract import Call, Keys, Stage, always, stored, words
-from golden.dngs import Tags, gain_map, opcode_list
-from golden.drawing import BLACK, TILTED, WHITE, Samples, draw, file, photo_case, rounded, turned
+from golden.contract import Call, Stage, stored, words
+from golden.dngs import gain_map, opcode_list
+from golden.drawing import BLACK, TILTED, WHITE, Samples, charts, draw, file, photo_case, rounded, turned
 from golden.forms import Json
-from golden.products import read_photo
-
-_STATISTICS = words("mean standard_error count clipped dead gradient greens")
+from golden.products import pose_by_hand, read_photo
 
 
 def _shaded(samples: Samples, by: int) -> Samples:
@@ -25,58 +22,22 @@ def _shaded(samples: Samples, by: int) -> Samples:
     return (BLACK + above * (4096 - 4096 * x // by) // 4096).astype(np.uint16)
 
 
-def cases() -> Iterator[Json]:
-    """All cases."""
-    view = turned(24, 0)
-    width, height = view.size
-    quads = rounded(view.quads(), 4)
+Row: TypeAlias = tuple[str, str, str, Json, str]
+"""Name, comment, the photos of chart, white and dark frame, what else is unlike the base case, and the error code."""
+VIEW = turned(24, 0)
+
+
+def photos() -> dict[str, bytes]:
+    """All photos by name."""
+    width, height = VIEW.size
     y, x = np.mgrid[0:height, 0:width].astype(np.int64)
-    photo = draw(view, unrest=23)
-    flat = (9000 + (41 * x + 17 * y + x * y) % 31 - 15).astype(np.uint16)
-    dark = (BLACK + (13 * x + 7 * y + x * y) % 5 - 2).astype(np.uint16)
-
-    def patches(
-        name: str,
-        comment: str,
-        frames: dict[str, tuple[str, bytes]],
-        *,
-        places: Any = None,
-        shading: str = "as-stored",
-        expect: str = "success",
-    ) -> Json:
-        inputs: Json = {role: frames[role][0] if role in frames else None for role in ("photo", "white", "dark")}
-        inputs |= {"quads": quads if places is None else places, "lens_shading": shading}
-        return photo_case(f"patches/{name}", comment, inputs, dict(frames.values()), expect)
-
-    one = {"photo": ("patches-chart.dng", file(photo))}
-    white = {"white": ("patches-white.dng", file(_shaded(flat, 700)))}
-    black = {"dark": ("patches-dark.dng", file(dark))}
-    yield patches("chart-alone", "24 patches of one photo.", one)
-    shaded = {"photo": ("patches-shaded.dng", file(_shaded(photo, 700)))}
-    yield patches("triple", "Chart, white and dark frame, light that falls off.", shaded | white | black)
-    yield patches("no-dark", "Chart and white frame.", shaded | white)
-    dusty, dusty_flat = photo.copy(), _shaded(flat, 700)
-    dusty[(7 * x + 3 * y) % 61 == 0] = 16383
-    dusty_flat[(5 * x + 11 * y) % 73 == 0] = 300
-    yield patches(
-        "dust", "Hot pixels in the chart photo, dust in the white frame: one mask for all frames.",
-        {"photo": ("patches-hot.dng", file(dusty)), "white": ("patches-dust.dng", file(dusty_flat))} | black,
-    )  # fmt: skip
+    photo = draw(VIEW, unrest=23)
+    flat = _shaded((9000 + (41 * x + 17 * y + x * y) % 31 - 15).astype(np.uint16), 700)
+    hot = np.where((7 * x + 3 * y) % 61 == 0, 16383, photo).astype(np.uint16)
+    dust = np.where((5 * x + 11 * y) % 73 == 0, 300, flat).astype(np.uint16)
     lot = (29 * x + 37 * y + x * y) % 97
     tails = (photo + np.where(lot < 80, lot % 8, 2 * (lot - 80))).astype(np.uint16)
-    yield patches(
-        "tails", "Noise with long tails: which samples go hangs on both middle values of the sorted ones.",
-        {"photo": ("patches-tails.dng", file(tails))},
-    )  # fmt: skip
     bright = np.minimum(BLACK + (photo.astype(np.int64) - BLACK) * 3 // 2, WHITE + (x + y) % 3).astype(np.uint16)
-    yield patches(
-        "clipped", "The white patch at the ceiling in green.", {"photo": ("patches-clipped.dng", file(bright))}
-    )
-    cfa = bytes((1, 2, 0, 1))
-    yield patches(
-        "tilted", "A turned and tilted chart, GBRG: quads with slanted edges.",
-        {"photo": ("chart-tilted.dng", file(draw(TILTED, cfa), cfa=cfa))}, places=rounded(TILTED.quads(), 4),
-    )  # fmt: skip
     maps = [
         gain_map(
             [[1.0 + (3 * i + 2 * j + k) / 32 for j in range(5)] for i in range(4)],
@@ -84,48 +45,79 @@ def cases() -> Iterator[Json]:
         )
         for k, (row, column) in enumerate(np.ndindex(2, 2))
     ]  # fmt: skip
-    tags: Tags = {51009: opcode_list(*maps)}
-    mapped = {"photo": ("patches-mapped.dng", file(_shaded(photo, 700), tags=tags))}
-    yield patches("shading-stored", "A file with four gain maps, its samples as stored.", mapped)
-    yield patches("shading-applied", "The maps applied to what lies above black.", mapped, shading="apply")
-    yield patches(
-        "shading-triple", "The chart photo's maps applied to the white and dark frame too.", mapped | white | black,
-        shading="apply",
-    )  # fmt: skip
-    yield patches(
-        "iso-rounded", "The white frame at ISO 101: files round what was 100.",
-        one | {"white": ("patches-white-rounded.dng", file(_shaded(flat, 700), iso=101))}, places=quads[:1],
-    )  # fmt: skip
-    sixteen = [[[23.0, 23.0], [38.0, 23.0], [38.0, 38.0], [23.0, 38.0]]]
-    yield patches("sixteen", "16 samples of each position are just enough.", one, places=sixteen)
-    fifteen = [[[21.0, 25.0], [40.0, 25.0], [40.0, 36.0], [21.0, 36.0]]]
-    longer = {"white": ("patches-white-longer.dng", file(_shaded(flat, 700), exposure=(253, 15000)))}
-    outside = [*quads[:23], [[v[0] + 40, v[1]] for v in quads[23]]]
-    small = rounded(np.array(quads) * 0.5 + view.quads().mean(axis=1, keepdims=True) * 0.5, 4)
-    louder = {"white": ("patches-white-iso.dng", file(_shaded(flat, 700), iso=200))}
-    for name, comment, code, frames, places, shading in (
-        ("outside", "A patch leaves the photo.", "chart_not_found", one, outside, "as-stored"),
-        ("small", "Patches of half the edge hold too few samples.", "chart_not_found", one, small, "as-stored"),
-        ("iso", "The white frame at another ISO.", "frames_differ", one | louder, None, "as-stored"),
-        ("longer", "The white frame exposed 1.2 % longer.", "frames_differ", one | longer, quads[:1], "as-stored"),
-        ("fifteen", "15 samples of each position are too few.", "chart_not_found", one, fifteen, "as-stored"),
-        ("no-map", "Shading to be applied, and no map.", "invalid_argument", one, None, "apply"),
-        ("word", "Another word for the shading.", "invalid_argument", one, None, "maybe"),
-    ):
-        yield patches(f"error-{name}", comment, frames, places=places, shading=shading, expect=code)
+    return charts() | {
+        "patches-chart.dng": file(photo),
+        "patches-white.dng": file(flat),
+        "patches-dark.dng": file((BLACK + (13 * x + 7 * y + x * y) % 5 - 2).astype(np.uint16)),
+        "patches-shaded.dng": file(_shaded(photo, 700)),
+        "patches-hot.dng": file(hot),
+        "patches-dust.dng": file(dust),
+        "patches-tails.dng": file(tails),
+        "patches-clipped.dng": file(bright),
+        "patches-mapped.dng": file(_shaded(photo, 700), tags={51009: opcode_list(*maps)}),
+        "patches-white-rounded.dng": file(flat, iso=101),
+        "patches-white-iso.dng": file(flat, iso=200),
+        "patches-white-longer.dng": file(flat, exposure=(253, 15000)),
+    }
+
+
+def rows() -> list[Row]:
+    """All cases."""
+    quads, apply = np.round(VIEW.quads(), 4), {"lens_shading": "apply"}
+    first, tilted = {"quads": rounded(quads[:1], 4)}, {"quads": rounded(TILTED.quads(), 4)}
+    half = {"quads": rounded(quads * 0.5 + VIEW.quads().mean(axis=1, keepdims=True) * 0.5, 4)}
+    outside = quads.tolist()
+    outside[23] = [[x + 40, y] for x, y in outside[23]]
+
+    def box(left: float, top: float, right: float, bottom: float) -> Json:
+        return {"quads": [[[left, top], [right, top], [right, bottom], [left, bottom]]]}
+
+    lost, differ, wrong = "chart_not_found", "frames_differ", "invalid_argument"
+    return [
+        ("chart-alone", "24 patches of one photo.", "patches-chart", {}, ""),
+        ("triple", "Chart, white and dark frame, light that falls off.",
+         "patches-shaded patches-white patches-dark", {}, ""),
+        ("no-dark", "Chart and white frame.", "patches-shaded patches-white", {}, ""),
+        ("dust", "Hot pixels in the chart photo, dust in the white frame: one mask for all frames.",
+         "patches-hot patches-dust patches-dark", {}, ""),
+        ("tails", "Noise with long tails: which samples go hangs on both middle values of the sorted ones.",
+         "patches-tails", {}, ""),
+        ("clipped", "The white patch at the ceiling in green.", "patches-clipped", {}, ""),
+        ("tilted", "A turned and tilted chart, GBRG: quads with slanted edges.", "chart-tilted", tilted, ""),
+        ("shading-stored", "A file with four gain maps, its samples as stored.", "patches-mapped", {}, ""),
+        ("shading-applied", "The maps applied to what lies above black.", "patches-mapped", apply, ""),
+        ("shading-triple", "The chart photo's maps applied to the white and dark frame too.",
+         "patches-mapped patches-white patches-dark", apply, ""),
+        ("iso-rounded", "The white frame at ISO 101: files round what was 100.",
+         "patches-chart patches-white-rounded", first, ""),
+        ("sixteen", "16 samples of each position are just enough.", "patches-chart", box(23.0, 23.0, 38.0, 38.0), ""),
+        ("error-fifteen", "15 samples of each position are too few.",
+         "patches-chart", box(21.0, 25.0, 40.0, 36.0), lost),
+        ("error-outside", "A patch leaves the photo.", "patches-chart", {"quads": outside}, lost),
+        ("error-small", "Patches of half the edge hold too few samples.", "patches-chart", half, lost),
+        ("error-iso", "The white frame at another ISO.", "patches-chart patches-white-iso", {}, differ),
+        ("error-longer", "The white frame exposed 1.2 % longer.",
+         "patches-chart patches-white-longer", first, differ),
+        ("error-no-map", "Shading to be applied, and no map.", "patches-chart", apply, wrong),
+        ("error-word", "Another word for the shading.", "patches-chart", {"lens_shading": "maybe"}, wrong),
+    ]  # fmt: skip
+
+
+def cases() -> Iterator[Json]:
+    """All cases."""
+    files, base = photos(), {"quads": rounded(VIEW.quads(), 4), "lens_shading": "as-stored"}
+    for name, comment, names, change, code in rows():
+        frames: Json = dict.fromkeys(("photo", "white", "dark"))
+        frames |= zip(frames, (f"{photo}.dng" for photo in names.split()), strict=False)
+        yield photo_case(f"patches/{name}", comment, frames | base | change, files, code or "success")
 
 
 def run(call: Call) -> dict[str, Any]:
     """The outputs of a case."""
     given = call.given
     photos = {role: given[role] and read_photo(given[role]) for role in ("photo", "white", "dark")}
-    pose = Pose(
-        layout="classic24", corners=np.zeros((4, 2)), patches=given["quads"], quarter_turns=0, method="by hand",
-        score=1.0, notes=(),
-    )  # fmt: skip
-    means = measure_patches(
-        photos["photo"], pose, white=photos["white"], dark=photos["dark"], lens_shading=given["lens_shading"]
-    )
+    frames = {"white": photos["white"], "dark": photos["dark"], "lens_shading": given["lens_shading"]}
+    means = measure_patches(photos["photo"], pose_by_hand(given["quads"]), **frames)
     found: dict[str, Any] = {"black": means.black, "saturation": means.saturation}
     assert means.noise is not None
     found["noise_step"] = means.noise.step
@@ -156,14 +148,12 @@ def limits(made: Json, scene: Json) -> list[Json]:
 
 STAGE = Stage(
     name="patches",
-    keys=Keys(
-        words("photo white dark quads lens_shading"),
-        words("black saturation noise_step noise_unlike noise_like")
-        | {f"{frame}_{name}" for frame in ("chart", "white", "dark") for name in _STATISTICS},
-        arrays=words("quads"),
-    ),
-    requires=always("patches"),
+    requires="patches",
     cases=cases,
     run=run,
+    inputs=words("photo white dark quads lens_shading"),
+    arrays=words("quads"),
     limits=limits,
+    outputs=words("black saturation noise_step noise_unlike noise_like")
+    | {f"{frame}_{name}" for frame in ("chart", "white", "dark") for name in FrameMeans.__annotations__},
 )

@@ -10,52 +10,47 @@ import numpy as np
 from camssf_colour.picture import standard_picture, white_of_region
 from camssf_colour.regions import measure_regions
 from golden import contract
-from golden.contract import Call, Keys, Stage, against_stored, always, each, words
+from golden.contract import Call, Stage, each, words
 from golden.forms import Json
 from golden.products import read_photo
 from golden.stages.colour import camera_in
 
-RESULT = {"case": "colour/named"}
-CHART, WHITE = "patches-chart.dng", [126, 32, 14, 14]
 REFLECTANCE = 0.3
-AREA = [60, 40, 24, 16]
+BASE: Json = {
+    "result": {"case": "colour/named"}, "lamp": "daylight", "photo": "patches-chart.dng", "dark": None,
+    "white": [126, 32, 14, 14], "space": "srgb", "shading": "as-stored", "area": [60, 40, 24, 16],
+}  # fmt: skip
+WHOLE: Json = {"white": None, "area": None}
+MAPPED = {"photo": "patches-mapped.dng", "shading": "apply"}
+TORCH = {"photo": "patches-white.dng", "dark": "patches-chart.dng", "lamp": "auto"}
+CLIPPED = {"photo": "patches-clipped.dng", "white": None, "area": [20, 92, 40, 20]}
+TABLE: list[tuple[str, str, Json, str]] = [
+    ("reference", "A white surface in the photo, and the lamp by name.", {}, "success"),
+    ("auto", "The light by the white surface's raw ratios.", {"lamp": "auto"}, "success"),
+    ("calibration", "No white surface: the balance of the calibration, with its errors.", {"white": None}, "success"),
+    ("display-p3", "A wider display.", {"space": "display-p3"}, "success"),
+    ("xyz-d65", "XYZ itself.", {"space": "xyz-d65"}, "success"),
+    ("xyz-d50", "XYZ for ICC.", {"space": "xyz-d50"}, "success"),
+    ("shading", "The lens's map applied.", MAPPED, "success"),
+    ("corner", "Colours at the edge, from mirrored samples.", {"area": [156, 120, 24, 12]}, "success"),
+    ("dark", "A dark frame subtracted.", {"dark": "patches-dark.dng"}, "success"),
+    ("torch", "With the torch minus without it: the noise of both photos.", TORCH, "success"),
+    ("clipped", "Patches at the ceiling.", CLIPPED, "success"),
+    ("cfa-grbg", "Another order of the colours.", WHOLE | {"photo": "cfa-grbg.dng"}, "success"),
+    ("cfa-gbrg", "Another order of the colours.", WHOLE | {"photo": "cfa-gbrg.dng"}, "success"),
+    ("cfa-bggr", "Another order of the colours.", WHOLE | {"photo": "cfa-bggr.dng"}, "success"),
+    ("odd", "Odd height and width.", WHOLE | {"photo": "active-area-odd.dng"}, "success"),
+    ("turned", "A camera held upright.", WHOLE | {"photo": "metadata.dng"}, "success"),
+    ("error-space", "A space that is none.", {"space": "adobe"}, "invalid_argument"),
+    ("error-light", "Neither a lamp nor a white surface.", {"lamp": "auto", "white": None}, "invalid_argument"),
+]
+"""Name, comment, what is unlike the base case, and the outcome."""
 
 
 def cases() -> Iterator[Json]:
-    """All cases of the stage `picture`."""
-    yield picture("reference", "A white surface in the photo, and the lamp by name.")
-    yield picture("auto", "The light by the white surface's raw ratios.", lamp="auto")
-    yield picture("calibration", "No white surface: the balance of the calibration, with its errors.", white=None)
-    yield picture("display-p3", "A wider display.", space="display-p3")
-    yield picture("xyz-d65", "XYZ itself.", space="xyz-d65")
-    yield picture("xyz-d50", "XYZ for ICC.", space="xyz-d50")
-    yield picture("shading", "The lens's map applied.", photo="patches-mapped.dng", shading="apply")
-    yield picture("corner", "Colours at the edge, from mirrored samples.", area=[156, 120, 24, 12])
-    yield picture("dark", "A dark frame subtracted.", dark="patches-dark.dng")
-    yield picture(
-        "torch", "With the torch minus without it: the noise of both photos.", photo="patches-white.dng",
-        dark="patches-chart.dng", lamp="auto",
-    )  # fmt: skip
-    yield picture(
-        "clipped", "Patches at the ceiling.", photo="patches-clipped.dng", white=None, area=[20, 92, 40, 20]
-    )
-    whole: Json = {"white": None, "area": None}
-    for order in ("grbg", "gbrg", "bggr"):
-        yield picture(f"cfa-{order}", "Another order of the colours.", photo=f"cfa-{order}.dng", **whole)
-    yield picture("odd", "Odd height and width.", photo="active-area-odd.dng", **whole)
-    yield picture("turned", "A camera held upright.", photo="metadata.dng", **whole)
-    error = "invalid_argument"
-    yield picture("error-space", "A space that is none.", space="adobe", expect=error)
-    yield picture("error-light", "Neither a lamp nor a white surface.", lamp="auto", white=None, expect=error)
-
-
-def picture(name: str, comment: str, *, expect: str = "success", **changes: Any) -> Json:
-    """One case of the stage `picture`."""
-    inputs = {
-        "result": RESULT, "lamp": "daylight", "photo": CHART, "dark": None, "white": WHITE, "space": "srgb",
-        "shading": "as-stored", "area": AREA, **changes,
-    }  # fmt: skip
-    return contract.case(f"picture/{name}", comment, inputs, expect=expect)
+    """All cases."""
+    for name, comment, change, expect in TABLE:
+        yield contract.case(f"picture/{name}", comment, BASE | change, expect=expect)
 
 
 def run(call: Call) -> dict[str, Any]:
@@ -79,11 +74,10 @@ def run(call: Call) -> dict[str, Any]:
 
 STAGE = Stage(
     name="picture",
-    keys=Keys(
-        words("result lamp photo dark white space shading area"), words("picture uncertainty"), arrays=frozenset()
-    ),
-    requires=always("colour"),
+    requires="colour",
     cases=cases,
     run=run,
-    limits=against_stored(each("norm", 2e-5, "picture uncertainty")),
+    inputs=words("result lamp photo dark white space shading area"),
+    limits=each("norm", 2e-5, "picture uncertainty"),
+    arrays=frozenset(),
 )

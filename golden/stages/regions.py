@@ -9,38 +9,35 @@ import numpy as np
 
 from camssf_colour.regions import measure_regions
 from golden import contract
-from golden.contract import Call, Keys, Stage, against_stored, always, each, words
+from golden.contract import Call, Stage, each, words
 from golden.forms import Json
 from golden.products import read_photo
 
+MANY = [[20, 20, 20, 20], [45, 20, 14, 20], [68, 69, 20, 14]]
+BASE: Json = {"photo": "patches-chart.dng", "areas": MANY, "dark": None, "lens_shading": "as-stored"}
+WRONG = "invalid_argument"
+TABLE: list[tuple[str, str, Json, str]] = [
+    ("plain", "Rectangles, black level off.", {}, "success"),
+    ("dark", "A dark frame instead of the black level.", {"dark": "patches-dark.dng"}, "success"),
+    ("shading", "The lens's map applied.", {"photo": "patches-mapped.dng", "lens_shading": "apply"}, "success"),
+    ("odd", "Borders that lie on odd columns and rows.", {"areas": [[21, 23, 17, 15]]}, "success"),
+    ("error-outside", "It leaves the photo.", {"areas": [[-1, 20, 20, 20]]}, WRONG),
+    ("error-empty", "No width.", {"areas": [[20, 20, 0, 20]]}, WRONG),
+    ("error-small", "Too few samples.", {"areas": [[20, 20, 6, 6]]}, WRONG),
+    (
+        "error-clipped",
+        "At the ceiling.",
+        {"photo": "patches-clipped.dng", "areas": [[20, 92, 20, 20]]},
+        "overexposed",
+    ),
+]
+"""Name, comment, what is unlike the base case, and the outcome."""
+
 
 def cases() -> Iterator[Json]:
-    """All cases of the stage `regions`: rectangles in files of golden/dng, measured like patches."""
-    many = [[20, 20, 20, 20], [45, 20, 14, 20], [68, 69, 20, 14]]
-    yield region("plain", "Rectangles, black level off.", "patches-chart.dng", many)
-    yield region("dark", "A dark frame instead of the black level.", "patches-chart.dng", many, "patches-dark.dng")
-    yield region("shading", "The lens's map applied.", "patches-mapped.dng", many, shading="apply")
-    yield region("odd", "Borders that lie on odd columns and rows.", "patches-chart.dng", [[21, 23, 17, 15]])
-    error = "invalid_argument"
-    yield region("error-outside", "It leaves the photo.", "patches-chart.dng", [[-1, 20, 20, 20]], expect=error)
-    yield region("error-empty", "No width.", "patches-chart.dng", [[20, 20, 0, 20]], expect=error)
-    yield region("error-small", "Too few samples.", "patches-chart.dng", [[20, 20, 6, 6]], expect=error)
-    yield region("error-clipped", "At the ceiling.", "patches-clipped.dng", [[20, 92, 20, 20]], expect="overexposed")
-
-
-def region(
-    name: str,
-    comment: str,
-    photo: str,
-    areas: list[list[int]],
-    dark: str | None = None,
-    *,
-    shading: str = "as-stored",
-    expect: str = "success",
-) -> Json:
-    """One case of the stage `regions`."""
-    inputs = {"photo": photo, "areas": areas, "dark": dark, "lens_shading": shading}
-    return contract.case(f"regions/{name}", comment, inputs, expect=expect)
+    """All cases."""
+    for name, comment, change, expect in TABLE:
+        yield contract.case(f"regions/{name}", comment, BASE | change, expect=expect)
 
 
 def run(call: Call) -> dict[str, Any]:
@@ -48,18 +45,16 @@ def run(call: Call) -> dict[str, Any]:
     given = call.given
     photo, dark = (None if given[role] is None else read_photo(given[role]) for role in ("photo", "dark"))
     assert photo is not None
-    found = measure_regions(photo, given["areas"], dark=dark, lens_shading=given["lens_shading"])
-    return {"raw": np.stack([each.raw for each in found]), "standard_error": np.stack([each.error for each in found])}
-
-
-LIMITS = (*each("norm", 1e-14, "raw"), *each("norm", 1e-13, "standard_error"))
+    regions = measure_regions(photo, given["areas"], dark=dark, lens_shading=given["lens_shading"])
+    return {"raw": np.stack([one.raw for one in regions]), "standard_error": np.stack([one.error for one in regions])}
 
 
 STAGE = Stage(
     name="regions",
-    keys=Keys(words("photo areas dark lens_shading"), words("standard_error raw"), arrays=frozenset()),
-    requires=always("patches"),
+    requires="patches",
     cases=cases,
     run=run,
-    limits=against_stored(LIMITS),
+    inputs=words("photo areas dark lens_shading"),
+    limits=(*each("norm", 1e-14, "raw"), *each("norm", 1e-13, "standard_error")),
+    arrays=frozenset(),
 )

@@ -3,67 +3,80 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from camssf.photo.signals import normalise
-from golden.contract import Call, Keys, Stage, against_stored, always, case, each, words
-from golden.forms import Json, resolve
+from golden.contract import Call, Stage, case, each, words
+from golden.forms import Json
 from golden.products import build_means, build_table
-from golden.scenes import CANON, Case, clip, faulty, frames, put
+from golden.scenes import CANON, clip, evenly, faulty, frames, put
+
+Row: TypeAlias = tuple[str, str, list[Json], Json]
+"""Name, comment, shots, and what is unlike the base case: the inputs, and `expect`."""
 
 
-def cases() -> Iterator[Json]:
-    """All cases."""
+def _constant(mean: float) -> Json:
+    values = {"mean": mean, "standard_error": 0.0, "clipped": 0.0}
+    return {name: {"constant": value, "shape": [24, 3]} for name, value in values.items()}
 
-    def signals(name: str, comment: str, shots: list[Json], *, patches: int = 24, **more: Any) -> Case:
-        return case(f"signals/{name}", comment, {"shots": shots, "patches": patches, "white": 18}, **more)
 
-    (shot,) = frames()
-    yield signals("triple", "Chart, white and dark frame: Eq. (5) and its standard errors.", [shot])
-    white = resolve({"chart": "babelcolor", "patches": [19]})[0]
-    card = frames(white=white, shade=0.0)[0] | {"white": None}
-    yield signals("no-white", "The chart's white patch stands in; its own row is not used.", [card])
-    yield signals("no-dark", "The black level stands in for the dark frame.", [shot | {"dark": None}])
-    yield signals("chart-alone", "Neither white nor dark frame: two fallbacks.", [card | {"dark": None}])
-    yield signals("two-shots", "Two shots are normalised each by its own frames.", frames(CANON, ["D55", "A"]))
-    exact = {key: {"mean": {"constant": dn, "shape": [24, 3]}, "standard_error": {"constant": 0.0, "shape": [24, 3]},
-                   "clipped": {"constant": 0.0, "shape": [24, 3]}}
-             for key, dn in (("chart", 576.0), ("white", 2112.0), ("dark", 64.0))}  # fmt: skip
-    yield signals("quarter", "(576 - 64) / (2112 - 64) is exactly 1/4.", [shot | exact])
-    yield signals("clipped-patches", "Clipped above 1 % in one channel: not used; 1 % itself is.",
-                  [clip(clip(shot, "chart", slice(0, 2), 0.011), "chart", slice(0, 3), 0.01)
-                   | {"chart": shot["chart"] | {"clipped": [[0, v, 0] for v in (0.011, 0.01, 0.5) + (0.0,) * 21]}}]
-                  )  # fmt: skip
-    level = np.array(shot["white"]["mean"])[:, 2]
-    dim = put(shot, "white", "mean", (slice(None), 2), 64.0 + 0.006 * (16_383.0 - 64.0))
-    dim = put(dim, "white", "standard_error", (slice(None), 2), 1.0)
-    yield signals("white-just-bright", "The white frame's blue lies at 0.6 % of the range: enough.", [dim])
-    just = put(shot, "white", "standard_error", (5, 2), round(0.04 * (level[5] - 64.0), 4))
-    yield signals("white-just-quiet", "The white frame is known to 4 % at one patch: enough.", [just])
+def _blue(shot: Json, **put_there: float) -> Json:
+    """The shot with a statistic of the white frame's blue replaced."""
+    for name, value in put_there.items():
+        shot = put(shot, "white", name, (slice(None), 2), value)
+    return shot
+
+
+def rows() -> list[Row]:
+    """All cases that have signals, and the errors of this stage alone."""
+    (shot,), (card,) = frames(), evenly()
+    card |= {"white": None}
+    exact = {name: _constant(dn) for name, dn in (("chart", 576.0), ("white", 2112.0), ("dark", 64.0))}
+    shares = [[0, share, 0] for share in (0.011, 0.01, 0.5) + (0.0,) * 21]
+    clipped = shot | {"chart": shot["chart"] | {"clipped": shares}}
+    span = 16_383.0 - 64.0
+    level = np.array(shot["white"]["mean"])[5, 2] - 64.0
     signal = np.array(shot["chart"]["mean"])[:, 2] - np.array(shot["dark"]["mean"])[:, 2]
     near = shot
     for i, errors in ((22, 4.0), (23, 2.0)):
         near = put(near, "chart", "standard_error", (i, 2), round(signal[i] / errors, 4))
-    yield signals("nearly-lost", "Four standard errors are a signal, two are none.", [near])
-    yield signals("six-left", "Six patches that are not clipped: just enough.",
-                  [clip(shot, "chart", slice(6, 24))])  # fmt: skip
-    yield signals("lost-patch", "The black patch lies below three standard errors in blue.",
-                  [put(shot, "chart", "standard_error", (23, 2), 2000.0)])  # fmt: skip
-    for name, comment, code, shots, _ in faulty():
-        yield signals(f"error-{name}", comment, shots, expect=code)
-    low = put(shot, "white", "mean", (slice(None), 2), 64.0 + 0.004 * (16_383.0 - 64.0))
-    low = put(low, "white", "standard_error", (slice(None), 2), 1.0)
-    for name, comment, code, wrong in (
-        ("white-just-faint", "The white frame's blue lies at 0.4 % of the range.", "underexposed", low),
-        ("white-just-noisy", "The white frame is known to 6 % at one patch.", "underexposed",
-         put(shot, "white", "standard_error", (5, 2), round(0.06 * (level[5] - 64.0), 4))),
-        ("five-left", "Five patches that are not clipped.", "overexposed", clip(shot, "chart", slice(5, 24))),
-    ):  # fmt: skip
-        yield signals(f"error-{name}", comment, [wrong], expect=code)
-    yield signals("error-no-shot", "No shot at all.", [], expect="invalid_argument")
-    yield signals("error-other-chart", "24 patches, a table of 140.", [shot], patches=140, expect="invalid_argument")
+
+    def noisy(share: float) -> Json:
+        return put(shot, "white", "standard_error", (5, 2), round(share * level, 4))
+
+    under, over, wrong = ({"expect": code} for code in ("underexposed", "overexposed", "invalid_argument"))
+    return [
+        ("triple", "Chart, white and dark frame: Eq. (5) and its standard errors.", [shot], {}),
+        ("no-white", "The chart's white patch stands in; its own row is not used.", [card], {}),
+        ("no-dark", "The black level stands in for the dark frame.", [shot | {"dark": None}], {}),
+        ("chart-alone", "Neither white nor dark frame: two fallbacks.", [card | {"dark": None}], {}),
+        ("two-shots", "Two shots are normalised each by its own frames.", frames(CANON, ["D55", "A"]), {}),
+        ("quarter", "(576 - 64) / (2112 - 64) is exactly 1/4.", [shot | exact], {}),
+        ("clipped-patches", "Clipped above 1 % in one channel: not used; 1 % itself is.", [clipped], {}),
+        ("white-just-bright", "The white frame's blue lies at 0.6 % of the range: enough.",
+         [_blue(shot, mean=64.0 + 0.006 * span, standard_error=1.0)], {}),
+        ("white-just-quiet", "The white frame is known to 4 % at one patch: enough.", [noisy(0.04)], {}),
+        ("nearly-lost", "Four standard errors are a signal, two are none.", [near], {}),
+        ("six-left", "Six patches that are not clipped: just enough.", [clip(shot, "chart", slice(6, 24))], {}),
+        ("lost-patch", "The black patch lies below three standard errors in blue.",
+         [put(shot, "chart", "standard_error", (23, 2), 2000.0)], {}),
+        ("error-white-just-faint", "The white frame's blue lies at 0.4 % of the range.",
+         [_blue(shot, mean=64.0 + 0.004 * span, standard_error=1.0)], under),
+        ("error-white-just-noisy", "The white frame is known to 6 % at one patch.", [noisy(0.06)], under),
+        ("error-five-left", "Five patches that are not clipped.", [clip(shot, "chart", slice(5, 24))], over),
+        ("error-no-shot", "No shot at all.", [], wrong),
+        ("error-other-chart", "24 patches, a table of 140.", [shot], wrong | {"patches": 140}),
+    ]  # fmt: skip
+
+
+def cases() -> Iterator[Json]:
+    """All cases."""
+    faults = [(f"error-{name}", comment, shots, {"expect": code}) for name, comment, code, shots in faulty()]
+    for name, comment, shots, change in [*rows(), *faults]:
+        inputs: Json = {"shots": shots, "patches": change.get("patches", 24), "white": 18}
+        yield case(f"signals/{name}", comment, inputs, expect=change.get("expect", "success"))
 
 
 def run(call: Call) -> dict[str, Any]:
@@ -79,18 +92,15 @@ def run(call: Call) -> dict[str, Any]:
     }
 
 
-LIMITS = (
-    *each("norm", 1e-15, "signals"),
-    *each("norm", 1e-14, "standard_error"),
-    *each("exact", 0.0, "used assumptions"),
-)
-
-
 STAGE = Stage(
     name="signals",
-    keys=Keys(words("shots patches white"), words("signals standard_error used assumptions")),
-    requires=always("signals"),
+    requires="signals",
     cases=cases,
     run=run,
-    limits=against_stored(LIMITS),
+    inputs=words("shots patches white"),
+    limits=(
+        *each("norm", 1e-15, "signals"),
+        *each("norm", 1e-14, "standard_error"),
+        *each("exact", 0.0, "used assumptions"),
+    ),
 )

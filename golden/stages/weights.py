@@ -7,36 +7,30 @@ from typing import Any
 
 import numpy as np
 
-from golden.contract import Call, Keys, Stage, against_stored, always, case, each, words
+from golden.contract import Call, Stage, case, each, words
 from golden.forms import Json
 from golden.linear_model import solve
 from golden.matrices import PROBLEM, identity, posed, problem_of_rows, rows_of, waves
-from golden.scenes import Case
 
 
 def cases() -> Iterator[Json]:
     """All cases."""
-
-    def weights(name: str, comment: str, problem: Json, depths: list[int], **more: Any) -> Case:
-        return case(f"weights/{name}", comment, problem | {"depths": depths}, **more)
-
-    yield weights("identity", "A = I, λ₂ = 0, γ = 1: W = I / 2, and z by hand.",
-                  posed(identity(3), [[3.0, -0.5, 1.0]] * 3, identity(3), 0.0, [1.0] * 3), [0, 1, 2]
-                )  # fmt: skip
-    yield weights("waves", "Six rows, four atoms, λ₂ = 1.",
-                  posed(waves(6, 4, 1), waves(6, 1, 2)[..., 0], identity(6), 1.0, [0.1] * 3), [1, 8, 32]
-                )  # fmt: skip
-    yield weights("waves-nonnegative", "The same with x ≥ 0 and another γ for each channel.",
-                  posed(waves(6, 4, 1), waves(6, 1, 2)[..., 0], identity(6), 0.0, [0.05, 0.2, 0.8], True),
-                  [1, 8, 32])  # fmt: skip
-    yield weights("closed-form", "γ = 0: W = (H + 2 λ₂ I)⁻¹, nothing is thresholded.",
-                  posed(waves(6, 4, 1), waves(6, 1, 2)[..., 0], identity(6), 0.5, [0.0] * 3), [1, 32]
-                )  # fmt: skip
-    yield weights("cameras", "The product's rows: two lamps, full covariance, λ₂ = 1, γ = 0.05.",
-                  rows_of("cameras-two-lamps", 1.0, [0.05]), [1, 4, 32])  # fmt: skip
-    yield weights("cameras-l1", "λ₂ = 0, γ = 1.4.", rows_of("cameras-two-lamps", 0.0, [1.4]), [1, 4, 32])
-    yield weights("gaussian", "The paper's rows, x ≥ 0.", rows_of("gaussian-twelve", 0.0, [1.0] * 3, True),
-                  [1, 4, 32])  # fmt: skip
+    A, b, eye = waves(6, 4, 1), waves(6, 1, 2)[..., 0], identity(6)
+    rows: list[tuple[str, str, Json, list[int]]] = [
+        ("identity", "A = I, λ₂ = 0, γ = 1: W = I / 2, and z by hand.",
+         posed(identity(3), [[3.0, -0.5, 1.0]] * 3, identity(3), 0.0, [1.0] * 3), [0, 1, 2]),
+        ("waves", "Six rows, four atoms, λ₂ = 1.", posed(A, b, eye, 1.0, [0.1] * 3), [1, 8, 32]),
+        ("waves-nonnegative", "The same with x ≥ 0 and another γ for each channel.",
+         posed(A, b, eye, 0.0, [0.05, 0.2, 0.8], True), [1, 8, 32]),
+        ("closed-form", "γ = 0: W = (H + 2 λ₂ I)⁻¹, nothing is thresholded.",
+         posed(A, b, eye, 0.5, [0.0] * 3), [1, 32]),
+        ("cameras", "The product's rows: two lamps, full covariance, λ₂ = 1, γ = 0.05.",
+         rows_of("cameras-two-lamps", 1.0, [0.05]), [1, 4, 32]),
+        ("cameras-l1", "λ₂ = 0, γ = 1.4.", rows_of("cameras-two-lamps", 0.0, [1.4]), [1, 4, 32]),
+        ("gaussian", "The paper's rows, x ≥ 0.", rows_of("gaussian-twelve", 0.0, [1.0] * 3, True), [1, 4, 32]),
+    ]  # fmt: skip
+    for name, comment, problem, depths in rows:
+        yield case(f"weights/{name}", comment, problem | {"depths": depths})
 
 
 def run(call: Call) -> dict[str, Any]:
@@ -50,15 +44,12 @@ def run(call: Call) -> dict[str, Any]:
     return {"rho": rho, "W": W, "z": np.stack([code.values for code in codes])}
 
 
-LIMITS = (*each("norm", 1e-15, "rho"), *each("norm", 1e-10, "W z"))
-
-
 STAGE = Stage(
     name="weights",
-    keys=Keys(PROBLEM | words("depths"), words("rho W z")),
-    requires=always("reference"),
+    requires="reference",
     cases=cases,
     run=run,
-    limits=against_stored(LIMITS),
+    inputs=PROBLEM | words("depths"),
+    limits=(*each("norm", 1e-15, "rho"), *each("norm", 1e-10, "W z")),
     problem=problem_of_rows,
 )

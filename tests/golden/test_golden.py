@@ -19,6 +19,7 @@ from golden import compare, drawing, forms, generate, reading
 from golden.forms import ROOT, GoldenError, resolve
 from golden.reading import check, paths, read_case
 from golden.running import ABILITIES, Finding, _complete, by_model, findings, judge, problem, run
+from golden.stages import STAGES
 
 Json = dict[str, Any]
 CASES = {f"{path.parent.name}/{path.stem}": read_case(path) for path in paths()}
@@ -321,6 +322,13 @@ def test_drift_is_found_and_rounding_is_not() -> None:
     assert len(generate.drift(stored, made)) == 1
     for key, value in (("comment", "another"), ("inputs", {}), ("limits", [])):
         assert generate.drift(stored, stored | {key: value}) == [f"{key} differs"]
+
+
+def test_what_a_row_expects_is_checked() -> None:
+    scene = next(iter(STAGES["verdict"].cases()))
+    assert scene["outputs"] == {"status": "accepted", "codes": []}
+    with pytest.raises(GoldenError, match="codes against outputs"):
+        generate.finish(scene | {"outputs": {"codes": ["glare"]}})
 
 
 @pytest.mark.full

@@ -6,7 +6,6 @@ import org.camssf.photo.dng.DngSource
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
 import java.io.File
-import java.security.MessageDigest
 
 /**
  * What becomes of the files that are named on stdin, a line each: of a DNG "read", levels and the samples' SHA-256
@@ -40,14 +39,8 @@ internal object Codes {
 
     private fun photo(file: File): String {
         val mosaic = DngSource.of(file).use { DngReader.read(it) }
-        val bytes = ByteArray(2 * mosaic.samples.size)
-        for ((i, value) in mosaic.samples.withIndex()) {
-            bytes[2 * i] = value.toByte()
-            bytes[2 * i + 1] = (value.toInt() shr 8).toByte()
-        }
-        val digest = MessageDigest.getInstance("SHA-256").digest(bytes)
-        val hash = digest.joinToString("") { (it.toInt() and 0xff).toString(16).padStart(2, '0') }
         val sensor = mosaic.sensor
+        val hash = sha256(bytes(mosaic.samples))
         return (listOf("read", hash, sensor.cfa, sensor.white) + sensor.sharedBlack.toList()).joinToString("\t")
     }
 }

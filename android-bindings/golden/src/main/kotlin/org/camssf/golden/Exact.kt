@@ -5,6 +5,7 @@ import kotlinx.serialization.json.JsonElement
 import kotlinx.serialization.json.JsonNull
 import kotlinx.serialization.json.JsonObject
 import kotlinx.serialization.json.JsonPrimitive
+import kotlinx.serialization.json.booleanOrNull
 import kotlinx.serialization.json.doubleOrNull
 import org.camssf.recovery.Tensor
 
@@ -12,30 +13,47 @@ import org.camssf.recovery.Tensor
 internal object Exact {
     fun same(found: Any?, known: JsonElement): Boolean = when (found) {
         null -> known == JsonNull
-        is Tensor -> equal(nested(found), known)
-        is JsonElement -> equal(found, known)
-        is Number -> equal(JsonPrimitive(found), known)
-        is Boolean -> equal(JsonPrimitive(found), known)
-        is String -> equal(JsonPrimitive(found), known)
-        else -> false
-    }
 
-    private fun equal(a: JsonElement, b: JsonElement): Boolean = when {
-        a is JsonArray && b is JsonArray -> a.size == b.size && a.indices.all { equal(a[it], b[it]) }
+        is Tensor -> same(nested(found), known)
 
-        a is JsonObject && b is JsonObject -> a.keys == b.keys && a.all { equal(it.value, b.getValue(it.key)) }
+        is DoubleArray -> same(found.toList(), known)
 
-        a is JsonPrimitive && b is JsonPrimitive -> {
-            val numbers = a.doubleOrNull to b.doubleOrNull
-            if (a.isString || b.isString || numbers.first == null) a == b else numbers.first == numbers.second
+        is List<*> ->
+            known is JsonArray && known.size == found.size &&
+                found.indices.all { same(found[it], known[it]) }
+
+        is Map<*, *> -> known is JsonObject && known.keys == found.keys && known.all { same(found[it.key], it.value) }
+
+        else -> known is JsonPrimitive && when (found) {
+            is Number -> !known.isString && known.doubleOrNull == found.toDouble()
+            is Boolean -> !known.isString && known.booleanOrNull == found
+            else -> known.isString && known.content == found
         }
-
-        else -> false
     }
 
-    private fun nested(tensor: Tensor, from: Int = 0, axis: Int = 0): JsonElement {
-        if (axis == tensor.rank) return JsonPrimitive(tensor.values[from])
-        val size = tensor.shape.drop(axis + 1).fold(1) { all, side -> all * side }
-        return JsonArray(List(tensor.shape[axis]) { nested(tensor, from + it * size, axis + 1) })
+    private fun nested(tensor: Tensor): Any =
+        tensor.shape.drop(1).reversed().fold(tensor.values.toList() as List<Any>) { all, side -> all.chunked(side) }
+            .let { if (tensor.rank == 0) it.single() else it }
+}
+
+/** Numbers in lists of any depth as an array; null where there is something else. */
+internal fun tensorOf(found: Any?): Tensor? = when (found) {
+    is Tensor -> found
+
+    is Number -> Tensor.scalar(found.toDouble())
+
+    is DoubleArray -> Tensor(found, found.size)
+
+    is List<*> -> if (found.isEmpty()) {
+        Tensor(DoubleArray(0), 0)
+    } else {
+        Tensor.stack(
+            found.map {
+                tensorOf(it)
+                    ?: return null
+            },
+        )
     }
+
+    else -> null
 }

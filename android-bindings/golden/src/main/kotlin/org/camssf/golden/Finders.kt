@@ -1,15 +1,9 @@
 package org.camssf.golden
 
-import kotlinx.serialization.json.JsonArray
-import kotlinx.serialization.json.JsonPrimitive
 import org.camssf.finder.ChartFinder
 import org.camssf.finder.Picture
 import org.camssf.finder.Plane
-import org.camssf.flatten
 import org.camssf.photo.Mosaic
-import org.camssf.recovery.Tensor
-import org.camssf.spectra.ChartLayout
-import org.camssf.spectra.ChartTable
 import kotlin.math.max
 import kotlin.math.sqrt
 
@@ -18,19 +12,17 @@ internal class Finders(private val photos: Photos) {
     private val finder = ChartFinder()
 
     fun finder(case: GoldenCase): Map<String, Any?> {
-        val finder = card(case)?.let { ChartFinder(it) } ?: finder
-        val found = finder.find(picture(photos.read(case.inputs.text("dng")), case.inputs.text("form")))
+        val finder = case.card()?.let { ChartFinder(it) } ?: finder
+        val found = finder.find(picture(photos.find(case, "dng")!!, case.text("form")))
         val seen = found.candidates
-        val corners = seen.map { it.corners.toArray() }.flatten()
-        val patches = seen.flatMap { it.patches }.map { doubleArrayOf(it.x, it.y) }.flatten()
         return mapOf(
-            "findings" to JsonArray(found.findings.map { JsonPrimitive(it.name.lowercase()) }),
-            "kinds" to JsonArray(seen.map { JsonPrimitive(it.kind.layouts[0]) }),
-            "mirrored" to JsonArray(seen.map { JsonPrimitive(it.mirrored) }),
-            "seen" to JsonArray(seen.map { JsonPrimitive(it.seen) }),
-            "corners" to Tensor(corners, corners.size / 2, 2),
-            "patches" to Tensor(patches, patches.size / 2, 2),
-            "confidence" to Tensor(DoubleArray(seen.size) { seen[it].confidence }, seen.size),
+            "findings" to found.findings.map { it.name.lowercase() },
+            "kinds" to seen.map { it.kind.layouts[0] },
+            "mirrored" to seen.map { it.mirrored },
+            "seen" to seen.map { it.seen },
+            "corners" to seen.flatMap { it.corners.toArray().toList().chunked(2) },
+            "patches" to seen.flatMap { it.patches }.map { listOf(it.x, it.y) },
+            "confidence" to seen.map { it.confidence },
         )
     }
 
@@ -78,11 +70,4 @@ internal class Finders(private val photos: Photos) {
     private companion object {
         const val BLACK = 256
     }
-}
-
-/** The chart of the inputs `layout` and `csv`; null where a case has none. */
-internal fun card(case: GoldenCase): ChartTable? {
-    val layout = case.inputs["layout"] ?: return null
-    val printed = ChartLayout.parse("card.json", layout.toString().toByteArray())
-    return ChartTable.parse("card.csv", case.inputs.text("csv").toByteArray(), printed)
 }

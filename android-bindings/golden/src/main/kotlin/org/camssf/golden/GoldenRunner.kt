@@ -1,22 +1,15 @@
 package org.camssf.golden
 
 import kotlinx.serialization.json.Json
-import kotlinx.serialization.json.JsonArray
 import kotlinx.serialization.json.JsonNull
-import kotlinx.serialization.json.JsonObject
-import kotlinx.serialization.json.JsonPrimitive
-import kotlinx.serialization.json.boolean
 import kotlinx.serialization.json.int
-import kotlinx.serialization.json.jsonArray
 import kotlinx.serialization.json.jsonObject
 import kotlinx.serialization.json.jsonPrimitive
 import org.camssf.CalibrationException
 import org.camssf.Grid
-import org.camssf.photo.Normalise
 import org.camssf.recovery.Choice
 import org.camssf.recovery.Engine
 import org.camssf.recovery.Frames
-import org.camssf.recovery.Hypothesis
 import org.camssf.recovery.Known
 import org.camssf.recovery.ModelInputs
 import org.camssf.recovery.ModelOutputs
@@ -24,6 +17,7 @@ import org.camssf.recovery.Observation
 import org.camssf.recovery.OnnxEngine
 import org.camssf.recovery.Penalties
 import org.camssf.recovery.Recover
+import org.camssf.recovery.Ssf
 import org.camssf.recovery.Tensor
 import java.io.Closeable
 import java.io.File
@@ -42,10 +36,10 @@ import kotlin.system.exitProcess
  */
 public class Outcome internal constructor(
     public val case: String,
-    public val skipped: String?,
-    public val faults: List<String>,
-    public val limits: Int,
-    public val limitsSkipped: Int,
+    public val skipped: String? = null,
+    public val faults: List<String> = emptyList(),
+    public val limits: Int = 0,
+    public val limitsSkipped: Int = 0,
     public val difference: Double? = null,
 )
 
@@ -57,10 +51,9 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
     private class Finding(val limit: String, val measured: Double, val bound: Double)
 
     private val forms = Forms(files)
-    private val photos = Photos(files, forms)
-    private val frames = Statistics(forms)
-    private val captures = Captures(forms, frames)
-    private val colours = Colours(files, forms, photos)
+    private val photos = Photos(files)
+    private val captures = Captures(forms)
+    private val colours = Colours(forms, photos)
     private val pictures = Pictures(colours, photos)
     private val finders = Finders(photos)
     private val engines = HashMap<String, Engine>()
@@ -76,45 +69,43 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         if (manifest.getValue("count").jsonPrimitive.int != cases.size) throw GoldenError("the manifest miscounts")
         val others = manifest.getValue("spectra").jsonObject + manifest.getValue("dng").jsonObject
         for ((path, hash) in others + cases.mapKeys { "cases/${it.key}.json" }) {
-            val digest = MessageDigest.getInstance("SHA-256").digest(files.read(path))
-            val found = digest.joinToString("") { "%02x".format(it) }
-            if (found != hash.jsonPrimitive.content) throw GoldenError("$path differs from the manifest")
+            if (sha256(files.read(path)) != hash.jsonPrimitive.content) {
+                throw GoldenError("$path differs from the manifest")
+            }
         }
         return cases.keys.toList()
     }
 
     /** Runs one case. */
-    public fun run(name: String): Outcome {
-        val case = try {
-            GoldenCase.read(name, files)
-        } catch (error: GoldenError) {
-            return Outcome(name, null, listOf(error.message.orEmpty()), 0, 0)
-        }
+    public fun run(name: String): Outcome = try {
+        val case = forms.case(name)
         val lacking = case.requires.filter { it !in CAPABILITIES }
-        if (lacking.isNotEmpty()) {
-            return Outcome(name, "needs ${lacking.joinToString()}, which is not part of Kotlin", emptyList(), 0, 0)
+        if (lacking.isEmpty()) {
+            outcome(case)
+        } else {
+            Outcome(name, "needs ${lacking.joinToString()}, which is not part of Kotlin")
         }
+    } catch (error: GoldenError) {
+        Outcome(name, faults = listOf(error.message.orEmpty()))
+    }
+
+    private fun outcome(case: GoldenCase): Outcome {
         val outputs = try {
             outputs(case)
-        } catch (error: GoldenError) {
-            return Outcome(name, null, listOf(error.message.orEmpty()), 0, 0)
         } catch (error: CalibrationException) {
-            val right = error.code == case.expect
-            return Outcome(
-                name,
-                null,
-                if (right) emptyList() else listOf("expect ${case.expect}, found $error"),
-                1,
-                0,
-            )
+            val fault = "expect ${case.expect}, found $error".takeIf { error.code != case.expect }
+            return Outcome(case.name, faults = listOfNotNull(fault), limits = 1)
         }
-        if (case.expect != "success") return Outcome(name, null, listOf("expect ${case.expect}, found success"), 1, 0)
+        if (case.expect != "success") {
+            return Outcome(case.name, faults = listOf("expect ${case.expect}, found success"), limits = 1)
+        }
+        if (case.unread().isNotEmpty()) throw GoldenError("${case.name}: nobody reads ${case.unread()}")
         val (possible, lost) = case.limits.partition { limit -> limit.requires.all { it in CAPABILITIES } }
         val findings = possible.map { measure(case, it, outputs) } + absent(case, outputs)
         val faults = findings.filter { !(it.measured <= it.bound) }
             .map { "${it.limit}: ${it.measured} exceeds ${it.bound}" }
         val difference = findings.firstOrNull { it.limit == "ssf against outputs, norm" }?.measured
-        return Outcome(name, null, faults, findings.size, lost.size, difference)
+        return Outcome(case.name, null, faults, findings.size, lost.size, difference)
     }
 
     override fun close() {
@@ -126,13 +117,13 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
 
     /** The models of the case's basis: of `auto`, which names no hash, those that it weighs. */
     private fun engines(case: GoldenCase): List<Engine> {
-        if (case.inputs.text("basis") == Choice.AUTO) return Choice.FAMILIES.map { engine(it) }
+        if (case.text("basis") == Choice.AUTO) return Choice.FAMILIES.map { engine(it) }
         return listOf(engine(case))
     }
 
     /** The model of the case's basis, if it is the one that the case was made with. */
     private fun engine(case: GoldenCase): Engine {
-        val engine = engine(case.inputs.text("basis"))
+        val engine = engine(case.text("basis"))
         if (engine.metadata["basis_sha256"] != case.basisHash) {
             throw GoldenError("${case.name} was made with another basis than the model's")
         }
@@ -144,8 +135,7 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         val found = outputs[limit.value]
         val measured = when {
             limit.metric == "exact" -> if (Exact.same(found, known)) 0.0 else Metrics.WRONG
-            found is Tensor -> Metrics.measure(limit.metric, found, forms.resolve(known))
-            else -> Metrics.WRONG
+            else -> Metrics.measure(limit.metric, found, forms.resolve(known))
         }
         return Finding("${limit.value} against ${limit.against}, ${limit.metric}", measured, limit.bound)
     }
@@ -154,7 +144,7 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
     private fun absent(case: GoldenCase, outputs: Map<String, Any?>): List<Finding> =
         case.outputs!!.filter { it.value == JsonNull && it.key in outputs }.map { (name, _) ->
             val found = outputs[name]
-            val empty = found == null || (found is Tensor && found.values.all { it.isNaN() })
+            val empty = found == null || tensorOf(found)?.values?.all { it.isNaN() } == true
             Finding("$name is absent", if (empty) 0.0 else 1.0, 0.0)
         }
 
@@ -162,14 +152,14 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         "mosaic" -> photos.mosaic(case)
         "pose" -> photos.pose(case)
         "patches" -> photos.patches(case)
-        "signals" -> signals(case)
+        "signals" -> captures.signals(case)
         "ssf" -> if (case.expect == "success") model(case) else recover(case)
         "layers" -> layers(case)
         "choice" -> choice(case)
         "calibrate" -> captures.calibrate(case, engines(case))
         "light" -> captures.light(case, engines(case))
         "rivals" -> captures.rivals(case, engines(case))
-        "verdict" -> VerdictStage(engine("phones"), forms, frames).verdict(case)
+        "verdict" -> VerdictStage(engine("phones"), forms).verdict(case)
         "colour" -> colours.colour(case)
         "spectrum" -> colours.spectrum(case)
         "regions" -> colours.regions(case)
@@ -178,51 +168,19 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         else -> throw GoldenError("${case.name}: the stage ${case.stage} has no runner")
     }
 
-    private fun signals(case: GoldenCase): Map<String, Any?> {
-        val n = case.inputs.getValue("patches").jsonPrimitive.int
-        val white = case.inputs.getValue("white").jsonPrimitive.int
-        val shots = case.inputs.getValue("shots").jsonArray.map { frames.means(it.jsonObject) }
-        val found = Normalise.all(shots, List(n) { "patch ${it + 1}" }, white)
-        return mapOf(
-            "signals" to Tensor(found.sharedValues, shots.size, n, 3),
-            "standard_error" to Tensor(found.sharedError, shots.size, n, 3),
-            "used" to usedOf(found),
-            "assumptions" to JsonArray(found.assumptions.map { JsonPrimitive(it.code) }),
-        )
-    }
-
     /** By the model's own contract; `lamp_estimate` is no output of a case. */
     private fun model(case: GoldenCase): Map<String, Any?> {
-        fun given(name: String) = forms.resolve(case.inputs.getValue(name))
-        val frames = Frames(given("chart"), given("white"), given("dark"))
         val engine = engine(case)
         val inputs = ModelInputs(
-            engine.basis,
-            frames,
-            given("standard_error"),
-            known(case),
-            given("l2").values[0],
-            given("gamma").values[0],
-            case.inputs.getValue("nonnegative").jsonPrimitive.boolean,
-            priorScale(case),
-            explain = true,
+            engine.basis, frames(case), case.tensor("standard_error"), known(case), case.number("l2")!!,
+            case.number("gamma")!!, case.flag("nonnegative")!!, case.number("prior_scale") ?: 1.0, explain = true,
         )
         val found = engine.run(listOf(inputs))[0]
-        val r = found["code"].size / 3
-        val shapes = mapOf(
-            "ssf" to intArrayOf(Grid.SIZE, 3),
-            "ssf_std" to intArrayOf(Grid.SIZE, 3),
-            "code" to intArrayOf(r, 3),
-            "code_covariance" to intArrayOf(3 * r, 3 * r),
-            "signals" to frames.chart.shape,
-            "predicted" to frames.chart.shape,
-            "predicted_std" to frames.chart.shape,
-            "budget" to intArrayOf(found["budget"].size / 3, 3),
-            "evidence" to intArrayOf(),
+        val size = found["code"].size
+        return (ModelOutputs.NAMES - setOf("lamp_estimate", "gain_code")).associateWith { found[it] } + mapOf(
+            "ssf" to Tensor(found["ssf"], Grid.SIZE, 3),
+            "code_covariance" to Tensor(found["code_covariance"], size, size),
         )
-        return (ModelOutputs.NAMES - setOf("lamp_estimate", "gain_code")).associateWith { name ->
-            Tensor(found[name], *(shapes[name] ?: intArrayOf(found[name].size)))
-        }
     }
 
     /**
@@ -231,72 +189,53 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
      */
     private fun layers(case: GoldenCase): Map<String, Any?> {
         val has = engine(case).metadata.let { listOf(it["iteration"], it["depth"]) }
-        val wanted = listOf(case.inputs.text("iteration"), case.inputs.text("depth"))
+        val wanted = listOf(case.text("iteration"), case.text("depth"))
         if (has != wanted) throw GoldenError("${case.name}: layers $wanted, but the model has $has")
         return model(case).filterKeys { it in setOf("ssf", "gap", "finish_steps") }
     }
 
-    /** How much wider the prior is taken: 1 where the case does not say. */
-    private fun priorScale(case: GoldenCase): Double = case.inputs["prior_scale"]?.let { number(it) } ?: 1.0
+    private fun frames(case: GoldenCase) = Frames(case.tensor("chart"), case.tensor("white"), case.tensor("dark"))
 
-    private fun known(case: GoldenCase): Known {
-        fun given(name: String) = forms.resolve(case.inputs.getValue(name))
-        return Known(
-            given("reflectance"), given("chart_tolerance"), given("white_reflectance"),
-            given("white_tolerance").values[0], given("lamp"), given("lamp_tolerance"), given("lamp_modes"),
-            gains(case.inputs, forms),
-        )
-    }
+    private fun known(case: GoldenCase) = Known(
+        case.tensor("reflectance"), case.tensor("chart_tolerance"), case.tensor("white_reflectance"),
+        case.number("white_tolerance")!!, case.tensor("lamp"), case.tensor("lamp_tolerance"),
+        case.tensor("lamp_modes"), case.gains(),
+    )
 
     /** Cases that expect an error must be refused by the checks around the model. */
     private fun recover(case: GoldenCase): Map<String, Any?> {
-        Recover.recover(engine(case), observation(case), null, penalties(case), priorScale(case))
+        val scale = case.number("prior_scale") ?: 1.0
+        Recover.recover(engine(case), observation(case), null, penalties(case), scale)
         return emptyMap()
     }
 
     private fun observation(case: GoldenCase): Observation {
-        fun given(name: String) = forms.resolve(case.inputs.getValue(name))
-        val (chart, white, dark) = listOf("chart", "white", "dark").map { given(it) }
-        val y = DoubleArray(chart.values.size) {
-            (chart.values[it] - dark.values[it]) / (white.values[it] - dark.values[it])
-        }
-        return Observation(Tensor(y, *chart.shape), given("standard_error"), known(case))
+        val frames = frames(case)
+        val (chart, white, dark) = listOf(frames.chart, frames.white, frames.dark).map { it.values }
+        val y = DoubleArray(chart.size) { (chart[it] - dark[it]) / (white[it] - dark[it]) }
+        return Observation(Tensor(y, *frames.chart.shape), case.tensor("standard_error"), known(case))
     }
 
-    private fun penalties(case: GoldenCase): Penalties {
-        fun given(name: String) = forms.resolve(case.inputs.getValue(name)).values[0]
-        val nonnegative = case.inputs.getValue("nonnegative").jsonPrimitive.boolean
-        return Penalties(given("l2"), doubleArrayOf(given("gamma")), nonnegative)
-    }
+    private fun penalties(case: GoldenCase) =
+        Penalties(case.number("l2"), doubleArrayOf(case.number("gamma")!!), case.flag("nonnegative"))
 
     /** What is weighed, and the answer; curves and bands on the 5-nm nodes, at peak 1. */
     private fun choice(case: GoldenCase): Map<String, Any?> {
-        val observation = observation(case)
-        val (chart, white, dark) = listOf("chart", "white", "dark").map { forms.resolve(case.inputs.getValue(it)) }
-        val prior = case.inputs.getValue("prior").jsonObject.mapValues { number(it.value)!! }
-        val ssf = Choice.recover(engines(case), observation, Frames(chart, white, dark), penalties(case), prior)
-        fun weighed(of: (Hypothesis) -> Double) = Tensor(ssf.choice.map(of).toDoubleArray(), ssf.choice.size)
+        val prior = case["prior"].jsonObject.mapValues { number(it.value)!! }
+        val ssf = Choice.recover(engines(case), observation(case), frames(case), penalties(case), prior)
         val test = ssf.familyTest!!
-        val numbers = doubleArrayOf(test.length, test.lampResidual!!, test.longest, test.largest)
-        return mapOf(
-            "weighed" to JsonArray(ssf.choice.map { JsonArray(listOf(JsonPrimitive(it.basis))) }),
-            "family_test" to Tensor(numbers, numbers.size),
-            "log_evidence" to weighed { it.logEvidence },
-            "probability" to weighed { it.probability },
-            "basis" to ssf.basis,
-            "prior_scale" to ssf.priorScale,
-            "chart_fading" to Tensor.scalar(ssf.chartFading),
-            "ssf" to onNodes { ssf.curve(it) },
-            "ssf_std" to onNodes { ssf.deviation(it)!! },
-            "predicted" to Tensor(ssf.sharedPredicted, *chart.shape),
-            "gap" to Tensor(ssf.sharedGap, 3),
+        return chosen(ssf) + mapOf(
+            "weighed" to ssf.choice.map { listOf(it.basis) },
+            "family_test" to listOf(test.length, test.lampResidual!!, test.longest, test.largest),
         )
     }
 
     public companion object {
         /** What Kotlin can do of what cases require. */
         @JvmField
-        public val CAPABILITIES: Set<String> = GoldenCase.CAPABILITIES - "reference"
+        public val CAPABILITIES: Set<String> = setOf(
+            "mosaic", "pose", "patches", "signals", "model", "verdict", "metadata", "colour", "finder",
+        )
 
         /**
          * Runs the cases of a folder, or of the resources under golden/: those that the further arguments name, or
@@ -338,3 +277,19 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         }
     }
 }
+
+/** What was weighed, and the answer: curves and bands on the 5-nm nodes, at peak 1. */
+internal fun chosen(ssf: Ssf): Map<String, Any?> = mapOf(
+    "log_evidence" to ssf.choice.map { it.logEvidence },
+    "probability" to ssf.choice.map { it.probability },
+    "basis" to ssf.basis,
+    "prior_scale" to ssf.priorScale,
+    "chart_fading" to ssf.chartFading,
+    "ssf" to curves(10) { ssf.curve(it) },
+    "ssf_std" to curves(10) { ssf.deviation(it)!! },
+    "predicted" to ssf.sharedPredicted,
+    "gap" to ssf.sharedGap,
+)
+
+internal fun sha256(bytes: ByteArray): String =
+    MessageDigest.getInstance("SHA-256").digest(bytes).joinToString("") { "%02x".format(it) }

@@ -1,12 +1,5 @@
 package org.camssf.golden
 
-import kotlinx.serialization.json.JsonArray
-import kotlinx.serialization.json.JsonElement
-import kotlinx.serialization.json.contentOrNull
-import kotlinx.serialization.json.int
-import kotlinx.serialization.json.jsonArray
-import kotlinx.serialization.json.jsonObject
-import kotlinx.serialization.json.jsonPrimitive
 import org.camssf.colour.PictureSpace
 import org.camssf.colour.RawRegion
 import org.camssf.colour.Reference
@@ -29,31 +22,24 @@ internal class Pictures(private val colours: Colours, private val photos: Photos
             pixels += ofStrip.asList()
             layer += uncertainty.asList()
         }
-        val area = (case.inputs.getValue("area") as? JsonArray)?.let { region(it) }
-            ?: Region(0, 0, made.width, made.height)
+        val area = case.find("area")?.let { region(it) } ?: Region(0, 0, made.width, made.height)
         val half = Region(area.left / 2, area.top / 2, area.right / 2, area.bottom / 2)
         return mapOf("picture" to part(pixels, made.width, area), "uncertainty" to part(layer, made.width / 2, half))
     }
 
     private fun made(case: GoldenCase): StandardPicture {
-        val space = PictureSpace.of(case.inputs.text("space"))
-        val shading = LensShading.of(case.inputs.text("shading"))
+        val space = PictureSpace.of(case.text("space"))
+        val shading = LensShading.of(case.text("shading"))
         // The photos are by other cameras than the result.
-        val camera = colours.camera(colours.result(case.inputs.getValue("result").jsonObject), anonymous = true)
-        val lamp = case.inputs.text("lamp").let { if (it == "auto") Lamp.auto() else Lamp.read(it) }
-        val photo = photos.read(case.inputs.text("photo"))
-        val dark = case.inputs["dark"]?.jsonPrimitive?.contentOrNull?.let { photos.read(it) }
-        val white = (case.inputs.getValue("white") as? JsonArray)?.let { region(it) }
+        val camera = colours.camera(case, anonymous = true)
+        val lamp = colours.lamp(case.text("lamp")) ?: Lamp.auto()
+        val photo = photos.find(case, "photo")!!
+        val dark = photos.find(case, "dark")
+        val white = case.find("white")?.let { region(it) }
             ?: return StandardPicture.of(camera, lamp, PhotoSource.of(photo), space, shading)
         val region = RawRegion.measure(photo, listOf(white), dark, shading).single()
         val reference = Reference(region, REFLECTANCE)
         return Standardiser.of(camera, lamp, reference, View()).picture(photo, space, shading, dark)
-    }
-
-    /** Of x, y, width and height. */
-    private fun region(of: JsonElement): Region {
-        val (x, y, width, height) = of.jsonArray.map { it.jsonPrimitive.int }
-        return Region(x, y, x + width, y + height)
     }
 
     /** A part (height, width, 3) of unsigned numbers (any, `columns`, 3). */

@@ -14,22 +14,18 @@ internal object Stages {
         val stages = arguments.drop(1)
         GoldenRunner(GoldenFiles.of(File(arguments[0]))).use { runner ->
             val names = runner.names()
-            for (stage in stages) {
-                val found = names.filter { it.startsWith("$stage/") }
-                if (found.isEmpty()) {
-                    System.err.println("there is no stage $stage")
-                    exitProcess(2)
+            val cases = stages.flatMap { stage ->
+                names.filter { it.startsWith("$stage/") }.ifEmpty { throw GoldenError("there is no stage $stage") }
+            }
+            for (name in cases) {
+                val fault = try {
+                    runner.run(name).faults.firstOrNull()
+                } catch (error: RuntimeException) {
+                    error.toString()
                 }
-                for (name in found) {
-                    val fault = try {
-                        runner.run(name).faults.firstOrNull()
-                    } catch (error: RuntimeException) {
-                        error.toString()
-                    }
-                    if (fault != null) {
-                        println("$name: $fault")
-                        exitProcess(3)
-                    }
+                if (fault != null) {
+                    println("$name: $fault")
+                    exitProcess(3)
                 }
             }
         }
