@@ -153,7 +153,7 @@ def one_thread(spec: ModuleSpec | None) -> None:
 
 def console() -> Console:
     """Tables go to stdout, wide enough where that is a file."""
-    return Console() if Console().is_terminal else Console(width=160)
+    return Console() if Console().is_terminal else Console(width=240)
 
 
 def progress() -> Progress:

@@ -25,9 +25,10 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.claims.accuracy import LOW, left_out
+from benchmarks.captures import LOW
 from benchmarks.claims.colour import LAMPS, SEED, SHOTS, Case, calibrate, through_chart, unseen
 from benchmarks.claims.spectrum import prior_without
+from benchmarks.devices import left_out
 from benchmarks.shared import console, lamp, one_thread, save, table, versions
 from camssf.colorimetry import adapt, delta_e00, signals_of, white_of
 from camssf.files import write_file

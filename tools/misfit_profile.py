@@ -14,7 +14,8 @@ import sys
 
 import numpy as np
 
-from benchmarks.claims.accuracy import ALL, SETTINGS, Setting, answer_of, declared, left_out, missed, photograph
+from benchmarks.claims.accuracy import ALL, SETTINGS, Setting, answer_of, declared, missed, photograph
+from benchmarks.devices import left_out
 from benchmarks.shared import CURVES, chart
 from camssf.files import write_file
 from camssf.grid import Floats
