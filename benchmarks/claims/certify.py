@@ -355,30 +355,6 @@ WORST = {
 }
 
 
-def by_gamma(run: Run, kept: Kept) -> None:
-    """A row a λ₂ and a tenfold of γ / γ_max: where float64 ends."""
-    rows = []
-    for l2, power in product((0, 1), range(-6, 0)):
-        group: list[tuple[dict[str, Floats], Any]] = []
-        for _, problem, measured in kept:
-            decade = np.clip(np.floor(np.log10(measured["share"])), -6, -1)
-            if problem.l2 == l2 and (decade == power).any():
-                group.append((measured, decade == power))
-        if not group:
-            continue
-        row: list[Any] = [str(l2), f"1e{power} to 1e{power + 1}", int(sum(here.sum() for _, here in group))]
-        for engine in ENGINES:
-            row.append(int(sum(unproven(m, engine)[here].sum() for m, here in group)))
-            row.append(int(sum(refused(m[engine])[here].sum() for m, here in group)))
-            worst = [m[f"{engine}_recomputed"][here & ~refused(m[engine])] for m, here in group]
-            row.append(np.max(np.concatenate(worst), initial=0.0))
-        rows.append((*row, np.mean(np.concatenate([m["steps"][here] for m, here in group]) == 0)))
-    columns = {"l2": "", "γ / γ_max": "", "problems": "d"}
-    for engine in ENGINES:
-        columns |= {f"above {GAP_BAR:.0e}, {engine}": "d", f"refused, {engine}": "d", f"worst, {engine}": ".1e"}
-    run.table("By γ", columns | {"no finish": ".0%"}, rows)
-
-
 def judge_default(problem: Problem) -> dict[str, float]:
     """One of the product's calls: steps of the finish, own gap, and the curves' distance from the exact ones."""
     basis = problem.anchored(read_basis(problem.basis))
@@ -461,7 +437,6 @@ def claim(run: Run) -> None:
         return
     kept = list(problems(run))
     summary(run, kept)
-    by_gamma(run, kept)
     steps, before = (np.concatenate([measured[name] for *_, measured in kept]) for name in ("steps", "layers"))
     run.say(
         f"{len(kept)} calls, {steps.size} convex problems. Steps of the reference's finish: none in "
