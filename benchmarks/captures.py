@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -298,7 +297,3 @@ class Groups(dict[tuple[str, ...], Group]):
     def add(self, taken: Taken, *key: str) -> None:
         """One more of that row."""
         self.setdefault(key, Group()).append(taken)
-
-    def of(self, *key: str) -> Iterator[tuple[tuple[str, ...], Any]]:
-        """The rows whose words begin so."""
-        return ((words, group) for words, group in self.items() if words[: len(key)] == key)
