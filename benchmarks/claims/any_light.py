@@ -130,14 +130,12 @@ def show(run: Run, groups: Groups) -> None:
         ))  # fmt: skip
     run.table("The light named, and not named", {"population": "", "given": ""} | numbers, rows)
     one_light = {key: group for key, group in groups.items() if key[1] in (AUTO, MATRICES)}
-    kinds = tuple(dict.fromkeys(EVERY.values()))
-    lines = []
-    for key, group in one_light.items():
-        by_lamp = {lamp: group.where(lambda one, lamp=lamp: one.lamps == (lamp,)).rmse for lamp in EVERY}  # type: ignore[misc]
-        own = [[rmse for lamp, rmse in by_lamp.items() if EVERY[lamp] == kind] for kind in kinds]
-        lines.append((*key, *((min(each), max(each)) for each in own)))
+    by_lamp = [
+        (lamp, kind, *(group.where(lambda one, lamp=lamp: one.lamps == (lamp,)).rmse for group in one_light.values()))  # type: ignore[misc]
+        for lamp, kind in EVERY.items()
+    ]
+    run.table("RMSE by light", {"light": "", "kind": ""} | dict.fromkeys(map(", ".join, one_light), ".3f"), by_lamp)
     columns = {"population": "", "given": ""}
-    run.table("RMSE by light, least and most", columns | dict.fromkeys(kinds, "{:.3f} to {:.3f}"), lines)
     limit, lines = rules().number("verdict.band_ratio"), []
     for key, group in one_light.items():
         below = group.where(lambda one: (one.band_ratio or 0.0) <= limit)

@@ -1,7 +1,7 @@
 """Named faults of a shot at three severities, as changes of a `ShotPlan`.
 
 `camssf_lab.simulation.frames.simulate(change=apply_fault(NAME, N))` writes them as real DNG files, and
-`python -m benchmarks.claims.faults` counts the verdicts on them. Faults of light and samples follow physics;
+`python -m benchmarks faults` counts the verdicts on them. Faults of light and samples follow physics;
 the others are false tags in a file or false input of the user.
 """
 
