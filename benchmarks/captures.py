@@ -23,7 +23,6 @@ from camssf.photo.read.colour_matrix import ColourMatrix
 from camssf.recovery.basis import read_basis
 from camssf.recovery.sensitivity import Ssf
 from camssf.recovery.unnamed_light import temperature
-from camssf.result import Result
 from camssf.spectra import Light, Unnamed, read_chart, read_lamp
 from camssf.spectra.bundled import observer
 from camssf.spectra.families import FAMILIES, LampKind, principal_modes
@@ -106,15 +105,9 @@ def model_of(device: Device, maker: str) -> str:
 
 
 def capture(
-    device: Device,
-    lamps: Mapping[str, Floats],
-    lights: Sequence[Light],
-    maker: str,
-    seed: int,
-    chart: Floats | None = None,
-    table: str = TABLE,
-    matrices: tuple[ColourMatrix, ...] = (),
-) -> Capture:
+    device: Device, lamps: Mapping[str, Floats], lights: Sequence[Light], maker: str, seed: int,
+    chart: Floats | None = None, table: str = TABLE, matrices: tuple[ColourMatrix, ...] = (),
+) -> Capture:  # fmt: skip
     """A chart under lamps, power (681,) by name, told as lights; by default Ohta's reflectances (24, 681)."""
     chart, shots = read_chart("classic24:ohta").values if chart is None else chart, []
     for number, (lit, light) in enumerate(zip(lamps.values(), lights, strict=True)):
@@ -139,7 +132,7 @@ class Answer:
     Attributes:
         status: of the verdict. reasons, checks: of the verdict or of the refusal.
         ssf: of a refused verdict, too; None where an earlier stage refused.
-        error: the refusal of such a stage.
+        error: the refusal, of whichever stage.
     """
 
     status: str
@@ -147,7 +140,6 @@ class Answer:
     checks: tuple[Check, ...]
     ssf: Ssf | None
     error: CalibrationError | None = None
-    result: Result | None = None
 
     @property
     def codes(self) -> tuple[str, ...]:
@@ -166,7 +158,7 @@ def answer_to(asked: Capture) -> Answer:
         ssf = recover_fit(fit, fit.signals.used, None)
         return Answer("refused", tuple(error.reasons), tuple(error.checks), ssf, error)
     verdict = result.verdict
-    return Answer(verdict.status, tuple(verdict.reasons), tuple(verdict.checks), result.ssf, None, result)
+    return Answer(verdict.status, tuple(verdict.reasons), tuple(verdict.checks), result.ssf)
 
 
 @dataclass(frozen=True)

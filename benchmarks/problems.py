@@ -74,16 +74,11 @@ class Problem:
         """What the model is told, as the reference takes it."""
         given = self.inputs
         return Observation(
-            (given["chart"] - given["dark"]) / (given["white"] - given["dark"]),
-            given["reflectance"],
-            given["lamp"],
-            standard_error=given["standard_error"],
-            chart_tolerance=given["chart_tolerance"],
-            white_reflectance=given["white_reflectance"],
-            white_tolerance=float(given["white_tolerance"]),
-            lamp_tolerance=given["lamp_tolerance"],
-            lamp_modes=given["lamp_modes"],
-        )
+            (given["chart"] - given["dark"]) / (given["white"] - given["dark"]), given["reflectance"], given["lamp"],
+            standard_error=given["standard_error"], chart_tolerance=given["chart_tolerance"],
+            white_reflectance=given["white_reflectance"], white_tolerance=float(given["white_tolerance"]),
+            lamp_tolerance=given["lamp_tolerance"], lamp_modes=given["lamp_modes"],
+        )  # fmt: skip
 
     def sensing(self, basis: Basis) -> LinearModel:
         """The reference's rows and covariance."""
@@ -107,26 +102,11 @@ def temperature_mode(kelvin: float, off: float) -> Floats:
 
 
 def make_problem(
-    basis: str,
-    camera: Floats,
-    lamps: Floats,
-    seen: Floats,
-    table: Floats,
-    *,
-    noise: float,
-    rng: np.random.Generator,
-    l2: float,
-    gamma: float,
-    nonnegative: bool,
-    standard_error: Floats | None = None,
-    chart_tolerance: float = 0.0,
-    white_tolerance: float = 0.0,
-    lamp_tolerance: float | Sequence[float] = 0.0,
-    lamp_modes: Floats | None = None,
-    light: Floats | None = None,
-    white: Floats | None = None,
-    label: str = "",
-) -> Problem:
+    basis: str, camera: Floats, lamps: Floats, seen: Floats, table: Floats, *, noise: float,
+    rng: np.random.Generator, l2: float, gamma: float, nonnegative: bool, standard_error: Floats | None = None,
+    chart_tolerance: float = 0.0, white_tolerance: float = 0.0, lamp_tolerance: float | Sequence[float] = 0.0,
+    lamp_modes: Floats | None = None, light: Floats | None = None, white: Floats | None = None, label: str = "",
+) -> Problem:  # fmt: skip
     """Raw means of a chart of reflectance `seen` (n, 681), to be solved with `table`; Eq. (5) by its integrals.
 
     The light that fell on it is `light` (k, 681) where it is not what the solver is told of the lamps.

@@ -122,14 +122,9 @@ def console() -> Console:
 def progress() -> Progress:
     """A bar on stderr."""
     return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-        transient=True,
-    )
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
+        TimeRemainingColumn(), console=Console(stderr=True), transient=True,
+    )  # fmt: skip
 
 
 def table(title: str, head: Sequence[str], rows: Iterable[Sequence[object]]) -> Table:

@@ -56,9 +56,10 @@ class Outcome:
     """What became of one capture.
 
     Attributes:
-        answer: what the product says.
+        status: accepted, doubtful or refused. codes, words: of the reasons.
         rmse: of the curves, None where there were none.
         covered: share of wavelengths within the 95 % band, likewise.
+        first: key of the first reason's message.
     """
 
     status: str

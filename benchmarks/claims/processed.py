@@ -50,16 +50,13 @@ SCENES = (
     Scene(size=(1600, 1200), vignetting=0.5, rotation=10.0),
 )
 CLEAN_SENSORS = (
-    *SENSORS,
-    Sensor(black=64.0, white_level=1023, full_well=600.0, read_noise=1.5),
-    Sensor(black=16.0, white_level=1023, full_well=1200.0),
-    Sensor(black=0.0, white_level=4095, full_well=2500.0),
+    *SENSORS, Sensor(black=64.0, white_level=1023, full_well=600.0, read_noise=1.5),
+    Sensor(black=16.0, white_level=1023, full_well=1200.0), Sensor(black=0.0, white_level=4095, full_well=2500.0),
     Sensor(black=1024.0, white_level=16383, full_well=1200.0, read_noise=1.5),
     Sensor(black=2048.0, white_level=15600, full_well=50000.0, read_noise=5.0),
-    Sensor(gains=(0.5, 1.0, 1.3), full_well=3000.0),
-    Sensor(dark_current=30.0, read_noise=8.0, full_well=8000.0),
+    Sensor(gains=(0.5, 1.0, 1.3), full_well=3000.0), Sensor(dark_current=30.0, read_noise=8.0, full_well=8000.0),
     Sensor(exposure=0.15, full_well=6000.0),
-)
+)  # fmt: skip
 CLEAN_SCENES = (
     *SCENES,
     Scene(size=(1600, 1200), glare=0.03, blur=3.0),

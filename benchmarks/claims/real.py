@@ -147,15 +147,10 @@ def evidence(
     modes = patch_modes(24, light_per_patch, capture.white) if light_per_patch else np.zeros((0, 24))
     y = (capture.signals if gains is None else capture.signals / gains[:, None])[capture.used]
     return Observation(
-        y,
-        table.values[capture.used],
-        light(),
-        standard_error=noise * y,
-        chart_tolerance=np.array(tolerance),
-        white_reflectance=table.values[capture.white],
-        lamp_tolerance=np.array(MEASURED_LAMP),
+        y, table.values[capture.used], light(), standard_error=noise * y, chart_tolerance=np.array(tolerance),
+        white_reflectance=table.values[capture.white], lamp_tolerance=np.array(MEASURED_LAMP),
         gain_modes=modes[:, capture.used],
-    )
+    )  # fmt: skip
 
 
 def solve(
@@ -199,15 +194,8 @@ def z_of(posed: Observation, found: Ssf, name: str) -> float:
     n = len(posed.signals[0])
     nothing = np.zeros_like(posed.signals)
     signals = Signals(
-        posed.signals,
-        posed.standard_error,
-        nothing,
-        nothing,
-        nothing,
-        np.ones((1, n), bool),
-        np.ones(1, bool),
-        (),
-    )
+        posed.signals, posed.standard_error, nothing, nothing, nothing, np.ones((1, n), bool), np.ones(1, bool), (),
+    )  # fmt: skip
     whole = chart(name)
     patches = tuple(np.array(whole.patches)[used].tolist())
     part = replace(whole, patches=patches, tolerance=posed.chart_tolerance, white=0).with_values(whole.values[used])
