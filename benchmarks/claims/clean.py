@@ -7,14 +7,13 @@ out of the table of its kind first where it is not named.
 
 Phones in turn belong to two halves: `poor_pose` and `white_balance_mismatch_unnamed` are set on `tune`. Each doubted
 capture is counted under every limit of the rules that it broke. Bar: with the maker in the file at most 2 % doubted,
-none refused. `--offsets` prints instead the reason that is given if there is no dark frame, and stray light lies over
-the chart or the file's black level is wrong.
+none refused.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -26,25 +25,14 @@ from camssf.photo.capture import MeasuredShot
 from camssf.spectra import Light, read_lamp
 from camssf.verdict.reasons import Check
 from camssf_lab.learning.training import read_curves
-from camssf_lab.simulation.shot_plan import ShotPlan
 
-OPTIONS = {
-    "draws": (1, "captures of each phone under each lamp"),
-    "offsets": (False, "what is named without a dark frame instead"),
-}
+OPTIONS = {"draws": (1, "captures of each phone under each lamp")}
 BULBS = ("2000K", "2150K", "2300K", "2500K", "2700K", "3000K", "3500K", "4000K")
 DAYLIGHT = ("D:4500", "D:5000", "D:5500", "D:6000", "D:6500", "D:7000", "D:7500", "D:8500", "D:10000")
 LEDS = ("LED-B1", "LED-B2", "LED-B3", "LED-B4", "LED-B5", "LED-BH1", "LED-V1", "LED-V2")
 LAMPS = (*BULBS, *DAYLIGHT, *LEDS)
 NAMED, AUTO, NO_MAKER = "named", "not named", "not named, no maker"
 HALVES, ALL = ("tune", "report"), "all"
-OFFSETS = (
-    *(("stray light", size) for size in (0.02, 0.04, 0.06)),
-    *(("black level", size) for size in (-0.01, 0.005, 0.01, 0.02, 0.04, 0.08, 0.11)),
-)
-"""Of white, and of the sensor's range."""
-OFFSET_LAMPS = ("D55", "A", "LED-B3", "2300K", "D:7500", "FL2")
-WORDS = {"stray light": "Stray light or a wrong black level adds", "black level": "black level seems wrong"}
 
 
 @dataclass(frozen=True)
@@ -86,56 +74,9 @@ def of_phone(device: Device, number: int, draws: int) -> Iterator[tuple[str, Jud
             yield NO_MAKER, judged(shot, unnamed(lamp), device, "", half)
 
 
-def offset(plan: ShotPlan, what: str, size: float, white: bool) -> ShotPlan:
-    """No dark frame, and stray light or a black level that the file does not tell; in even light without a white."""
-    scene, sensor = plan.scene, plan.sensor
-    if not white:
-        scene = replace(scene, vignetting=0.4 * scene.vignetting)
-    if what == "stray light":
-        scene = replace(scene, glare=size)
-    levels = {"black": sensor.black}
-    if what == "black level":
-        sensor = replace(sensor, black=sensor.black + size * (sensor.white_level - sensor.black))
-    return replace(
-        plan, scene=scene, sensor=sensor, tags=dict.fromkeys(("chart", "white", "dark"), levels),
-        handed_in={"chart": "chart", "white": "white" if white else None, "dark": None},
-    )  # fmt: skip
-
-
-def offsets_of(device: Device, number: int) -> Iterator[tuple[tuple[str, float, bool], str]]:
-    """What lies over the chart, with or without a white frame, and what is named first."""
-    with device.left_out(OTHERS):
-        for at, lamp in enumerate(OFFSET_LAMPS):
-            staged = stage(9000 + 100 * number + at, device.name, device.curves, lamp)
-            for (what, size), white in product(OFFSETS, (True, False)):
-                shot = shoot(staged, offset(staged.setup, what, size, white))
-                reasons = answered(by_maker(shot, device, device.maker)).reasons
-                first = reasons[0].message if reasons else ""
-                said = next((name for name, words in WORDS.items() if words in first), "another")
-                yield (what, size, white), said if reasons else "nothing"
-
-
-def show_offsets(run: Run, devices: Sequence[Device]) -> None:
-    """The table; the bar is missed where anything but the truth is named."""
-    found: dict[tuple[str, float, bool], Counter[str]] = {}
-    for number, device in enumerate(run.track(devices, "offsets")):
-        for key, word in offsets_of(device, number):
-            found.setdefault(key, Counter())[word] += 1
-    columns = {"what is wrong": "", "by": ".1%", "white frame": "", "named first": ""}
-    rows = [
-        (what, size, "yes" if white else "no", ", ".join(f"{word} {n}" for word, n in words.items()))
-        for (what, size, white), words in found.items()
-    ]
-    run.table("No dark frame", columns, rows)
-    wrong = sum(bool(set(words) - {what, "nothing"}) for (what, *_), words in found.items())
-    run.bar("anything but the truth named first", wrong, most=0)
-
-
 def claim(run: Run) -> None:
     """Counts by half and by what was told."""
     devices = phones_left_out(read_curves(run.phones))
-    if run.options.offsets:
-        return show_offsets(run, devices)
     found: dict[str, list[Judged]] = {}
     for number, device in enumerate(run.track(devices, "captures")):
         for word, one in of_phone(device, number, run.options.draws):
@@ -151,4 +92,3 @@ def claim(run: Run) -> None:
             run.bar(f"{word}: refused", refused, most=0)
     columns = {"half": "", "the lamp": ""} | dict.fromkeys(("captures", "doubted", "refused"), "d")
     run.table("Clean captures of phones left out", columns | {"limits broken": ""}, rows)
-    return None

@@ -6,8 +6,7 @@ phones with a basis `phones` learned without the phone's maker. The files name n
 chart and a real lamp: a quarter has the table's own reflectances, a quarter Ohta's, half a chart drawn from the
 tolerance that the solver is told; the lamp is off by a smooth 2 %, and by 1 % brighter or darker when the white
 frame is taken; the file's colour matrices are off by 3 %. Poses are the true corners, 1 % of a pitch off, but for
-faults that concern the search: there it is the search's. Samples are measured in memory; severity 2 of every fault
-also goes through real DNG files and the whole of `calibrate`, and the verdicts are compared.
+faults that concern the search: there it is the search's.
 
 Cameras are split in halves by maker: thresholds were set on the first (`--half tune`), the table is of the second.
 
@@ -19,7 +18,6 @@ earlier stage refused, before there were curves, are not counted in it.
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -29,16 +27,11 @@ import numpy as np
 from benchmarks.claim import Run
 from benchmarks.devices import PHONES, left_out, taught
 from benchmarks.faults import FAULTS, SEVERITIES, apply_fault
-from benchmarks.shared import standing_in
 from benchmarks.staged import HARM, Outcome, Staged, shoot, solved, stage, tried
-from camssf.calibration import calibrate
-from camssf.errors import CalibrationError
 from camssf.grid import Floats
-from camssf.options import Options
 from camssf.photo.capture import MeasuredShot
 from camssf.recovery.basis import Basis, interpolate
 from camssf_lab.learning.training import maker_of, read_curves
-from camssf_lab.simulation.frames import simulate
 from camssf_lab.simulation.shot_plan import ShotPlan
 
 OPTIONS = {
@@ -203,9 +196,9 @@ def without_matrix(
 def two_shots(run: Run, cameras: Cameras, names: Sequence[str]) -> dict[str, Any]:
     """Daylight and bulb; one of the two spoilt, severity 3: is it caught, and is the right shot alone named?
 
-    The light does not drift between chart and white frame, but in `drifting`: it bends the curves of two shots.
+    The light does not drift between chart and white frame, since that bends the curves of two shots.
     """
-    good, drifting, faults = [], [], {name: [] for name in OF_TWO}  # type: Any
+    good, faults = [], {name: [] for name in OF_TWO}  # type: Any
     for number, name in enumerate(run.track(names, "two shots")):
         first, second = (
             stage(1000 + 2 * number + s, name, cameras.curves[name], lamp) for s, lamp in enumerate(PAIR)
@@ -213,7 +206,6 @@ def two_shots(run: Run, cameras: Cameras, names: Sequence[str]) -> dict[str, Any
         one_chart = replace(second.setup, table=first.setup.table, camera=first.setup.camera)
         pair = [first, replace(second, setup=one_chart)]
         camera, basis = cameras.curves[name], cameras.bases[first.maker]
-        drifting.append(solved([shoot(staged, staged.setup) for staged in pair], basis, camera))
         pair = [replace(staged, setup=replace(staged.setup, white_level=1.0)) for staged in pair]
         shots = [shoot(staged, staged.setup) for staged in pair]
         known = solved(shots, basis, camera)
@@ -236,8 +228,6 @@ def two_shots(run: Run, cameras: Cameras, names: Sequence[str]) -> dict[str, Any
         "clean_caught": sum(o.caught for o in good),
         "rmse": float(np.mean([o.rmse for o in good])),
         "coverage": float(np.mean([o.covered for o in good if not o.caught])),
-        "drifting_caught": sum(o.caught for o in drifting),
-        "drifting_rmse": float(np.mean([o.rmse for o in drifting if o.rmse is not None])),
         "faults": {
             fault: dict(zip(keys, np.sum(rows, axis=0).tolist(), strict=True)) for fault, rows in faults.items()
         },
@@ -271,28 +261,6 @@ def field_mode(run: Run, cameras: Cameras) -> dict[str, Any]:
     }
 
 
-def through_files(run: Run, cameras: Cameras, good: Sequence[tuple[Staged, Outcome]]) -> dict[str, Any]:
-    """Severity 2 of every fault, and a good capture, through real DNG files and the whole of `calibrate`."""
-    statuses = {}
-    for f, name in enumerate(run.track(("clean", *FAULTS), "files")):
-        staged = good[(17 * f) % len(good)][0]
-        plan = staged.setup
-        change = None if name == "clean" else apply_fault(name, 2)
-        memory = cameras.outcome(staged, plan if change is None else change(plan), search=True)
-        with tempfile.TemporaryDirectory() as folder, standing_in(cameras.bases[staged.maker]):
-            done = simulate(
-                plan.camera, replace(plan.lamp, name=plan.stated_lamp), folder, chart=plan.table,
-                scene=plan.scene, sensor=plan.sensor, seed=staged.number, change=change,
-            )  # fmt: skip
-            try:
-                status = calibrate(done.shots[0].shot, options=Options(engine="reference")).verdict.status
-            except CalibrationError:
-                status = "refused"
-        statuses[name] = [memory.status, status]
-    differ = {name: pair for name, pair in statuses.items() if pair[0] != pair[1]}
-    return {"captures": len(statuses), "same": len(statuses) - len(differ), "differ": differ}
-
-
 def claim(run: Run) -> None:
     """All of it; results/faults.json is the second half's whole run."""
     captures, clean, pairs = (2, 26, 4) if run.options.quick else (8, 208, 13)
@@ -319,7 +287,6 @@ def claim(run: Run) -> None:
         "without_matrix": dict(without_matrix(cameras, good, captures)),
         "two_shots": two_shots(run, cameras, names[:: max(1, len(names) // pairs)][:pairs]),
         "field": field_mode(run, cameras),
-        "files": through_files(run, cameras, good),
     }
     show(run, run.kept)
     check(run, run.kept)
@@ -356,7 +323,7 @@ def show(run: Run, found: dict[str, Any]) -> None:
             for name, own in found["faults"].items() for at, row in enumerate(own)
         ],
     )  # fmt: skip
-    clean, pair, files = found["clean"], found["two_shots"], found["files"]
+    clean, pair = found["clean"], found["two_shots"]
     run.say(
         f"clean: {clean['captures']} captures, {clean['accepted']} accepted, {clean['doubtful']} doubtful, "
         f"{clean['refused']} refused, RMSE {clean['rmse']:.3f}; bands of all accepted cover {found['coverage']:.1%}"
@@ -365,7 +332,7 @@ def show(run: Run, found: dict[str, Any]) -> None:
         run.say(f"  {words}")
     run.table(
         f"One of two shots spoilt, severity 3; of {pair['clean']} clean pairs {pair['clean_caught']} doubted, "
-        f"RMSE {pair['rmse']:.3f}; with 1 % drift {pair['drifting_caught']}, {pair['drifting_rmse']:.3f}",
+        f"RMSE {pair['rmse']:.3f}",
         {"fault": "", "captures": "d", "caught": "d"} | caught | {"right shot named": "d"},
         [
             (name, row["captures"], row["caught"], (row["harmful_caught"], row["harmful"]), row["named"])
@@ -380,4 +347,3 @@ def show(run: Run, found: dict[str, Any]) -> None:
         for name, row in found["without_matrix"].items()
     ]
     run.table("Without a colour matrix in the file", {"fault, severity": "", "captures": "d"} | caught, rows)
-    run.say(f"through DNG files: {files['same']} of {files['captures']} verdicts as in memory; {files['differ']}")

@@ -12,21 +12,18 @@ bands, overall and of the device that fares worst in that setting.
 
 The choice: by how many nats the evidence of `phones` (the phone itself left out) is above that of `cameras` (the
 camera's maker left out; as shipped for phones and the other laboratory's). 20 : 1 is 3 nats.
-
-The lamp: told A ± 250 K where it is exactly A, how far off is the temperature that the answer takes it for?
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from benchmarks.captures import LOW
 from benchmarks.claim import Run
-from benchmarks.claims.accuracy import SEED, SETTINGS, Found, Setting, answer_of, apart, declared, photograph, power
+from benchmarks.claims.accuracy import SEED, SETTINGS, Found, Setting, answer_of, apart, declared, photograph
 from benchmarks.devices import (
     CAMERAS,
     FOREIGN,
@@ -61,8 +58,6 @@ JUDGED = (
 EVERY = (*SETTINGS[:2], JUDGED[1], *SETTINGS[2:])
 """All settings."""
 APART = "cameras, apart"
-DOUBT = 250.0
-"""Standard deviation of lamp A's temperature as it is told, K."""
 CLEAR = float(np.log(20.0))
 """Nats of odds of 20 : 1."""
 REFERENCE = SolverSettings(engine="reference")
@@ -150,39 +145,8 @@ def odds(runs: Mapping[str, Mapping[str, Runs]], phones: str) -> dict[str, Float
     return {setting: bases[phones].log_evidence - bases[CAMERAS].log_evidence for setting, bases in runs.items()}
 
 
-def doubted_lamp(devices: Sequence[Device], draws: int) -> list[tuple[Any, ...]]:
-    """Lamp A told as A, and as A ± 250 K, by basis; Ohta's chart, low noise.
-
-    A row: basis, range and mean size over devices of how far from A the lamp is then taken to be, K: the change that
-    the answer makes to the lamp, against that of a hot body, by least squares over ln L; RMSE and coverage of both.
-    """
-    setting = Setting("", ("A",), noise=LOW, ohta=True)
-    seen, rng = read_chart("classic24:ohta").values, np.random.default_rng(SEED)
-    step = (np.log(power("A", 2856.0 + DOUBT)) - np.log(power("A", 2856.0 - DOUBT))) / 2.0
-    bend = step - step.mean()
-    kept: dict[str, list[tuple[float, ...]]] = {name: [] for name in devices[0].bases}
-    for _ in range(draws):
-        for device in devices:
-            y, error = photograph(setting, device.curves, seen, rng)
-            exact = declared(setting, y, error)
-            for name, basis in device.bases.items():
-                told, doubted = (
-                    solve_on_basis(observation, basis, settings=REFERENCE)
-                    for observation in (exact, replace(exact, lamp_modes=step[None, None]))
-                )
-                change = np.log(doubted.lamp[0] / exact.lamp[0])
-                kelvin = DOUBT * float((change - change.mean()) @ bend / (bend @ bend))
-                kept[name].append((kelvin, *score(told.peak(), device), *score(doubted.peak(), device)))
-    rows = []
-    for name, each in kept.items():
-        mean = np.array(each).reshape(draws, len(devices), 5).mean(axis=0)
-        off, (exact_, held, rmse, held_) = mean[:, 0], mean[:, 1:].mean(axis=0)
-        rows.append((name, (off.min(), off.max()), np.abs(off).mean(), (exact_, held), (rmse, held_)))
-    return rows
-
-
 def claim(run: Run) -> None:
-    """Three tables a population."""
+    """Two tables a population."""
     groups = {
         "phones, left out": (phones_left_out(read_curves(run.phones)), OTHERS, run.options.draws),
         LEFT_OUT: (measured_cameras(), PHONES, max(1, run.options.draws // 4)),
@@ -222,8 +186,5 @@ def claim(run: Run) -> None:
                     for name, nats in sides.items()
                 ],
             )  # fmt: skip
-        columns = {"basis": "", "estimated less true, K": "{:+.0f} to {:+.0f}", "mean size": ".0f"}
-        columns |= dict.fromkeys(("told A: RMSE, coverage", "told A ± 250 K"), "{:.4f} {:.3f}")
-        run.table(f"{title}: lamp A, told A ± 250 K", columns, doubted_lamp(devices, draws))
     if run.options.foreign is None:
         run.say("No cameras of another laboratory: name a table by --foreign or CAMSSF_FOREIGN to judge them, too.")

@@ -58,7 +58,7 @@ def test_every_claim_is_listed_and_its_help_is_its_question(capsys: pytest.Captu
     capsys.readouterr()
     with pytest.raises(SystemExit, match="0"):
         main(["clean", "--help"])
-    assert "--offsets" in capsys.readouterr().out
+    assert "--draws" in capsys.readouterr().out
 
 
 def test_a_missing_table_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

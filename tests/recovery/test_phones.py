@@ -207,14 +207,10 @@ def test_the_benchmark_runs_on_any_table(
     monkeypatch.delenv("CAMSSF_FOREIGN", raising=False)
     assert benchmark(["phones", "--phones", table, "--draws", "1"]) == 0
     out = capsys.readouterr().out
-    assert "told A ± 250 K" in out
     tables = json.loads((tmp_path / "phones.json").read_text("utf-8"))["tables"]
     row, no_photo = tables["phones, left out (4, 1 draws): RMSE, coverage, worst device"]
     assert {OTHERS, OTHER_MAKER, CAMERAS, APART, auto(OTHERS), auto(OTHER_MAKER)} < set(row)
     assert row[OTHERS][0] < float(no_photo[OTHERS])
-    (lamp,) = [row for row in tables["phones, left out: lamp A, told A ± 250 K"] if row["basis"] == OTHERS]
-    assert all(abs(kelvin) < 1000 for kelvin in lamp["estimated less true, K"])
-    assert 0 < lamp["told A: RMSE, coverage"][0] <= 1.2 * lamp["told A ± 250 K"][0]
     assert "--foreign or CAMSSF_FOREIGN" in out
 
 
