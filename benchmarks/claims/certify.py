@@ -45,7 +45,6 @@ from benchmarks.claim import Run
 from benchmarks.claims.lamps import draw as draw_kind
 from benchmarks.claims.oracle import CURVE_BAR, oracle
 from benchmarks.problems import (
-    Long,
     Problem,
     curves,
     distance,
@@ -55,6 +54,7 @@ from benchmarks.problems import (
     make_problem,
     open_model,
     reflectances,
+    rows_apart,
     temperature_mode,
     whiten,
     whiten_finely,
@@ -225,21 +225,6 @@ def model_rows(reader: Model, inputs: dict[str, Floats]) -> tuple[Floats, Floats
     """The whitened rows that the model solves, (p, N, r) and (p, N)."""
     found = reader.run(inputs)
     return found["rows"], found["target"]
-
-
-def rows_apart(own: tuple[Floats, Floats], fine: tuple[Long, Long]) -> Floats:
-    """(p,) how far whitened rows are from the reference's, in what no rotation of them changes.
-
-    |H_ij - H'_ij| in parts of √(H'_ii H'_jj), with b as one column more, the worst.
-    """
-    apart = []
-    for A, b, fine_A, fine_b in zip(*own, *fine, strict=True):
-        pairs = (np.column_stack(pair).astype(np.longdouble) for pair in ((A, b), (fine_A, fine_b)))
-        ours, theirs = (columns.T @ columns for columns in pairs)
-        length = np.sqrt(np.diag(theirs))
-        length = np.where(length > 0, length, 1.0)
-        apart.append(float(np.max(np.abs(ours - theirs) / (length * length[:, None]))))
-    return np.array(apart)
 
 
 ENGINES = ("reference", "onnx")
