@@ -16,11 +16,6 @@ import nox
 
 ROOT = Path(__file__).parent
 PYTHONS = ["3.11", "3.12", "3.13"]
-BENCHMARKS = {
-    path.stem: f"benchmarks.{path.parent.name}.{path.stem}"
-    for path in sorted((ROOT / "benchmarks").glob("*/*.py"))
-    if "def main(" in path.read_text(encoding="utf-8") and path.stem != "__main__"
-} | {"paper": "benchmarks.paper"}
 
 nox.options.sessions = ["quick", "lint", "types"]
 nox.options.reuse_venv = "yes"
@@ -114,10 +109,6 @@ def kotlin(session: nox.Session) -> None:
 @nox.session
 def benchmarks(session: nox.Session) -> None:
     """Those that are named; without a name, the names."""
-    if not session.posargs:
-        session.error(f"nox -s benchmarks -- NAME...; the names are {', '.join(BENCHMARKS)}")
-    if unknown := set(session.posargs) - set(BENCHMARKS):
-        session.error(f"no such benchmark: {', '.join(sorted(unknown))}; there are {', '.join(BENCHMARKS)}")
     install(session)
-    for name in session.posargs:
-        session.run("python", "-m", BENCHMARKS[name])
+    for words in [[name] for name in session.posargs] or [[]]:
+        session.run("python", "-m", "benchmarks", *words)

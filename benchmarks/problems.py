@@ -74,16 +74,11 @@ class Problem:
         """What the model is told, as the reference takes it."""
         given = self.inputs
         return Observation(
-            (given["chart"] - given["dark"]) / (given["white"] - given["dark"]),
-            given["reflectance"],
-            given["lamp"],
-            standard_error=given["standard_error"],
-            chart_tolerance=given["chart_tolerance"],
-            white_reflectance=given["white_reflectance"],
-            white_tolerance=float(given["white_tolerance"]),
-            lamp_tolerance=given["lamp_tolerance"],
-            lamp_modes=given["lamp_modes"],
-        )
+            (given["chart"] - given["dark"]) / (given["white"] - given["dark"]), given["reflectance"], given["lamp"],
+            standard_error=given["standard_error"], chart_tolerance=given["chart_tolerance"],
+            white_reflectance=given["white_reflectance"], white_tolerance=float(given["white_tolerance"]),
+            lamp_tolerance=given["lamp_tolerance"], lamp_modes=given["lamp_modes"],
+        )  # fmt: skip
 
     def sensing(self, basis: Basis) -> LinearModel:
         """The reference's rows and covariance."""
@@ -107,26 +102,11 @@ def temperature_mode(kelvin: float, off: float) -> Floats:
 
 
 def make_problem(
-    basis: str,
-    camera: Floats,
-    lamps: Floats,
-    seen: Floats,
-    table: Floats,
-    *,
-    noise: float,
-    rng: np.random.Generator,
-    l2: float,
-    gamma: float,
-    nonnegative: bool,
-    standard_error: Floats | None = None,
-    chart_tolerance: float = 0.0,
-    white_tolerance: float = 0.0,
-    lamp_tolerance: float | Sequence[float] = 0.0,
-    lamp_modes: Floats | None = None,
-    light: Floats | None = None,
-    white: Floats | None = None,
-    label: str = "",
-) -> Problem:
+    basis: str, camera: Floats, lamps: Floats, seen: Floats, table: Floats, *, noise: float,
+    rng: np.random.Generator, l2: float, gamma: float, nonnegative: bool, standard_error: Floats | None = None,
+    chart_tolerance: float = 0.0, white_tolerance: float = 0.0, lamp_tolerance: float | Sequence[float] = 0.0,
+    lamp_modes: Floats | None = None, light: Floats | None = None, white: Floats | None = None, label: str = "",
+) -> Problem:  # fmt: skip
     """Raw means of a chart of reflectance `seen` (n, 681), to be solved with `table`; Eq. (5) by its integrals.
 
     The light that fell on it is `light` (k, 681) where it is not what the solver is told of the lamps.
@@ -192,6 +172,21 @@ def whiten_finely(linear: LinearModel) -> tuple[Long, Long]:
         rows.append(system[:, len(b) : -1])
         targets.append(system[:, -1])
     return np.stack(rows), np.stack(targets)
+
+
+def rows_apart(own: tuple[Floats, Floats], fine: tuple[Long, Long]) -> Floats:
+    """(p,) how far whitened rows are from the reference's, in what no rotation of them changes.
+
+    |H_ij - H'_ij| in parts of √(H'_ii H'_jj), with b as one column more, the worst.
+    """
+    apart = []
+    for A, b, fine_A, fine_b in zip(*own, *fine, strict=True):
+        pairs = (np.column_stack(pair).astype(np.longdouble) for pair in ((A, b), (fine_A, fine_b)))
+        ours, theirs = (columns.T @ columns for columns in pairs)
+        length = np.sqrt(np.diag(theirs))
+        length = np.where(length > 0, length, 1.0)
+        apart.append(float(np.max(np.abs(ours - theirs) / (length * length[:, None]))))
+    return np.array(apart)
 
 
 def gamma_max(A: Floats, b: Floats, nonnegative: bool) -> Floats:

@@ -89,43 +89,6 @@ def command_parser(spec: ModuleSpec | None, doc: str | None) -> argparse.Argumen
     return argparse.ArgumentParser(prog=name, description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
 
 
-def take_tables(parser: argparse.ArgumentParser, *names: str) -> None:
-    """Options for the tables that may not be passed on: `--phones`, `--foreign`, or CAMSSF_PHONES, CAMSSF_FOREIGN."""
-    words = {"phones": "measured phones, CSV", "foreign": "cameras of another laboratory, CSV"}
-    for name in names:
-        default = os.environ.get(f"CAMSSF_{name.upper()}") or None
-        parser.add_argument(f"--{name}", type=Path, default=default, help=words[name])
-
-
-def parse_with_phones(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> argparse.Namespace | None:
-    """The options with `--phones [CSV]`, measured phones in the place of cameras; None if their table is missing.
-
-    Without a file the table is that of CAMSSF_PHONES; a missing one is said.
-    """
-    parser.add_argument(
-        "--phones", nargs="?", const=os.environ.get("CAMSSF_PHONES", ""), metavar="CSV",
-        help="measured phones instead; without a file that of CAMSSF_PHONES",
-    )  # fmt: skip
-    options = parser.parse_args(arguments)
-    return options if options.phones != "" else _missing_phones()
-
-
-def parse_for_phones(
-    parser: argparse.ArgumentParser, arguments: Sequence[str] | None, *others: str
-) -> argparse.Namespace | None:
-    """The options of a program that needs the measured phones, `take_tables` of them and `others` among them.
-
-    None if their table is missing, which is said.
-    """
-    take_tables(parser, "phones", *others)
-    options = parser.parse_args(arguments)
-    return _missing_phones() if options.phones is None else options
-
-
-def _missing_phones() -> None:
-    print("The measured phones are missing: name their table by --phones or CAMSSF_PHONES.", file=sys.stderr)
-
-
 def bar(name: str, value: float, limit: float, *, least: bool = False) -> dict[str, Any]:
     """A bar with its value and whether it is met; `limit` is the least or the most that is wanted."""
     met = bool(value >= limit if least else value <= limit)
@@ -153,20 +116,15 @@ def one_thread(spec: ModuleSpec | None) -> None:
 
 def console() -> Console:
     """Tables go to stdout, wide enough where that is a file."""
-    return Console() if Console().is_terminal else Console(width=160)
+    return Console() if Console().is_terminal else Console(width=240)
 
 
 def progress() -> Progress:
     """A bar on stderr."""
     return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-        transient=True,
-    )
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
+        TimeRemainingColumn(), console=Console(stderr=True), transient=True,
+    )  # fmt: skip
 
 
 def table(title: str, head: Sequence[str], rows: Iterable[Sequence[object]]) -> Table:
@@ -179,16 +137,6 @@ def table(title: str, head: Sequence[str], rows: Iterable[Sequence[object]]) -> 
     for line in lines:
         made.add_row(*line)
     return made
-
-
-def count_missed(bars: Iterable[tuple[str, float, float, float]]) -> int:
-    """Print bars (name, value, least, most), each held or not; returns how many are not."""
-    missed = 0
-    for name, value, least, most in bars:
-        held = least <= value <= most
-        missed += not held
-        print(f"{name}: {value:.4f} (bar {least:g} to {most:g}): {'held' if held else 'MISSED'}")
-    return missed
 
 
 def save(name: str, content: dict[str, Any]) -> str:

@@ -1,7 +1,7 @@
 """One chart seen by three cameras, and the angle of skin: `python -m tools.colour_story [-o docs/images]`
 
 Three measured cameras, each recovered with a basis that does not know its maker, from a simulated chart under D55
-and A (benchmarks.claims.colour: another laboratory's table, low noise). Then each photographs the chart under a lamp
+and A (python -m benchmarks colour: another laboratory's table, low noise). Then each photographs the chart under a lamp
 that it was not calibrated under (FL2).
 
 colour-story.png: the chart as each camera's file has it (white-balanced signals shown as sRGB), through the 3 × 3
@@ -23,9 +23,10 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.claims.accuracy import LOW, left_out
+from benchmarks.captures import LOW
 from benchmarks.claims.colour import LAMPS, SEED, SHOTS, Case, calibrate, through_chart, unseen
 from benchmarks.claims.spectrum import prior_without
+from benchmarks.devices import left_out
 from benchmarks.shared import command_parser, console, lamp, one_thread, save, table, versions
 from camssf.colorimetry import SRGB, adapt, delta_e00, lab, signals_of, white_of
 from camssf.grid import Floats

@@ -1,6 +1,6 @@
 """docs/faults.json, from the last run's numbers: `python -m tools.faults_table`.
 
-`python -m benchmarks.claims.faults` counts them. The site shows the tables on docs/verdict.md.
+`python -m benchmarks faults` counts them. The site shows the tables on docs/verdict.md.
 """
 
 from __future__ import annotations

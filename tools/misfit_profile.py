@@ -13,7 +13,8 @@ import sys
 
 import numpy as np
 
-from benchmarks.claims.accuracy import ALL, SETTINGS, Setting, answer_of, declared, left_out, missed, photograph
+from benchmarks.claims.accuracy import ALL, SETTINGS, Setting, answer_of, declared, missed, photograph
+from benchmarks.devices import left_out
 from benchmarks.shared import CURVES, chart
 from camssf.grid import Floats
 from camssf.recovery.basis import MISFIT_FILE, NODES

@@ -1,6 +1,6 @@
 """docs/real.json and the picture of docs/real.md, from the last run's numbers: `python -m tools.real_page`.
 
-`python -m benchmarks.claims.real` measures them. The site shows the tables.
+`python -m benchmarks real` measures them. The site shows the tables.
 """
 
 from __future__ import annotations

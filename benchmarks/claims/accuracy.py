@@ -1,4 +1,4 @@
-"""How wrong is an answer, and does its band say so? `python -m benchmarks.claims.accuracy [--draws 4]`
+"""How wrong is an answer, and does its band say so?
 
 Each measured camera is solved with a basis learned without its maker (the shipped one only serves the Monte Carlo
 run). RMSE on peak-normalised curves, 400 to 700 nm, mean of R, G, B, cameras and draws; noise σ = hypot(0.5 % of y,
@@ -9,41 +9,31 @@ run). RMSE on peak-normalised curves, 400 to 700 nm, mean of R, G, B, cameras an
 - lamps off: that, and each lamp off by a drawn temperature (300 K of daylight, 100 K of a bulb, by their formulae)
   and a smooth 2 %, both declared.
 
-On the same draws: the product (elastic net, λ₂ = 1, γ = 0.05), the posterior mean (γ = 0), l1 alone (λ₂ = 0,
-γ = 1.4), all on the left-out basis, and the paper's l1 on Gaussians (first photo only; γ by the discrepancy
-principle). "Apart" is the product without what its channels know of each other: the same rows and penalties, but the
-blocks of Σ between the channels nought, so that each is solved for itself. Under lamp modes each channel then has
-its own u: the rows are taken about the same first look, but what is left of u is no longer one for the three.
-Coverage: the share of wavelengths whose truth lies within 1.96 standard deviations, overall and in 20-nm bins.
+On the same draws: the product (elastic net, λ₂ = 1, γ = 0.05); ridge on the same prior (γ = 0), l1 alone (λ₂ = 0,
+γ = 1.4), both on the left-out basis; the paper's l1 on Gaussians (first photo only; γ by the discrepancy principle);
+and the mean of the left-out basis, without any photo. "Apart" is the product without what its channels know of each
+other: the same rows and penalties, but the blocks of Σ between the channels nought, so that each is solved for
+itself. Under lamp modes each channel then has its own u: the rows are taken about the same first look, but what is
+left of u is no longer one for the three. Coverage: the share of wavelengths whose truth lies within 1.96 standard
+deviations, overall and in 20-nm bins.
 
 The Monte Carlo run (GUM Supplement 1) draws camera, noise, chart, white and lamp from what the model is told of
-them, solves with the shipped model, and compares the errors with the bands. Exit status 1 where a bar is missed.
+them, solves with the shipped model, and compares the errors with the bands.
 """
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
 import numpy as np
-from rich.progress import Progress
 
-from benchmarks.shared import (
-    CURVES,
-    RESULTS,
-    chart,
-    command_parser,
-    console,
-    lamp,
-    one_thread,
-    progress,
-    save,
-    table,
-    versions,
-)
+from benchmarks.captures import LOW
+from benchmarks.claim import Run
+from benchmarks.devices import SEEN, errors, left_out, no_photo
+from benchmarks.shared import chart, lamp
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.recovery.basis import Basis, interpolate, misfit_profile, read_basis
 from camssf.recovery.covariance import (
@@ -63,22 +53,24 @@ from camssf.recovery.observation import Observation
 from camssf.recovery.penalties import GAMMA, L2
 from camssf.recovery.posterior import own_blocks, peak_normalised_jacobian
 from camssf.recovery.rows import anchor
-from camssf.recovery.sensitivity import SolverSettings, Ssf
+from camssf.recovery.sensitivity import SolverSettings
 from camssf.spectra import read_chart, read_lamp
-from camssf_lab.learning.basis import learn
-from camssf_lab.learning.training import maker_of, read_curves
+from camssf_lab.learning.training import maker_of
 from golden.linear_model import LinearModel, linear_model
 from golden.linear_model import solve as solve_code
 
-SEEN = (WAVELENGTHS >= 400) & (WAVELENGTHS <= 700)
+OPTIONS = {
+    "draws": (4, "of the noise and the lamps, for each camera and setting"),
+    "trials": (1000, "of the Monte Carlo run, for each setting"),
+}
 BINS = tuple(range(400, 700, 20))
 TWELVE, ALL = (6, 18), (0, 24)
-HIGH, LOW = (0.005, 0.001), (0.001, 0.0002)
+HIGH = (0.005, 0.001)
 KELVIN = {"D55": (5503.0, 300.0), "A": (2856.0, 100.0)}
 """Temperature of a lamp and by how much it may be off, K; 1.4388 / 1.4380 makes D55 a daylight of 5503 K."""
 LAMP_SMOOTH = 0.02
 CHART, WHITE = 0.03, 0.01
-PRODUCT, MEAN, SPARSE, PAPER = "elastic net (product)", "posterior mean", "l1 alone", "paper: l1 on Gaussians"
+PRODUCT, MEAN, SPARSE, PAPER = "elastic net (product)", "ridge, same prior", "l1 alone", "paper: l1 on Gaussians"
 APART = "apart"
 METHODS = (PRODUCT, APART, MEAN, SPARSE, PAPER)
 SEED = 5
@@ -182,19 +174,6 @@ def photograph(setting: Setting, camera: Floats, seen: Floats, rng: np.random.Ge
     return y + error * rng.normal(size=y.shape), error
 
 
-def score(answer: Ssf, camera: Floats) -> tuple[Floats, Floats | None]:
-    """RMSE (3,) and where the band covers the truth (3, 681)."""
-    return judge(answer.peak(), camera)
-
-
-def judge(found: Found, camera: Floats) -> tuple[Floats, Floats | None]:
-    """The same of curves of peak 1."""
-    got, std = found
-    wrong = (got - camera / camera.max(axis=0)).T
-    rmse = np.sqrt(np.mean(wrong[:, SEEN] ** 2, axis=1))
-    return rmse, None if std is None else (np.abs(wrong) <= 1.96 * std.T).astype(float)
-
-
 def apart(linear: LinearModel) -> LinearModel:
     """The same rows, where no channel knows of another's errors."""
     channel = np.repeat(np.arange(3), linear.target.shape[1] // 3)
@@ -241,51 +220,25 @@ def solve(method: str, setting: Setting, y: Floats, error: Floats, basis: Basis)
     return recover(evidence, basis=basis, settings=SolverSettings(l2=l2, gamma=gamma, engine="reference")).peak()
 
 
-def left_out() -> tuple[dict[str, Floats], dict[str, Basis]]:
-    """Cameras (681, 3) by name, and by maker the basis learned from all others."""
-    curves = read_curves(CURVES)
-    names = list(curves)
-    stack = np.stack([curves[name] for name in names])
-    makers = np.array([maker_of(name) for name in names])
-    bases = {}
-    for maker in sorted(set(makers)):
-        others = makers != maker
-        mean, atoms = learn(stack[others], makers=makers[others].tolist())
-        bases[maker] = Basis("cameras", interpolate(mean[..., None])[..., 0], interpolate(atoms), True, f"no {maker}")
-    return {name: interpolate(curves[name]) for name in names}, bases
-
-
 def measure(
-    settings: Sequence[Setting],
-    methods: Sequence[str],
-    draws: int,
-    cameras: dict[str, Floats],
-    bases: dict[str, Basis],
-    bar: Progress | None = None,
-) -> dict[str, dict[str, Scores]]:
-    """Scores by setting and method; every method sees the same draws."""
-    found: dict[str, dict[str, Scores]] = {}
-    task = None if bar is None else bar.add_task("cameras", total=len(settings) * draws * len(cameras))
-    ohta = read_chart("classic24:ohta").values
-    for setting in settings:
-        rng = np.random.default_rng(SEED)
-        seen = (ohta if setting.ohta else chart())[slice(*setting.patches)]
-        runs: dict[str, list[tuple[Floats, Floats | None]]] = {method: [] for method in methods}
-        for _ in range(draws):
-            for name, camera in cameras.items():
-                y, error = photograph(setting, camera, seen, rng)
-                for method in methods:
-                    runs[method].append(judge(solve(method, setting, y, error, bases[maker_of(name)]), camera))
-                if bar is not None and task is not None:
-                    bar.advance(task)
-        found[setting.name] = {
-            method: Scores(
-                np.stack([rmse for rmse, _ in run]),
-                None if run[0][1] is None else np.stack([covered for _, covered in run if covered is not None]),
-            )
-            for method, run in runs.items()
-        }
-    return found
+    setting: Setting, methods: Sequence[str], draws: int, cameras: Mapping[str, Floats], bases: Mapping[str, Basis]
+) -> dict[str, Scores]:
+    """Scores by method; every method sees the same draws."""
+    rng = np.random.default_rng(SEED)
+    table = read_chart("classic24:ohta").values if setting.ohta else chart()
+    runs: dict[str, list[tuple[Floats, Floats | None]]] = {method: [] for method in methods}
+    for _ in range(draws):
+        for name, camera in cameras.items():
+            y, error = photograph(setting, camera, table[slice(*setting.patches)], rng)
+            for method in methods:
+                runs[method].append(errors(*solve(method, setting, y, error, bases[maker_of(name)]), camera))
+    return {
+        method: Scores(
+            np.stack([rmse for rmse, _ in pairs]),
+            None if pairs[0][1] is None else np.stack([held for _, held in pairs if held is not None]),
+        )
+        for method, pairs in runs.items()
+    }
 
 
 def monte_carlo(setting: Setting, count: int, rng: np.random.Generator) -> Floats:
@@ -329,182 +282,55 @@ def _by_channel(n: int, size: int, rng: np.random.Generator) -> Floats:
     return np.sqrt(CHANNEL_SHARE) * common + np.sqrt(1.0 - CHANNEL_SHARE) * own
 
 
-def together(rows: dict[str, dict[str, dict[str, Any]]]) -> list[dict[str, Any]]:
-    """The product over its channels apart, setting by setting: RMSE, their ratio, both coverages."""
-    return [
-        {
-            "setting": name,
-            "together": methods[PRODUCT]["rmse"],
-            "apart": methods[APART]["rmse"],
-            "ratio": methods[PRODUCT]["rmse"] / methods[APART]["rmse"],
-            "coverage": methods[PRODUCT]["coverage"],
-            "coverage_apart": methods[APART]["coverage"],
-        }
-        for name, methods in rows.items()
-    ]
-
-
-def bars(rows: dict[str, dict[str, dict[str, Any]]], ratios: dict[str, list[float]]) -> list[dict[str, Any]]:
-    """Every bar with its value, its limit and whether it is met."""
-    product = {name: methods[PRODUCT] for name, methods in rows.items()}
-    rmse = {name: row["rmse"] for name, row in product.items()}
-    found: list[dict[str, Any]] = []
-
-    def add(name: str, value: float, limit: float, *, least: bool = False) -> None:
-        met = value >= limit if least else value <= limit
-        found.append({"bar": name, "value": value, "limit": limit, "at_least": least, "met": bool(met)})
-
-    add("exact, D55, 12 patches: RMSE", rmse["exact, D55, 12"], 0.028)
-    add("exact, D55, 24 patches: RMSE", rmse["exact, D55, 24"], 0.024)
+def check(run: Run, rows: dict[str, dict[str, dict[str, Any]]]) -> None:
+    """Every bar of the settings."""
+    rmse = {name: methods[PRODUCT]["rmse"] for name, methods in rows.items()}
+    run.bar("exact, D55, 12 patches: RMSE", rmse["exact, D55, 12"], most=0.028)
+    run.bar("exact, D55, 24 patches: RMSE", rmse["exact, D55, 24"], most=0.024)
     for count, limit in ((12, 0.028), (24, 0.024)):
         worst = max(rmse[f"exact, {name}, {count}"] for name in ("D65", "A", "LED-B3", "FL2"))
-        add(f"worst lamp, {count} patches: RMSE over D55's", worst / rmse[f"exact, D55, {count}"], 1.4)
-        add(f"worst lamp, {count} patches: RMSE against 1.4 x D55's bar", worst, 1.4 * limit)
+        run.bar(f"worst lamp, {count} patches: RMSE over D55's", worst / rmse[f"exact, D55, {count}"], most=1.4)
+        run.bar(f"worst lamp, {count} patches: RMSE against 1.4 x D55's bar", worst, most=1.4 * limit)
     for name, limit in (("D55", 0.040), ("D55 + A", 0.031), ("D55 + A + LED-B3", 0.028)):
-        add(f"Ohta, {name}: RMSE", rmse[f"Ohta, {name}"], limit)
-    add("lamps off: two lamps over one", rmse["lamps off, D55 + A"] / rmse["lamps off, D55"], 1.0)
-    for name, row in product.items():
-        add(f"{name}: coverage", row["coverage"], 0.93, least=True)
-        add(f"{name}: coverage", row["coverage"], 0.97)
-        add(f"{name}: coverage of the worst 20 nm", min(row["coverage_bins"]), 0.88, least=True)
+        run.bar(f"Ohta, {name}: RMSE", rmse[f"Ohta, {name}"], most=limit)
+    run.bar("lamps off: two lamps over one", rmse["lamps off, D55 + A"] / rmse["lamps off, D55"], most=1.0)
     few = {setting.name for setting in SETTINGS if setting.ohta and len(setting.lamps) <= 2}
-    for row in together(rows):
-        limit = FOREIGN if row["setting"] in few else NEVER
-        add(f"{row['setting']}: RMSE together over apart", row["ratio"], limit)
-        further = abs(row["coverage"] - 0.95) - abs(row["coverage_apart"] - 0.95)
-        add(f"{row['setting']}: coverage further from .95 than apart", further, COVERAGE_SLACK)
-    for name, ratio in ratios.items():
-        add(f"Monte Carlo, {name}: error over band, channel furthest from 1", max(abs(r - 1) for r in ratio), 0.10)
-    return found
+    for name, methods in rows.items():
+        product, alone = methods[PRODUCT], methods[APART]
+        run.bar(f"{name}: coverage", product["coverage"], least=0.93, most=0.97)
+        run.bar(f"{name}: coverage of the worst 20 nm", min(product["coverage_bins"]), least=0.88)
+        limit = FOREIGN if name in few else NEVER
+        run.bar(f"{name}: RMSE together over apart", product["rmse"] / alone["rmse"], most=limit)
+        further = abs(product["coverage"] - 0.95) - abs(alone["coverage"] - 0.95)
+        run.bar(f"{name}: coverage further from .95 than apart", further, most=COVERAGE_SLACK)
 
 
-def plot(rows: dict[str, dict[str, dict[str, Any]]]) -> str:
-    """results/accuracy.png: RMSE by setting and method; coverage by 20-nm bin. Returns its place."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot as plt
-
-    figure, (left, right) = plt.subplots(1, 2, figsize=(15, 6), layout="constrained")
-    names = list(rows)
-    for i, method in enumerate(METHODS):
-        height = 0.8 / len(METHODS)
-        at = np.arange(len(names)) + height * (i - 0.5 * (len(METHODS) - 1))
-        left.barh(at, [rows[name][method]["rmse"] for name in names], height=height, label=method)
-    left.set_yticks(np.arange(len(names)), names)
-    left.invert_yaxis()
-    left.set_xlabel("RMSE, peak-normalised, 400 to 700 nm")
-    left.legend(loc="lower center", bbox_to_anchor=(0.4, 1.0), ncols=2)
-    shades = matplotlib.colormaps["tab20"]
-    for i, name in enumerate(names):
-        right.plot([low + 10 for low in BINS], rows[name][PRODUCT]["coverage_bins"], label=name, color=shades(i))
-    right.axhline(0.95, color="black", linewidth=0.8)
-    right.axhline(0.88, color="black", linewidth=0.8, linestyle="--")
-    right.set_xlabel("wavelength, nm")
-    right.set_ylabel("coverage of the 95 % bands")
-    right.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)
-    RESULTS.mkdir(exist_ok=True)
-    figure.savefig(RESULTS / "accuracy.png", dpi=110)
-    plt.close(figure)
-    return "benchmarks/results/accuracy.png"
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    parser = command_parser(__spec__, __doc__)
-    parser.add_argument(
-        "--draws", type=int, default=4, help="of the noise and the lamps, for each camera and setting"
-    )
-    parser.add_argument("--trials", type=int, default=1000, help="of the Monte Carlo run, for each setting")
-    options = parser.parse_args(arguments)
+def claim(run: Run) -> None:
+    """Both tables and the Monte Carlo run."""
     cameras, bases = left_out()
-    with progress() as bar:
-        scores = measure(SETTINGS, METHODS, options.draws, cameras, bases, bar)
-        chosen = [s for s in SETTINGS if s.name == "exact, D55, 24" or s.ohta]
-        task = bar.add_task("Monte Carlo", total=len(chosen))
-        ratios = {}
-        for setting in chosen:
-            ratios[setting.name] = monte_carlo(setting, options.trials, np.random.default_rng(SEED)).tolist()
-            bar.advance(task)
-    rows = {name: {method: s.row() for method, s in methods.items()} for name, methods in scores.items()}
-    makers = np.array([maker_of(name) for name in cameras])
-    by_maker = {
-        name: {
-            maker: float(
-                scores[name][PRODUCT].rmse.reshape(options.draws, len(cameras), 3)[:, makers == maker].mean()
-            )
-            for maker in sorted(set(makers))
-        }
-        for name in rows
-    }
-    verdicts = bars(rows, ratios)
-    out = console()
-    head = ["setting", *(f"RMSE {m}" for m in METHODS), "R G B", "coverage", "worst bin", "l1 alone covers"]
-    out.print(
-        table(
-            f"{len(cameras)} cameras, maker left out, {options.draws} draws",
-            head,
-            [
-                [
-                    name,
-                    *(f"{row[m]['rmse']:.4f}" for m in METHODS),
-                    " ".join(f"{v:.3f}" for v in row[PRODUCT]["rmse_rgb"]),
-                    f"{row[PRODUCT]['coverage']:.3f}",
-                    f"{min(row[PRODUCT]['coverage_bins']):.3f}",
-                    f"{row[SPARSE]['coverage']:.3f}",
-                ]
-                for name, row in rows.items()
-            ],
-        )
-    )
-    compared = together(rows)
-    out.print(
-        table(
-            "Three channels as one problem, and each for itself",
-            ["setting", "RMSE together", "apart", "ratio", "coverage together", "apart"],
-            [
-                [row["setting"], f"{row['together']:.4f}", f"{row['apart']:.4f}", f"{row['ratio']:.3f}",
-                 f"{row['coverage']:.3f}", f"{row['coverage_apart']:.3f}"]
-                for row in compared
-            ],
-        )
+    rows = {}
+    for setting in run.track(SETTINGS, "settings"):
+        scores = measure(setting, METHODS, run.options.draws, cameras, bases)
+        rows[setting.name] = {method: score.row() for method, score in scores.items()}
+    mean = float(np.mean([no_photo(bases[maker_of(name)], curves) for name, curves in cameras.items()]))
+    run.table(
+        f"{len(cameras)} cameras, maker left out, {run.options.draws} draws",
+        {"setting": "", **{f"RMSE {method}": ".4f" for method in METHODS}, "mean camera, no photo": ".4f",
+         "R G B": "{:.3f} {:.3f} {:.3f}", "coverage": ".3f", "worst bin": ".3f", "apart covers": ".3f",
+         "l1 alone covers": ".3f", "together / apart": ".3f"},
+        [
+            (name, *(row[method]["rmse"] for method in METHODS), mean, tuple(row[PRODUCT]["rmse_rgb"]),
+             row[PRODUCT]["coverage"], min(row[PRODUCT]["coverage_bins"]), row[APART]["coverage"],
+             row[SPARSE]["coverage"], row[PRODUCT]["rmse"] / row[APART]["rmse"])
+            for name, row in rows.items()
+        ],
     )  # fmt: skip
-    out.print(
-        table(
-            "Monte Carlo (GUM S1): error over band, R G B",
-            ["setting", "R", "G", "B"],
-            [[name, *(f"{r:.3f}" for r in ratio)] for name, ratio in ratios.items()],
-        )
-    )
-    out.print(
-        table(
-            "Bars",
-            ["bar", "value", "limit", "verdict"],
-            [
-                [b["bar"], f"{b['value']:.4f}", f"{'≥' if b['at_least'] else '≤'} {b['limit']:.4f}",
-                 "met" if b["met"] else "MISSED"]
-                for b in verdicts
-            ],
-        )
-    )  # fmt: skip
-    picture = plot(rows)
-    place = save(
-        "accuracy",
-        {
-            "draws": options.draws,
-            "trials": options.trials,
-            "cameras": len(cameras),
-            "settings": rows,
-            "together": compared,
-            "rmse_by_maker": by_maker,
-            "monte_carlo": ratios,
-            "bars": verdicts,
-            "versions": versions("scipy", "colour-science"),
-        },
-    )
-    out.print(f"{place}, {picture}")
-    return 0 if all(b["met"] for b in verdicts) else 1
-
-
-if __name__ == "__main__":
-    one_thread(__spec__)
-    sys.exit(main())
+    check(run, rows)
+    ratios = []
+    for setting in run.track([s for s in SETTINGS if s.name == "exact, D55, 24" or s.ohta], "Monte Carlo"):
+        ratio = monte_carlo(setting, run.options.trials, np.random.default_rng(SEED))
+        ratios.append((setting.name, *ratio))
+        name = f"Monte Carlo, {setting.name}: error over band, channel furthest from 1"
+        run.bar(name, max(abs(ratio - 1)), most=0.10)
+    columns = {"setting": "", "R": ".3f", "G": ".3f", "B": ".3f"}
+    run.table("Monte Carlo (GUM S1): error over band", columns, ratios)

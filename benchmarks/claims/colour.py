@@ -1,10 +1,10 @@
-"""What are the curves worth? `python -m benchmarks.claims.colour [--cameras 13] [--phones [phones.csv]]`
+"""What are the curves worth?
 
-Each measured camera is recovered with a basis learned without its maker (engine `reference`): a chart of Ohta's table
-is simulated and solved with BabelColor's, 24 patches, 3 %, low noise, from one shot (D55) and from two (D55, A). The
-curves then see surfaces under five lamps, and colour goes through a root-polynomial that they give: 99 that no fit
-has used (CIE 224:2017, from colour-science; `samples`), and the 190 of the product's own set, each left out of its
-own fit (`surfaces`). Mean ΔE00 of
+Each measured camera is recovered with a basis learned without its maker, each measured phone with one of the other
+phones (engine `reference`): a chart of Ohta's table is simulated and solved with BabelColor's, 24 patches, 3 %, low
+noise, from one shot (D55) and from two (D55, A). The curves then see surfaces under five lamps, and colour goes
+through a root-polynomial that they give: 99 that no fit has used (CIE 224:2017, from colour-science; `samples`), and
+the 190 of the product's own set, each left out of its own fit (`surfaces`). Mean ΔE00 of
 
 - true: the same transform from the true curves,
 - one, two: from the recovered ones,
@@ -13,41 +13,26 @@ own fit (`surfaces`). Mean ΔE00 of
 - elsewhere: such a matrix of D55 used under every lamp (signals white-balanced).
 
 Between cameras: the median ΔE00 of two cameras' colours of the same surface, over pairs. The colours of `camssf
-colour` and their regions are judged by benchmarks.claims.spectrum.
+colour` and their regions are judged by `spectrum`.
 
 Converted: each camera's signals of the samples as the next one's (`camssf_colour.convert`), both recovered from two
 shots of one chart, lamps drawn off by their 2 %, noise .5 %, the reference off by 1 %: root mean square error before
 and after, white is 1, and the share within the 95 % region, lamp named.
-
-`--phones FILE` takes measured phones of one's own instead of the shipped cameras, with the columns of
-data/ssf/rawtoaces.csv, `--phones` alone those that CAMSSF_PHONES names; each is recovered with a basis `phones`
-learned from the others, enlarged as the shipped one is. `--bars` makes a missed bar the exit status 1.
 """
 
 from __future__ import annotations
 
-import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from benchmarks.claims.accuracy import LOW, left_out
-from benchmarks.claims.phones import taught
-from benchmarks.shared import (
-    chart,
-    command_parser,
-    console,
-    lamp,
-    one_thread,
-    parse_with_phones,
-    progress,
-    save,
-    table,
-    versions,
-)
+from benchmarks.captures import LOW
+from benchmarks.claim import Run
+from benchmarks.devices import BY_OTHERS, LEFT_OUT, left_out, taught
+from benchmarks.shared import chart, lamp
 from camssf.colorimetry import FOLDS, delta_e00, fit, signals_of, terms, white_of, xyz_of
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery.basis import Basis, interpolate
@@ -60,8 +45,9 @@ from camssf.spectra.bundled import observer, surfaces
 from camssf_colour import Camera, Reference, View, camera_of_ssf, choose, convert, lab
 from camssf_colour.camera import OwnWhite
 from camssf_colour.standard import of_surfaces
-from camssf_lab.learning.training import HANDFUL, maker_of, read_curves
+from camssf_lab.learning.training import maker_of, read_curves
 
+OPTIONS = {"cameras": (13, "of the 52, evenly over their list")}
 LAMPS = ("D55", "D65", "A", "LED-B3", "FL2")
 KINDS = {"D55": "daylight", "D65": "daylight", "A": "bulb", "LED-B3": "white-led", "FL2": "fluorescent"}
 SHOTS = {"one": ("D55",), "two": ("D55", "A")}
@@ -100,9 +86,23 @@ def cases(count: int, phones: Path | None) -> list[Case]:
         return [Case(name, cameras[name], bases[maker_of(name)]) for name in names]
     found = read_curves(phones)
     return [
-        Case(name, interpolate(values), taught(found, [key for key in found if key != name], HANDFUL, "phones"))
+        Case(name, interpolate(values), taught(found, [key for key in found if key != name], label="phones"))
         for name, values in found.items()
     ]
+
+
+def case_groups(run: Run, count: int) -> Iterator[tuple[str, list[Case]]]:
+    """So many cameras, and all phones if their table is in reach; of these what the run asks for."""
+    if run.wants(LEFT_OUT):
+        yield LEFT_OUT, cases(count, None)
+    if run.options.phones is not None and run.wants(BY_OTHERS):
+        yield BY_OTHERS, cases(0, run.phones)
+
+
+def between(labs: list[Floats]) -> float:
+    """Median ΔE00 over pairs of cameras and surfaces."""
+    pairs = [delta_e00(labs[i], labs[j]) for i in range(len(labs)) for j in range(i)]
+    return float(np.median(pairs)) if pairs else float("nan")
 
 
 def calibrate(case: Case, names: tuple[str, ...], rng: np.random.Generator, *, off: bool) -> Camera:
@@ -196,47 +196,6 @@ def converted(one: Case, other: Case, rng: np.random.Generator) -> tuple[float, 
     return float(np.mean(before)), float(np.mean(after)), found
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """The command."""
-    parser = command_parser(__spec__, __doc__)
-    parser.add_argument("--cameras", type=int, default=13, help="of the 52, evenly over their list")
-    parser.add_argument("--bars", action="store_true", help="exit with 1 where a bar is missed")
-    options = parse_with_phones(parser, arguments)
-    if options is None:
-        return 2
-    rng = np.random.default_rng(SEED)
-    all_cases = cases(options.cameras, None if options.phones is None else Path(options.phones))
-    seen: list[dict[str, dict[str, dict[str, Floats]]]] = []
-    with progress() as bar:
-        task = bar.add_task("cameras", total=len(all_cases))
-        for case in all_cases:
-            seen.append(colours(case, rng))
-            bar.advance(task)
-        task = bar.add_task("conversions", total=len(all_cases))
-        pairs = []
-        for one, other in zip(all_cases, [*all_cases[1:], all_cases[0]], strict=True):
-            pairs.append(converted(one, other, rng))
-            bar.advance(task)
-    between = {
-        "before": float(np.sqrt(np.mean([pair[0] for pair in pairs]))),
-        "after": float(np.sqrt(np.mean([pair[1] for pair in pairs]))),
-        "inside": float(np.mean(np.concatenate([pair[2] for pair in pairs]) < INSIDE)),
-    }
-    mean = {word: means([each[word] for each in seen]) for word in seen[0]}
-    show(len(all_cases), mean)
-    row = [f"{between[key]:.4f}" for key in ("before", "after")]
-    head = ("error before", "after", "inside 95 %")
-    console().print(table("signals as the next camera's", head, [(*row, f"{between['inside']:.3f}")]))
-    made = bars(mean)
-    console().print(table("bars", ("what", "samples", "surfaces", "bar", "met"), made))
-    content: dict[str, Any] = {
-        "cameras": [case.name for case in all_cases], "delta_e00": mean, "converted": between,
-        "versions": versions("colour-science"),
-    }  # fmt: skip
-    print(save("colour", content))
-    return int(options.bars and any(row[-1] == "no" for row in made))
-
-
 def means(seen: list[dict[str, dict[str, Floats]]]) -> dict[str, dict[str, float]]:
     """ΔE00 by lamp and way, their mean, and the median between cameras."""
     found = {
@@ -245,39 +204,35 @@ def means(seen: list[dict[str, dict[str, Floats]]]) -> dict[str, dict[str, float
     }
     found["mean"] = {way: float(np.mean([found[name][way] for name in LAMPS])) for way in WAYS}
     found["between cameras"] = {
-        way: float(np.mean([_between([c[name][way] for c in seen]) for name in LAMPS])) for way in WAYS
+        way: float(np.mean([between([c[name][way] for c in seen]) for name in LAMPS])) for way in WAYS
     }
     return found
 
 
-def _between(labs: list[Floats]) -> float:
-    """Median ΔE00 over pairs of cameras and surfaces."""
-    pairs = [delta_e00(labs[i], labs[j]) for i in range(len(labs)) for j in range(i)]
-    return float(np.median(pairs)) if pairs else float("nan")
+BARS = (
+    ("two shots over true curves", "mean", "two", "true", 1.15),
+    ("one shot over true curves", "mean", "one", "true", 1.25),
+    ("two shots over chart in that light", "mean", "two", "chart", 0.6),
+    ("between cameras, two shots over chart", "between cameras", "two", "chart", 0.75),
+)
+"""What, row, way, other way, the most that their ratio may be."""
 
 
-def show(count: int, mean: dict[str, dict[str, dict[str, float]]]) -> None:
-    """Tables on stdout."""
-    for word, rows in mean.items():
-        lines = [(name, *(f"{row[way]:.2f}" for way in WAYS)) for name, row in rows.items()]
-        console().print(table(f"mean ΔE00 of {word}, {count} cameras", ("lamp", *WAYS), lines))
-
-
-def bars(mean: dict[str, dict[str, dict[str, float]]]) -> list[tuple[str, ...]]:
-    """What was promised, what came out. A bar is met where both sets of surfaces meet it."""
-    rows = []
-    for what, row, one, other, bar in (
-        ("two shots over true curves", "mean", "two", "true", 1.15),
-        ("one shot over true curves", "mean", "one", "true", 1.25),
-        ("two shots over chart in that light", "mean", "two", "chart", 0.6),
-        ("between cameras, two shots over chart", "between cameras", "two", "chart", 0.75),
-    ):
-        values = [each[row][one] / each[row][other] for each in mean.values()]
-        met = "yes" if max(values) <= bar else "no"
-        rows.append((what, *(f"{value:.3f}" for value in values), f"at most {bar}", met))
-    return rows
-
-
-if __name__ == "__main__":
-    one_thread(__spec__)
-    sys.exit(main())
+def claim(run: Run) -> None:
+    """ΔE00 of both sets of surfaces, and conversions, for cameras and phones."""
+    for title, group in case_groups(run, run.options.cameras):
+        rng = np.random.default_rng(SEED)
+        seen = [colours(case, rng) for case in run.track(group, title)]
+        neighbours = zip(group, [*group[1:], group[0]], strict=True)
+        pairs = [converted(*pair, rng) for pair in run.track(neighbours, "conversions")]
+        for word in seen[0]:
+            mean = means([each[word] for each in seen])
+            columns = {"lamp": ""} | dict.fromkeys(WAYS, ".2f")
+            rows = [(name, *row.values()) for name, row in mean.items()]
+            run.table(f"{title} ({len(group)}): mean ΔE00 of {word}", columns, rows)
+            for what, row, one, other, most in BARS:
+                run.bar(f"{title}, {word}: {what}", mean[row][one] / mean[row][other], most=most)
+        squares = np.sqrt(np.mean([pair[:2] for pair in pairs], axis=0))
+        inside = np.mean(np.concatenate([pair[2] for pair in pairs]) < INSIDE)
+        columns = dict.fromkeys(("error before", "after"), ".4f") | {"inside 95 %": ".3f"}
+        run.table(f"{title}: signals as the next one's", columns, [(*squares, inside)])

@@ -1,8 +1,8 @@
-"""A phone, a chart, whatever light: `python -m benchmarks.claims.field --phones phones.csv [--draws 1]`
+"""A phone, a chart, whatever light: what are curves worth without frames in uneven light?
 
 Each capture is solved and judged as `camssf calibrate` does it: one photo. The chart told is BabelColor's; the one in
-the photo has a table between that and Ohta's, or beyond it. Noise hypot(0.1 %, 0.0002). The 18 lamps of
-benchmarks.claims.any_light; a CIE lamp is taken out of the table of its kind first. Three rows:
+the photo has a table between that and Ohta's, or beyond it. Noise hypot(0.1 %, 0.0002). The 18 ordinary lamps of
+`any_light`; a CIE lamp is taken out of the table of its kind first. Three rows:
 
 - `framed`: even light, white and dark frame;
 - `even`: even light, neither;
@@ -11,55 +11,50 @@ benchmarks.claims.any_light; a CIE lamp is taken out of the table of its kind fi
   gradient of the light of up to 15 % across it, and a coloured wall whose light grows to at most 3 % on one side.
 
 Each with the lamp named (`known`) and not (`auto`); the last also without gain modes, as it was before there were
-any.
-
-Phones are solved with a basis of the other phones, and with one of the other makers' phones; cameras with their maker
-left out. `--phones` (or CAMSSF_PHONES) names the table that may not be passed on; without it cameras alone are
-judged.
+any. Phones are solved with a basis of the other phones, and with one of the other makers' phones; cameras with their
+maker left out.
 
 The second table: wrong names that harm (more than 0.03 RMSE worse than the right one), and how many of them are
-not accepted, with frames in even light and in the field. Exit status 1 where a bar is missed.
+not accepted, with frames in even light and in the field.
 """
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
 from unittest import mock
 
 import numpy as np
 
-from benchmarks.claims.accuracy import LOW
-from benchmarks.claims.any_light import BLACK, KIND_OF, OTHER, Taken, frame, judged, unnamed
-from benchmarks.claims.faults import HARM
-from benchmarks.claims.phones import Device
-from benchmarks.claims.wrong_lamps import LEFT_OUT, WRONG, populations, stands_in
-from benchmarks.problems import in_roles
-from benchmarks.shared import (
-    TABLE,
-    command_parser,
-    console,
-    count_missed,
-    one_thread,
-    progress,
-    save,
-    standing_in,
-    table,
-    take_tables,
-    versions,
+from benchmarks.captures import (
+    BLACK,
+    KIND_OF,
+    LOW,
+    SATURATION,
+    Groups,
+    Taken,
+    frame,
+    judged,
+    model_of,
+    power,
+    unnamed,
 )
+from benchmarks.claim import Run
+from benchmarks.claims.wrong_lamps import WRONG
+from benchmarks.devices import BY_OTHER_MAKER, BY_OTHERS, LEFT_OUT, Device, populations
+from benchmarks.problems import in_roles
+from benchmarks.shared import TABLE
+from benchmarks.staged import HARM
 from camssf.grid import Floats
 from camssf.photo.capture import Capture, MeasuredShot, Photo
 from camssf.photo.find.pose import Pose
 from camssf.photo.patches import PatchMeans
 from camssf.spectra import Light, read_chart, read_lamp
 from camssf.spectra.bundled import surfaces
-from camssf_lab.learning.training import maker_of
 from camssf_lab.simulation.scene import Scene, true_pose
 
+OPTIONS = {"draws": (1, "captures of each device under each lamp")}
 FRAMED, EVEN, FIELD, BARE = "framed", "even", "field", "field, no gain modes"
 KNOWN, AUTO = "known", "auto"
 SIZE = (4000, 3000)
@@ -121,12 +116,11 @@ def photographed(device: Device, lamp: str, stated: Light, at: Place, row: str, 
     y = LEVEL * seen * (at.light / at.light.max())[:, None]
     error = np.hypot(LOW[0] * y, LOW[1] * LEVEL)
     noise = error * np.random.default_rng(seed).normal(size=y.shape)
-    model = device.name[len(maker) :].strip() if maker else ""
-    photo = Photo("0.dng", *SIZE, 1, None, None, False, maker, model, f"{seed:064d}")
+    photo = Photo("0.dng", *SIZE, 1, None, None, False, maker, model_of(device, maker), f"{seed:064d}")
     white, dark = frame(LEVEL * np.ones_like(y), 1e-5 * np.ones_like(y)), frame(np.zeros_like(y), np.zeros_like(y))
     framed = row == FRAMED
     means = PatchMeans(
-        frame(y + noise, error), white if framed else None, dark if framed else None, np.full(3, BLACK), 16383.0
+        frame(y + noise, error), white if framed else None, dark if framed else None, np.full(3, BLACK), SATURATION
     )
     chart, *frames = in_roles(photo) if framed else (photo, None, None)
     return Capture((MeasuredShot(stated, chart, *frames, at.pose, means, None),), read_chart(TABLE), None)
@@ -140,130 +134,59 @@ def without_modes() -> Iterator[None]:
         yield
 
 
-def of_device(device: Device, key: str, number: int, draws: int) -> Iterator[tuple[str, str, Taken]]:
-    """Row, how it was told, and what came of it."""
-    maker = maker_of(device.name)
-    with standing_in(stands_in(device, key)):
-        for draw in range(draws):
-            for at, lamp in enumerate(KIND_OF):
-                seed = 1000 * number + 100 * draw + at
-                for row in (FRAMED, EVEN, FIELD):
-                    where = place(np.random.default_rng([seed, row == FIELD]), row)
-                    for word, light in ((KNOWN, read_lamp(lamp)), (AUTO, unnamed(lamp))):
-                        asked = photographed(device, lamp, light, where, row, maker, seed)
-                        yield row, word, judged(asked, device, (lamp,))
-                        if row == FIELD and word == KNOWN:
-                            with without_modes():
-                                yield BARE, word, judged(asked, device, (lamp,))
+def taken(device: Device, lamp: str, light: Light, row: str, seed: int) -> Taken:
+    """One capture of a row, judged."""
+    where = place(np.random.default_rng([seed, row in (FIELD, BARE)]), FIELD if row == BARE else row)
+    asked = photographed(device, lamp, light, where, row, device.maker, seed)
+    if row == BARE:
+        with without_modes():
+            return judged(asked, device, {lamp: power(lamp)})
+    return judged(asked, device, {lamp: power(lamp)})
 
 
-def misnamed(device: Device, key: str, number: int) -> Iterator[tuple[str, float, str]]:
-    """Row, harm and status of every wrong name."""
-    maker = maker_of(device.name)
-    with standing_in(stands_in(device, key)):
-        for at, (stated, true) in enumerate(WRONG):
-            seed = 1000 * number + 500 + at
-            for row in (FRAMED, FIELD):
-                where = place(np.random.default_rng([seed, row == FIELD]), row)
-                right, wrong = (
-                    judged(photographed(device, true, read_lamp(each), where, row, maker, seed), device, (true,))
-                    for each in (true, stated)
-                )
-                yield row, wrong.rmse - right.rmse, wrong.status
-
-
-def counted(taken: Sequence[Taken]) -> dict[str, Any]:
-    """Means and counts of a row."""
-    rmse, covered = np.array([one.rmse for one in taken]), np.array([one.covered for one in taken])
-    names = {one.device for one in taken}
-    return {
-        "captures": len(taken),
-        "rmse": float(rmse.mean()),
-        "rmse_95": float(np.quantile(rmse, 0.95)),
-        "worst": float(rmse.max()),
-        "coverage": float(covered.mean()),
-        "worst_coverage": float(min(np.mean([one.covered for one in taken if one.device == name]) for name in names)),
-        "status": {word: sum(one.status == word for one in taken) for word in ("accepted", "doubtful", "refused")},
-        "codes": {code: sum(code in one.codes for one in taken) for one in taken for code in one.codes},
-    }
-
-
-def bars(document: dict[str, Any]) -> list[tuple[str, float, float, float]]:
-    """Name, value, least and most that is wanted: issue 16, uneven light."""
-    found: list[tuple[str, float, float, float]] = []
-    for title in (LEFT_OUT, OTHER):
-        if title not in document:
-            continue
-        rows = document[title]["rows"]
-        for word in (KNOWN, AUTO):
-            field, even, framed = (rows[f"{row}, {word}"] for row in (FIELD, EVEN, FRAMED))
-            found.append((f"{title}, {word}: field over even", field["rmse"] / even["rmse"], 0.0, 1.05))
-            found.append((f"{title}, {word}: even over framed", even["rmse"] / framed["rmse"], 0.0, 1.03))
-            found.append((f"{title}, {word}: coverage in the field", field["coverage"], 0.94, 0.99))
-            accepted = field["status"]["accepted"] / field["captures"]
-            found.append((f"{title}, {word}: accepted in the field", accepted, 0.90, 1.0))
-        caught = document[title]["misnamed"]
-        power = caught[FIELD]["share"] / max(caught[FRAMED]["share"], 1e-9)
-        found.append((f"{title}: power over wrong lamps, of that with frames", power, 0.90, 99.0))
-    return found
-
-
-def show(document: dict[str, Any]) -> None:
-    """Both tables."""
-    head = ["population", "row", "RMSE", "95 %", "worst", "coverage", "worst", "accepted, doubtful, refused", "why"]
-    lines = [
-        [
-            title, name, f"{one['rmse']:.4f}", f"{one['rmse_95']:.3f}", f"{one['worst']:.3f}",
-            f"{one['coverage']:.3f}", f"{one['worst_coverage']:.3f}",
-            ", ".join(str(count) for count in one["status"].values()),
-            ", ".join(f"{code} {count}" for code, count in one["codes"].items()),
-        ]
-        for title, each in document.items()
-        for name, one in each["rows"].items()
+def claim(run: Run) -> None:
+    """The rows of each population, and its wrong names that harm."""
+    groups, harmful = Groups(), Groups()
+    for population in populations(run, BY_OTHERS, BY_OTHER_MAKER, LEFT_OUT):
+        for number, device in enumerate(run.track(population.devices, population.title)):
+            with device.left_out(population.key):
+                for seed, lamp in (
+                    (1000 * number + 100 * draw + at, lamp)
+                    for draw in range(run.options.draws) for at, lamp in enumerate(KIND_OF)
+                ):  # fmt: skip
+                    for row in (FRAMED, EVEN, FIELD, BARE):
+                        groups.add(taken(device, lamp, read_lamp(lamp), row, seed), population.title, row, KNOWN)
+                        if row != BARE:
+                            groups.add(taken(device, lamp, unnamed(lamp), row, seed), population.title, row, AUTO)
+                for at, (stated, true) in enumerate(WRONG):
+                    for row in (FRAMED, FIELD):
+                        seed = 1000 * number + 500 + at
+                        right, wrong = (taken(device, true, read_lamp(name), row, seed) for name in (true, stated))
+                        if wrong.rmse - right.rmse > HARM:
+                            harmful.add(wrong, population.title, row)
+    columns = {"population": "", "row": "", "lamp": "", "RMSE": ".4f", "no photo": ".4f", "95 %": ".3f"}
+    columns |= dict.fromkeys(("worst", "coverage", "worst device"), ".3f")
+    columns |= {"accepted, doubtful, refused": "{}, {}, {}", "why": ""}
+    rows = [
+        (*key, group.rmse, group.mean("no_photo"), *group.quantiles("rmse", 0.95), group.worst, group.coverage,
+         min(group.by_device("covered")), group.counts, group.codes)
+        for key, group in groups.items()
     ]  # fmt: skip
-    console().print(table("Any light, evenly or not", head, lines))
-    lines = [
-        [title, row, one["harmful"], one["caught"], f"{one['share']:.3f}"]
-        for title, each in document.items()
-        for row, one in each["misnamed"].items()
-    ]
-    console().print(table("Wrong names that harm", ["population", "row", "harmful", "not accepted", "share"], lines))
-
-
-def main(arguments: list[str] | None = None) -> int:
-    parser = command_parser(__spec__, __doc__)
-    take_tables(parser, "phones")
-    parser.add_argument("--draws", type=int, default=1, help="captures of each device under each lamp")
-    parser.add_argument("--only", default="", help="populations whose name begins so")
-    options = parser.parse_args(arguments)
-    document: dict[str, Any] = {}
-    groups = populations(options.phones, None)
-    with progress() as bar:
-        for title, (devices, key) in groups.items():
-            if not title.startswith(options.only):
-                continue
-            task = bar.add_task(title, total=len(devices))
-            rows: dict[str, list[Taken]] = {}
-            wrong: dict[str, list[tuple[float, str]]] = {FRAMED: [], FIELD: []}
-            for number, device in enumerate(devices):
-                for row, word, one in of_device(device, key, number, options.draws):
-                    rows.setdefault(f"{row}, {word}", []).append(one)
-                for row, harm, status in misnamed(device, key, number):
-                    wrong[row].append((harm, status))
-                bar.advance(task)
-            document[title] = {"rows": {name: counted(each) for name, each in rows.items()}, "misnamed": {}}
-            for row, each in wrong.items():
-                harmful = [status for harm, status in each if harm > HARM]
-                caught = sum(status != "accepted" for status in harmful)
-                document[title]["misnamed"][row] = {
-                    "harmful": len(harmful), "caught": caught, "share": caught / max(len(harmful), 1),
-                }  # fmt: skip
-    show(document)
-    missed = count_missed(bars(document))
-    print(f"written: {save('field', document | {'versions': versions('scipy')})}")
-    return int(missed > 0)
-
-
-if __name__ == "__main__":
-    one_thread(__spec__)
-    sys.exit(main())
+    run.table("Any light, evenly or not", columns, rows)
+    columns = {"population": "", "row": "", "harmful": "d", "not accepted": "d", "share": ".3f"}
+    caught = {key: len(group) - len(group.accepted) for key, group in harmful.items()}
+    rows = [(*key, len(harmful[key]), caught[key], caught[key] / len(harmful[key])) for key in harmful]
+    run.table("Wrong names that harm", columns, rows)
+    for title in (BY_OTHERS, BY_OTHER_MAKER):
+        if (title, FIELD, AUTO) not in groups:
+            continue
+        for word in (KNOWN, AUTO):
+            field, even, framed = (groups[title, row, word] for row in (FIELD, EVEN, FRAMED))
+            run.bar(f"{title}, {word}: field over even", field.rmse / even.rmse, most=1.05)
+            run.bar(f"{title}, {word}: even over framed", even.rmse / framed.rmse, most=1.03)
+            run.bar(f"{title}, {word}: coverage in the field", field.coverage, least=0.94, most=0.99)
+            accepted = len(field.accepted) / len(field)
+            run.bar(f"{title}, {word}: accepted in the field", accepted, least=0.90)
+        share = {row: caught[title, row] / len(harmful[title, row]) for row in (FIELD, FRAMED)}
+        name = f"{title}: power over wrong lamps, of that with frames"
+        run.bar(name, share[FIELD] / max(share[FRAMED], 1e-9), least=0.90)

@@ -1,4 +1,4 @@
-"""Compares camssf's own chart finder with OpenCV's. `python -m benchmarks.claims.finder [--docs] [--kotlin]`
+"""Does camssf's own finder find the chart where OpenCV's does?
 
 The pictures are the 18 rendered scenes of tests/photo/test_chart.py, those of `finder_drawings`, and the real photo.
 A chart is found if every patch centre lies within a quarter of a pitch of the truth and the mirror is recognised;
@@ -6,14 +6,13 @@ any other pose is wrong. "Refined" is the pose moved to the borders on the mosai
 makes of both. Bars: the finder and the search find at least as many charts as cv2.mcc, the finder has no wrong pose
 and the search no more than cv2.mcc, and the two refined poses agree within 0.1 pitch. `--kotlin` also searches the
 drawings as previews of 640 × 480 in a warm JVM and compares with Python (bar: 1e-9 px; 25 ms by the fastest of the
-rounds). `--docs` writes the table into docs/finder.md. Exit status 1 if a bar is missed.
+rounds). `--docs` writes the table into docs/finder.md.
 """
 
 from __future__ import annotations
 
 import re
 import subprocess
-import sys
 import tempfile
 from collections import Counter
 from collections.abc import Iterator
@@ -22,8 +21,9 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.claim import Run
 from benchmarks.claims.finder_drawings import DRAWINGS, EMPTY, Drawing, as_mosaic, as_preview, truth
-from benchmarks.shared import command_parser, console, progress, save, table, versions
+from benchmarks.kernels.turns import Unavailable
 from camssf.grid import Floats
 from camssf.photo.find.candidates import FoundCharts, find_candidates
 from camssf.photo.find.geometry import block_corners, homography, map_points
@@ -36,7 +36,11 @@ from tools.pages import filled, write_or_check
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "finder.md"
-COMMAND = "python -m benchmarks.claims.finder --docs"
+COMMAND = "python -m benchmarks finder --docs"
+OPTIONS = {
+    "docs": (False, "write the table into docs/finder.md"),
+    "kotlin": (False, "also Kotlin's, on previews"),
+}
 NEAR, SAME, QUICK, EQUAL = 0.25, 0.1, 25.0, 1e-9
 Row = tuple[str, str, str, str, str, str]
 
@@ -113,9 +117,9 @@ def kotlin(rounds: int = 10) -> tuple[float, float, float]:
     """Largest difference from Python's corners, px; median and largest ms of the drawings as previews.
 
     Raises:
-        OSError, benchmarks.kernels.turns.Unavailable: there is no Java, or no build.
+        OSError, Unavailable: there is no Java, or no build.
     """
-    from benchmarks.kernels.turns import Unavailable, class_path
+    from benchmarks.kernels.turns import class_path
 
     ours: dict[str, FoundCharts] = {}
     with tempfile.TemporaryDirectory() as folder:
@@ -177,49 +181,41 @@ def in_groups(rows: list[Row]) -> str:
     return "\n".join(lines)
 
 
-def main() -> int:
-    """Runs, prints, saves; 1 where a bar is missed."""
-    parser = command_parser(__spec__, __doc__)
-    parser.add_argument("--docs", action="store_true", help="write the table into docs/finder.md")
-    parser.add_argument("--kotlin", action="store_true", help="also Kotlin's, on previews")
-    options = parser.parse_args()
+def claim(run: Run) -> None:
+    """A row a picture; Kotlin's on request."""
     rows: list[Row] = []
     counts: Counter[str] = Counter()
     apart = 0.0
-    with progress() as bar:
-        for scene in bar.track(list(scenes()), description="scenes"):
-            row, verdicts, refined = judge(*scene)
-            rows.append(row)
-            counts.update(f"{who} {each}" for who, each in zip(("ours", "cv2", "search"), verdicts, strict=True))
-            apart = max(apart, 0.0 if np.isnan(refined) else refined)
+    for scene in run.track(list(scenes()), "scenes"):
+        row, verdicts, refined = judge(*scene)
+        rows.append(row)
+        counts.update(f"{who} {word}" for who, word in zip(("ours", "cv2", "search"), verdicts, strict=True))
+        apart = max(apart, 0.0 if np.isnan(refined) else refined)
     head = ("picture", "finder", "off, pitches", "cv2.mcc, refined", "refined, apart", "search")
-    console().print(table("camssf's finder, OpenCV's, and the search with both", head, rows))
+    run.table("camssf's finder, OpenCV's, and the search with both", dict.fromkeys(head, ""), rows)
     summary = (
         f"Of {len(rows)} pictures the finder found the chart in {counts['ours found']}, cv2.mcc in "
         f"{counts['cv2 found']}, the search in {counts['search found']}; wrong poses: {counts['ours wrong']}, "
         f"{counts['cv2 wrong']} and {counts['search wrong']}. Refined on the mosaic, finder and cv2.mcc lie at most "
         f"{apart:.1g} pitch apart."
     )
-    print(summary)
-    good = min(counts["ours found"], counts["search found"]) >= counts["cv2 found"] and counts["ours wrong"] == 0
-    good = good and counts["search wrong"] <= counts["cv2 wrong"] and apart < SAME
-    result: dict[str, object] = {"versions": versions(), "counts": dict(counts), "apart": apart}
-    if options.kotlin:
+    run.bar(
+        "charts found, by finder and search",
+        min(counts["ours found"], counts["search found"]),
+        least=counts["cv2 found"],
+    )
+    run.bar("wrong poses of the finder", counts["ours wrong"], most=0)
+    run.bar("wrong poses of the search", counts["search wrong"], most=counts["cv2 wrong"])
+    run.bar("refined poses apart, pitches", apart, most=SAME)
+    if run.options.kotlin:
         worst, median, slowest = kotlin()
-        previews = (
-            f"Kotlin on {len(DRAWINGS) + len(EMPTY)} previews of 640 × 480: corners within {worst:.1g} px of "
+        summary += (
+            f" Kotlin on {len(DRAWINGS) + len(EMPTY)} previews of 640 × 480: corners within {worst:.1g} px of "
             f"Python's; {median:.1f} ms a picture (median), {slowest:.1f} ms at most."
         )
-        print(previews)
-        summary += " " + previews
-        good = good and worst <= EQUAL and slowest <= QUICK
-        result["kotlin"] = {"worst": worst, "median": median, "slowest": slowest}
-    if options.docs:
+        run.bar("Kotlin: corners off Python's, px", worst, most=EQUAL)
+        run.bar("Kotlin: ms of a picture", slowest, most=QUICK)
+    run.say(summary)
+    if run.options.docs:
         page = filled(PAGE.read_text("utf-8"), {COMMAND: f"{summary}\n\n{in_groups(rows)}"})
         write_or_check(COMMAND, PAGE.parent, {PAGE.name: page}, check=False)
-    print(save("finder", result))
-    return int(not good)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

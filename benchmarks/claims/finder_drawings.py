@@ -198,22 +198,10 @@ def as_mosaic(drawing: Drawing) -> Mosaic:
     plane += rng.normal(size=plane.shape) * np.sqrt(np.maximum(plane, 0) * drawing.noise**2 + 3e-4**2)
     samples = np.clip(np.rint(BLACK + plane * (WHITE - BLACK)), 0, WHITE).astype(np.uint16)
     return Mosaic(
-        path=drawing.name,
-        samples=samples,
-        cfa="RGGB",
-        black=np.full((2, 2), BLACK),
-        white=WHITE,
-        make="",
-        model="",
-        exposure=0.01,
-        iso=100.0,
-        orientation=1,
-        gain_maps=(),
-        color_matrix1=None,
-        color_matrix2=None,
-        as_shot_neutral=None,
-        sha256="",
-    )
+        path=drawing.name, samples=samples, cfa="RGGB", black=np.full((2, 2), BLACK), white=WHITE, make="", model="",
+        exposure=0.01, iso=100.0, orientation=1, gain_maps=(), color_matrix1=None, color_matrix2=None,
+        as_shot_neutral=None, sha256="",
+    )  # fmt: skip
 
 
 def as_preview(drawing: Drawing) -> NDArray[np.uint8]:

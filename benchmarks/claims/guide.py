@@ -1,10 +1,10 @@
-"""What Kotlin's CaptureGuide says of faults that are known: `python -m benchmarks.claims.guide [--search]`
+"""What does Kotlin's CaptureGuide say of faults that are known?
 
 Sequences of 640 × 480 preview frames by the simulated camera (`camssf_lab.simulation`): a measured camera's curves, a
 colour matrix of three numbers a channel, a tone curve that is not sRGB's, noise, 4:2:0 colours, a hand that trembles.
 Each has one fault, or none. The guide was built on other drawings (`Drawn.kt`), and none of its limits was set here.
 Without `--search` it is told where the chart lies; with it, ChartFinder looks for it, and the time counts both.
-Needs `mvn -f android-bindings test-compile`, or a class path.
+Needs `mvn -f android-bindings test-compile`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ import json
 import os
 import re
 import subprocess
-import sys
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -26,12 +25,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.claim import Run
 from benchmarks.kernels.turns import BINDINGS, Unavailable
-from benchmarks.shared import command_parser, console, one_thread, progress, save, table, versions
 from camssf.grid import Floats
 from camssf.spectra import ChartTable, read_camera, read_chart, read_lamp
 from camssf_lab.simulation.scene import FOCAL, Scene, project, render_mosaic, true_pose
 
+OPTIONS = {"search": (False, "let ChartFinder look for the chart")}
 FRAMES = 20
 """A sequence: 0.7 s at 30 frames a second."""
 
@@ -232,7 +232,7 @@ def class_path() -> str:
         places.append(home / f"org/jetbrains/kotlinx/{name}/{json_}/{name}-{json_}.jar")
     for place in places:
         if not place.exists():
-            raise Unavailable(f"{place} is missing: run mvn -f android-bindings test-compile, or give --classpath.")
+            raise Unavailable(f"{place} is missing: run mvn -f android-bindings test-compile.")
     return os.pathsep.join(str(place) for place in places)
 
 
@@ -269,83 +269,51 @@ class Judge:
         self.process.wait()
 
 
-def judged(sequence: Sequence, said: list[dict[str, Any]]) -> dict[str, Any]:
-    """Whether the last advice is right, how often what was said changed, and what the frames cost."""
-    last = said[-1]
-    right = last["advice"] in (sequence.wanted, *sequence.also)
-    number = sequence.number
-    near = None
-    if number is not None and last["advice"] == sequence.wanted:
-        near = bool(abs(last["amount"] - number[0]) <= number[1])
-    words = [frame["advice"] for frame in said]
-    return {
-        "fault": sequence.fault,
-        "wanted": sequence.wanted,
-        "said": last["advice"],
-        "amount": last["amount"],
-        "right": right,
-        "number_right": near,
-        "changes": sum(a != b for a, b in pairwise(words)),
-        "milliseconds": [frame["milliseconds"] for frame in said],
-        "bytes": [frame["bytes"] for frame in said],
-    }
+def is_right(sequence: Sequence, last: dict[str, Any]) -> bool:
+    """Whether the last advice is right."""
+    return last["advice"] in (sequence.wanted, *sequence.also)
 
 
-def main() -> None:
-    one_thread(__spec__)
-    parser = command_parser(__spec__, __doc__)
-    parser.add_argument("--search", action="store_true", help="let ChartFinder look for the chart")
-    parser.add_argument("--classpath", help="of the compiled bindings")
-    arguments = parser.parse_args()
-    table_ = read_chart("classic24")
-    try:
-        judge = Judge(arguments.classpath or class_path(), arguments.search)
-        results = []
-        with tempfile.TemporaryDirectory() as folder, progress() as bar:
-            file = Path(folder) / "frames.yuv"
-            for sequence in bar.track(sequences(), description="sequences"):
-                drawn = list(frames(sequence, table_))
-                file.write_bytes(b"".join(frame for frame, _ in drawn))
-                results.append(judged(sequence, judge.ask(file, [corners for _, corners in drawn])))
-        judge.close()
-    except Unavailable as error:
-        sys.exit(f"Cannot run: {error}")
-    show(results, arguments.search)
-
-
-def show(results: list[dict[str, Any]], search: bool) -> None:
-    """One row a fault, the totals, and the file of results."""
-    place = save("guide-search" if search else "guide", {"versions": versions(), "results": results})
-    out = console()
+def claim(run: Run) -> None:
+    """A row a fault, and the totals."""
+    table, said = read_chart("classic24"), []
+    judge = Judge(class_path(), run.options.search)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "frames.yuv"
+        for sequence in run.track(sequences(), "sequences"):
+            drawn = list(frames(sequence, table))
+            file.write_bytes(b"".join(frame for frame, _ in drawn))
+            said.append((sequence, judge.ask(file, [corners for _, corners in drawn])))
+    judge.close()
     rows = []
-    for fault in dict.fromkeys(result["fault"] for result in results):
-        own = [result for result in results if result["fault"] == fault]
-        wrong = Counter(result["said"] for result in own if not result["right"])
-        numbers = [result["number_right"] for result in own if result["number_right"] is not None]
-        rows.append([
-            fault,
-            own[0]["wanted"],
-            f"{sum(result['right'] for result in own)} of {len(own)}",
-            f"{sum(numbers)} of {len(numbers)}" if numbers else "",
-            ", ".join(f"{name} {count}" for name, count in wrong.items()),
-        ])  # fmt: skip
-    out.print(table("what the guide says", ["fault", "right advice", "right", "number near", "instead"], rows))
-    faulty = [result for result in results if result["wanted"] != "NOW"]
-    clean = [result for result in results if result["wanted"] == "NOW"]
-    missed = sum(result["said"] == "NOW" for result in faulty)
-    times = [value for result in results[3:] for value in result["milliseconds"]]
-    garbage = [value for result in results[3:] for value in result["bytes"]]
-    out.print(
-        f"{sum(result['right'] for result in faulty)} of {len(faulty)} faults named, {missed} called good; "
-        f"{sum(result['right'] for result in clean)} of {len(clean)} good ones called good; "
-        f"advice changed {np.mean([result['changes'] for result in results]):.1f} times a sequence"
+    for fault in dict.fromkeys(sequence.fault for sequence, _ in said):
+        own = [(sequence, answers[-1]) for sequence, answers in said if sequence.fault == fault]
+        wrong = Counter(last["advice"] for sequence, last in own if not is_right(sequence, last))
+        near = [
+            abs(last["amount"] - sequence.number[0]) <= sequence.number[1] for sequence, last in own
+            if sequence.number is not None and last["advice"] == sequence.wanted
+        ]  # fmt: skip
+        rows.append((
+            fault, own[0][0].wanted, (sum(is_right(*pair) for pair in own), len(own)),
+            (sum(near), len(near)) if near else None, ", ".join(f"{name} {count}" for name, count in wrong.items()),
+        ))  # fmt: skip
+    columns = {"fault": "", "right advice": "", "right": "{} of {}", "number near": "{} of {}", "instead": ""}
+    run.table("what the guide says", columns, rows)
+    faulty, clean = (
+        [(one, answers[-1]) for one, answers in said if (one.wanted == "NOW") == good] for good in (False, True)
     )
-    out.print(
+    changes = [sum(a["advice"] != b["advice"] for a, b in pairwise(answers)) for _, answers in said]
+    run.say(
+        f"{sum(is_right(*pair) for pair in faulty)} of {len(faulty)} faults named, "
+        f"{sum(last['advice'] == 'NOW' for _, last in faulty)} called good; {sum(is_right(*pair) for pair in clean)} "
+        f"of {len(clean)} good ones called good; advice changed {np.mean(changes):.1f} times a sequence"
+    )
+    times, garbage = (
+        np.array([frame[key] for _, answers in said[3:] for frame in answers]) for key in ("milliseconds", "bytes")
+    )
+    run.say(
         f"{np.median(times):.1f} ms of processor a frame (95 %: {np.quantile(times, 0.95):.1f}), "
-        f"{np.median(garbage) / 1e3:.0f} kB of garbage, {'search and guide' if search else 'guide alone'}"
+        f"{np.median(garbage) / 1e3:.0f} kB of garbage, {'search and guide' if run.options.search else 'guide alone'}"
     )
-    out.print(f"All of it: {place}")
-
-
-if __name__ == "__main__":
-    main()
+    run.bar("ms of processor a frame, median", np.median(times), most=25.0)
+    run.bar("MB of garbage a frame, median", np.median(garbage) / 1e6, most=1.0)

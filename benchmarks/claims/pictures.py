@@ -1,6 +1,6 @@
-"""Two phones, one scene: `python -m benchmarks.claims.pictures [--cameras 13] [--phones [phones.csv]]`
+"""How alike are two cameras' pictures of one scene?
 
-Each camera is recovered with a basis learned without it, as in benchmarks.claims.colour, from two shots (D55, A)
+Each camera or phone is recovered with a basis learned without it, as in `colour`, from two shots (D55, A)
 whose lamps are off by their 2 %. It then photographs 99 surfaces that neither prior nor chart knows (CIE 224:2017)
 and a white that is off by 1 %, with the noise of a phone, under D65, A, LED-B3 and FL2, off by 2 %, each named.
 Pixels away from the surfaces' borders, as
@@ -15,7 +15,6 @@ that lie within 1.96 of the stated standard deviations from the truth.
 
 from __future__ import annotations
 
-import sys
 import tempfile
 from dataclasses import dataclass
 from functools import cache
@@ -26,19 +25,11 @@ import rawpy
 import tifffile
 from numpy.typing import NDArray
 
-from benchmarks.claims.colour import SHOTS, WHITE, Case, calibrate, cases, drawn, unseen
+from benchmarks.claim import Run
+from benchmarks.claims.colour import SHOTS, WHITE, Case, calibrate, case_groups, drawn, unseen
 from benchmarks.claims.processed import malvar
-from benchmarks.shared import (
-    command_parser,
-    console,
-    lamp,
-    one_thread,
-    parse_with_phones,
-    progress,
-    save,
-    table,
-    versions,
-)
+from benchmarks.devices import LEFT_OUT
+from benchmarks.shared import lamp
 from camssf.colorimetry import adaptation, delta_e00, lab, white_of
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.photo.read.dng import Mosaic
@@ -52,6 +43,7 @@ from camssf_colour.regions import measure_regions
 from camssf_lab.simulation.camera import Sensor, count
 from camssf_lab.simulation.dng import color_matrix
 
+OPTIONS = {"cameras": (13, "of those that LibRaw knows, evenly over their list")}
 LAMPS = ("D65", "A", "LED-B3", "FL2")
 BLOCK, INNER = 24, slice(6, 18)
 """Pixels of a surface, and those that are judged."""
@@ -184,34 +176,16 @@ def stored_matrix(name: str) -> Floats | None:
     return matrix if matrix.any() else None
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """The command."""
-    parser = command_parser(__spec__, __doc__)
-    parser.add_argument("--cameras", type=int, default=13, help="of the 52, evenly over their list")
-    options = parse_with_phones(parser, arguments)
-    if options is None:
-        return 2
-    every = cases(52, None) if options.phones is None else cases(0, Path(options.phones))
-    known = [case for case in every if stored_matrix(case.name) is not None]
-    all_cases = known[:: max(1, len(known) // options.cameras)][: options.cameras] if known else every
-    shown: dict[str, list[Shown]] = {name: [] for name in LAMPS}
-    with progress() as bar:
-        task = bar.add_task("pictures", total=len(all_cases) * len(LAMPS))
-        for at, name in enumerate(LAMPS):
-            for number, case in enumerate(all_cases):
-                shown[name].append(show(case, name, np.random.default_rng([SEED, number, at])))
-                bar.advance(task)
-    content = {name: numbers(shown[name]) for name in LAMPS}
-    content["all"] = {key: float(np.mean([content[name][key] for name in LAMPS])) for key in content[LAMPS[0]]}
-    rows = [(name, *(f"{value:.3f}" for value in one.values())) for name, one in content.items()]
-    head = ("light", *content["all"])
-    console().print(table(f"median ΔE00 of pictures, {len(all_cases)} cameras", head, rows))
-    print(
-        save("pictures", {"cameras": [case.name for case in all_cases], "pictures": content, "versions": versions()})
-    )
-    return 0
-
-
-if __name__ == "__main__":
-    one_thread(__spec__)
-    sys.exit(main())
+def claim(run: Run) -> None:
+    """A row a light, and their mean, for cameras and phones."""
+    for title, group in case_groups(run, 52):
+        known = [case for case in group if stored_matrix(case.name) is not None] if title == LEFT_OUT else []
+        shown = known[:: max(1, len(known) // run.options.cameras)][: run.options.cameras] if known else group
+        rows = {}
+        for at, name in enumerate(run.track(LAMPS, title)):
+            rngs = [np.random.default_rng([SEED, number, at]) for number in range(len(shown))]
+            rows[name] = numbers([show(case, name, rng) for case, rng in zip(shown, rngs, strict=True)])
+        rows["all"] = {key: float(np.mean([rows[name][key] for name in LAMPS])) for key in rows[LAMPS[0]]}
+        columns = {"light": ""} | dict.fromkeys(rows["all"], ".3f")
+        lines = [(name, *row.values()) for name, row in rows.items()]
+        run.table(f"{title}: median ΔE00 of pictures, {len(shown)} cameras", columns, lines)

@@ -1,62 +1,59 @@
-"""Calibrated once, photographed again: what is it worth? `python -m benchmarks.claims.previous --phones phones.csv`
+"""Calibrated once, photographed again: what is it worth?
 
-A unit is calibrated under a named lamp: daylight of 5,200 K, a bulb, a white LED in turn. Later there is one photo of
-the same chart in each of the 18 lamps of `any_light`, once with its lamp named and once not, solved as `camssf
-calibrate --previous` does it, and alone; white LEDs also as the phone's torch (`--lamp torch`), with the error of the
-spectrum that is found (RMS over the mean power, 400 to 700 nm) and the coverage of its band. Captures are those of
-`any_light`: white and dark frame, Ohta's chart named as BabelColor's, noise hypot(0.1 %, 0.0002), and the raw white
-good to 0.3 %. Phones are solved with a basis of the other phones, and with one of the other makers' phones.
+A unit is calibrated under a named lamp: daylight of 5,200 K, a bulb, a white LED in turn. Later there is one photo
+of the same chart in each of the 18 ordinary lamps of `any_light`, once with its lamp named and once not, solved as
+`camssf calibrate --previous` does it, and alone; white LEDs also as the phone's torch (`--lamp torch`), with the
+error of the spectrum that is found (RMS over the mean power, 400 to 700 nm) and the coverage of its band. Captures
+are those of `any_light`, and the raw white is good to 0.3 %. Phones are solved with a basis of the other phones, and
+with one of the other makers' phones.
 
 Then, with the basis of the others, the unit has changed before the later photo: its blue curve has moved by 5 nm, or
 one of its flanks; or the lens has yellowed (10 % at 420 nm, smooth). Noticed: the result is doubtful. The limits in
 data/rules.json were set on every other phone, and the rest is reported apart.
 
-RMSE of peak-normalised curves and coverage of the 95 % bands, 400 to 700 nm. Exit status 1 where a bar is missed.
+RMSE of peak-normalised curves and coverage of the 95 % bands, 400 to 700 nm.
 """
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from benchmarks.claims.accuracy import SEEN
-from benchmarks.claims.any_light import KIND_OF, capture, no_photo, power, unnamed
-from benchmarks.claims.phones import OTHER_MAKER, OTHERS, Device, phones_left_out
-from benchmarks.claims.wrong_lamps import stands_in
-from benchmarks.shared import (
-    command_parser,
-    console,
-    count_missed,
-    one_thread,
-    parse_for_phones,
-    progress,
-    save,
-    standing_in,
-    table,
-    versions,
+from benchmarks.captures import KIND_OF, capture, power, unnamed
+from benchmarks.captures import OPTIONS as PRODUCT
+from benchmarks.claim import Run
+from benchmarks.devices import (
+    BY_OTHER_MAKER,
+    BY_OTHERS,
+    OTHERS,
+    PHONES,
+    SEEN,
+    Device,
+    errors,
+    no_photo,
+    populations,
 )
 from camssf.calibration import solve
 from camssf.errors import CalibrationError
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.options import Options
 from camssf.photo.capture import Capture
 from camssf.photo.patches import FrameMeans
+from camssf.recovery.basis import read_basis
 from camssf.result import Result
 from camssf.spectra import Light, read_lamp, read_light
 from camssf.spectra.lamps import TORCH
-from camssf_lab.learning.training import maker_of, read_curves
 
+OPTIONS = {"unchanged": (False, "leave out the units that have changed")}
 BEFORE = ("D:5200", "2856K", "LED-B3")
 """Lamps of the previous result, one after the other."""
 STEP = 5.0
 """nm, a drift."""
 LOST = 0.1
 """Of the light at 420 nm, in a yellowed lens."""
-SAME = "same"
+SAME, REPORTED = "same", "every other phone"
 WHITE = 0.003
 """Relative error of a raw white in each channel."""
 NAMED, UNNAMED = "named", "not named"
@@ -103,8 +100,7 @@ class Later:
     Attributes:
         device, lamp, given, change: whose; the later lamp, and how it was given; what had changed.
         used: whether the answer is the common one.
-        noticed: whether the verdict says that the unit may have changed.
-        status: of the verdict with the previous result.
+        status: of the verdict with the previous result; a doubtful one notices a change.
         rmse, covered: of the curves as they are now; None if refused.
         alone: RMSE of the new photo alone; None if that was refused, or the unit has changed.
         previous: RMSE of the previous result. no_photo: of the mean phone.
@@ -116,7 +112,6 @@ class Later:
     given: str
     change: str
     used: bool
-    noticed: bool
     status: str
     rmse: float | None
     covered: float | None
@@ -126,10 +121,10 @@ class Later:
     light: tuple[float, float, float] | None
 
 
-def solved(given: Capture, previous: Result | None = None) -> Result | None:
+def solved(asked: Capture, previous: Result | None = None) -> Result | None:
     """The answer; None if refused."""
     try:
-        return solve(given, options=Options(engine="reference"), previous=previous)
+        return solve(asked, previous=previous, options=PRODUCT)
     except CalibrationError as error:
         if error.exit_status == 2:
             raise
@@ -138,16 +133,15 @@ def solved(given: Capture, previous: Result | None = None) -> Result | None:
 
 def score(found: Result, curves: Floats) -> tuple[float, float]:
     """RMSE and coverage."""
-    given, std = found.ssf.peak()
-    assert std is not None
-    off = (given - curves / curves.max(axis=0))[SEEN]
-    return float(np.sqrt(np.mean(off**2, axis=0)).mean()), float((np.abs(off) <= 1.96 * std[SEEN]).mean())
+    rmse, covered = errors(*found.ssf.peak(), curves)
+    assert covered is not None
+    return float(rmse.mean()), float(covered[:, SEEN].mean())
 
 
 def photo(device: Device, lamp: str, light: Light, seed: int, number: int) -> Capture:
     """One photo, as file number `number`."""
-    found = capture(device, {lamp: power(lamp)}, [light], maker_of(device.name), seed)
-    (shot,) = found.shots
+    asked = capture(device, {lamp: power(lamp)}, [light], device.maker, seed)
+    (shot,) = asked.shots
     gain = np.exp(WHITE * np.random.default_rng([seed, number]).normal(size=3))
     means = shot.means
 
@@ -155,28 +149,24 @@ def photo(device: Device, lamp: str, light: Light, seed: int, number: int) -> Ca
         return None if frame is None else replace(frame, mean=means.black + gain * (frame.mean - means.black))
 
     means = replace(means, chart=seen(means.chart), white=seen(means.white))
-    return replace(found, shots=(replace(shot, photo=replace(shot.photo, sha256=f"{number:064d}"), means=means),))
+    return replace(asked, shots=(replace(shot, photo=replace(shot.photo, sha256=f"{number:064d}"), means=means),))
 
 
-def of_device(device: Device, key: str, number: int, changes: Sequence[str], tell: Callable[[], None]) -> list[Later]:
+def of_device(device: Device, number: int, changes: Sequence[str]) -> Iterator[Later]:
     """All later photos of one unit."""
-    rows = []
-    with standing_in(stands_in(device, key)):
-        for i, lamp in enumerate(KIND_OF):
-            before = BEFORE[i % len(BEFORE)]
-            first = solved(photo(device, before, read_lamp(before), 1000 * number + i, 1))
-            known = first is not None and first.verdict.status == "accepted"
-            for j, change in enumerate(changes if known else ()):
-                assert first is not None
-                now = replace(device, curves=CHANGES[change](device.curves))
-                ways: dict[str, Light] = {NAMED: read_lamp(lamp), UNNAMED: unnamed(lamp)}
-                if KIND_OF[lamp] == "white-led" and change == SAME:
-                    ways[TORCH] = read_light(TORCH)
-                for word, light in ways.items():
-                    new = photo(now, lamp, light, 1000 * number + 100 * (j + 1) + i, 2)
-                    rows.append(later(now, first, new, change, lamp, word))
-            tell()
-    return rows
+    for i, lamp in enumerate(KIND_OF):
+        before = BEFORE[i % len(BEFORE)]
+        first = solved(photo(device, before, read_lamp(before), 1000 * number + i, 1))
+        if first is None or first.verdict.status != "accepted":
+            continue
+        for j, change in enumerate(changes):
+            now = replace(device, curves=CHANGES[change](device.curves))
+            ways: dict[str, Light] = {NAMED: read_lamp(lamp), UNNAMED: unnamed(lamp)}
+            if KIND_OF[lamp] == "white-led" and change == SAME:
+                ways[TORCH] = read_light(TORCH)
+            for word, light in ways.items():
+                new = photo(now, lamp, light, 1000 * number + 100 * (j + 1) + i, 2)
+                yield later(now, first, new, change, lamp, word)
 
 
 def later(device: Device, first: Result, new: Capture, change: str, lamp: str, given: str) -> Later:
@@ -184,15 +174,13 @@ def later(device: Device, first: Result, new: Capture, change: str, lamp: str, g
     alone, found = solved(new) if change == SAME else None, solved(new, first)
     rmse, covered = (None, None) if found is None else score(found, device.curves)
     light = None
-    used = found is not None and len(found.capture.shots) > 1
-    if given == TORCH and alone is not None and used:
-        assert found is not None
+    used = found is not None and found.capture is not None and len(found.capture.shots) > 1
+    if given == TORCH and alone is not None and found is not None and used:
         light = *light_score(found, lamp), light_score(alone, lamp)[0]
     return Later(
-        device.name, lamp, given, change, used, found is not None and found.verdict.status == "doubtful",
-        "refused" if found is None else found.verdict.status, rmse, covered,
-        None if alone is None else score(alone, device.curves)[0], score(first, device.curves)[0], no_photo(device),
-        light,
+        device.name, lamp, given, change, used, "refused" if found is None else found.verdict.status, rmse, covered,
+        None if alone is None else score(alone, device.curves)[0], score(first, device.curves)[0],
+        no_photo(read_basis(PHONES), device.curves), light,
     )  # fmt: skip
 
 
@@ -208,18 +196,18 @@ def light_score(found: Result, lamp: str) -> tuple[float, float]:
 def row(rows: Sequence[Later]) -> dict[str, Any]:
     """Means of photos of unchanged units."""
     answered = [one for one in rows if one.rmse is not None]
-    lights = [one.light for one in rows if one.light is not None]
+    statuses = [one.status for one in rows]
 
     def mean(name: str) -> float:
         return float(np.mean([value for one in answered if (value := getattr(one, name)) is not None]))
 
-    return {name: mean(name) for name in ("rmse", "covered", "alone", "previous", "no_photo")} | {
-        "photos": len(rows),
-        "false_alarms": float(np.mean([one.noticed for one in rows])),
-        "used": float(np.mean([one.used for one in rows])),
-        "status": {word: sum(one.status == word for one in rows) for word in ("accepted", "doubtful", "refused")},
-        "light": np.mean(lights, axis=0).tolist() if lights else None,
-    }
+    return {
+        "photos": len(rows), "the result": mean("rmse"), "new photo alone": mean("alone"),
+        "previous result alone": mean("previous"), "no photo": mean("no_photo"), "coverage": mean("covered"),
+        "common answer": np.mean([one.used for one in rows]),
+        "false alarms": statuses.count("doubtful") / len(rows),
+        "accepted, doubtful, refused": tuple(map(statuses.count, ("accepted", "doubtful", "refused"))),
+    }  # fmt: skip
 
 
 def noticed(rows: Sequence[Later]) -> dict[str, float]:
@@ -227,95 +215,52 @@ def noticed(rows: Sequence[Later]) -> dict[str, float]:
     by_change = {change: [one for one in rows if one.change == change] for change in CHANGES if change != SAME}
     blue = [one for change in BLUE for one in by_change[change]]
     kinds = {kind: [one for one in blue if KIND_OF[one.lamp] == kind] for kind in dict.fromkeys(KIND_OF.values())}
-    shares = by_change | {f"blue ±5 nm, {kind}": each for kind, each in kinds.items()}
-    return {name: float(np.mean([one.noticed for one in share])) for name, share in shares.items() if share}
+    shares = by_change | {f"blue ±5 nm, {kind}": own for kind, own in kinds.items()}
+    return {name: float(np.mean([one.status == "doubtful" for one in share])) for name, share in shares.items()}
 
 
-def summary(rows: Sequence[Later]) -> dict[str, Any]:
-    """By whether the later lamp was named."""
-    document: dict[str, Any] = {}
-    for word in (NAMED, UNNAMED, TORCH):
-        own = [one for one in rows if one.given == word]
-        document[word] = row([one for one in own if one.change == SAME])
-        if len(own) > document[word]["photos"]:
-            document[word]["noticed"] = noticed(own)
-    return document
-
-
-def bars(document: dict[str, dict[str, Any]]) -> list[tuple[str, float, float, float]]:
-    """Name, value, least and most that is wanted."""
-    found: list[tuple[str, float, float, float]] = []
-    for title, words in document.items():
-        auto = words[UNNAMED]
-        if REPORTED not in title:
-            found.append(
-                (f"{title}: not named, RMSE over the previous result", auto["rmse"] / auto["previous"], 0.0, 1.0)
-            )
-            found.append((f"{title}: coverage", auto["covered"], 0.94, 1.0))
-        for word in (NAMED, UNNAMED) if REPORTED in title else ():
-            own = words[word]
-            share = float(np.mean([own["noticed"][change] for change in BLUE]))
-            found.append((f"{title}, {word}: false alarms", own["false_alarms"], 0.0, 0.02))
-            found.append((f"{title}, {word}: blue ±5 nm noticed", share, 0.88, 1.0))
-    return found
-
-
-def show(document: dict[str, dict[str, Any]]) -> None:
-    """Both tables."""
-    names = ("rmse", "alone", "previous", "no_photo", "covered", "used", "false_alarms")
-    lines = [
-        [title, word, own["photos"], *(f"{own[name]:.4f}" for name in names),
-         ", ".join(str(count) for count in own["status"].values())]
-        for title, words in document.items()
-        for word, own in words.items()
-    ]  # fmt: skip
-    head = [
-        "population", "later lamp", "photos", "the result", "new photo alone", "previous result alone", "no photo",
-        "coverage", "common answer", "false alarms", "accepted, doubtful, refused",
-    ]  # fmt: skip
-    console().print(table("RMSE of the unchanged unit", head, lines))
-    lights = [[title, *(f"{part:.3f}" for part in words[TORCH]["light"])] for title, words in document.items()]
-    head = ["population", "with both", "coverage", "new photo alone"]
-    console().print(table("Spectrum of a white LED given as the torch, RMS over its mean power", head, lights))
-    shares = [
-        [title, word, *(f"{share:.2f}" for share in own["noticed"].values())]
-        for title, words in document.items()
-        for word, own in words.items()
-        if "noticed" in own
-    ]
+def claim(run: Run) -> None:
+    """Unchanged units, the torch's spectrum, and changed units."""
+    run.phones  # noqa: B018 - nothing without them
+    kept: dict[str, list[Later]] = {}
+    for population in populations(run, BY_OTHERS, BY_OTHER_MAKER):
+        changes = tuple(CHANGES) if population.key == OTHERS and not run.options.unchanged else (SAME,)
+        units = []
+        for number, device in enumerate(run.track(population.devices, population.title)):
+            with device.left_out(population.key):
+                units.append(list(of_device(device, number, changes)))
+        kept[population.title] = [one for unit in units for one in unit]
+        if len(changes) > 1:
+            kept[REPORTED] = [one for unit in units[1::2] for one in unit]
+    same: dict[tuple[str, str], dict[str, Any]] = {}
+    lights, shares = [], []
+    for title, rows in kept.items():
+        for word in (NAMED, UNNAMED, TORCH):
+            own = [one for one in rows if one.given == word]
+            unchanged = [one for one in own if one.change == SAME]
+            same[title, word] = row(unchanged)
+            if len(own) > len(unchanged):
+                shares.append((title, word, noticed(own)))
+        lights.append((title, *np.mean([one.light for one in rows if one.light is not None], axis=0)))
+    columns = {"population": "", "later lamp": ""} | dict.fromkeys(next(iter(same.values())), ".4f")
+    columns |= {"photos": "d", "accepted, doubtful, refused": "{}, {}, {}"}
+    run.table("RMSE of the unchanged unit", columns, [(*key, *own.values()) for key, own in same.items()])
+    columns = {"population": ""} | dict.fromkeys(("with both", "coverage", "new photo alone"), ".3f")
+    run.table("Spectrum of a white LED given as the torch, RMS over its mean power", columns, lights)
     if shares:
-        first = next(own["noticed"] for words in document.values() for own in words.values() if "noticed" in own)
-        console().print(table("Noticed", ["population", "later lamp", *first], shares))
+        columns = {"population": "", "later lamp": ""} | dict.fromkeys(shares[0][2], ".2f")
+        run.table("Noticed", columns, [(title, word, *share.values()) for title, word, share in shares])
+    check(run, same, shares)
 
 
-REPORTED = "every other phone"
-
-
-def main(arguments: list[str] | None = None) -> int:
-    parser = command_parser(__spec__, __doc__)
-    parser.add_argument("--unchanged", action="store_true", help="leave out the units that have changed")
-    options = parse_for_phones(parser, arguments)
-    if options is None:
-        return 2
-    devices = phones_left_out(read_curves(options.phones))
-    document: dict[str, dict[str, Any]] = {}
-    with progress() as bar:
-        for key in (OTHERS, OTHER_MAKER):
-            changes = tuple(CHANGES) if key == OTHERS and not options.unchanged else (SAME,)
-            task = bar.add_task(key, total=len(devices) * len(KIND_OF))
-            each = [
-                of_device(device, key, number, changes, lambda task=task: bar.advance(task))  # type: ignore[misc]
-                for number, device in enumerate(devices)
-            ]
-            document[f"phones, basis of the {key}"] = summary([one for rows in each for one in rows])
-            if len(changes) > 1:
-                document[REPORTED] = summary([one for rows in each[1::2] for one in rows])
-    show(document)
-    missed = count_missed(bars(document))
-    print(f"written: {save('previous', document | {'versions': versions('scipy')})}")
-    return int(missed > 0)
-
-
-if __name__ == "__main__":
-    one_thread(__spec__)
-    sys.exit(main())
+def check(run: Run, same: Mapping[tuple[str, str], dict[str, Any]], shares: Any) -> None:
+    """The bars."""
+    for (title, word), own in same.items():
+        if title != REPORTED and word == UNNAMED:
+            ratio = own["the result"] / own["previous result alone"]
+            run.bar(f"{title}: not named, RMSE over the previous result", ratio, most=1.0)
+            run.bar(f"{title}: coverage", own["coverage"], least=0.94)
+    for title, word, share in shares:
+        if title == REPORTED and word != TORCH:
+            run.bar(f"{title}, {word}: false alarms", same[title, word]["false alarms"], most=0.02)
+            run.bar(f"{title}, {word}: blue ±5 nm noticed", np.mean([share[name] for name in BLUE]), least=0.88)

@@ -1,10 +1,10 @@
-"""Does the registry hold what it is given, and how fast is it? `python -m benchmarks.claims.registry`
+"""Does the registry hold what it is given, and how fast is it?
 
 Writers of so many results each, in tasks of ten, one after the other killed at a random time, in a folder and on an
 S3 server (moto over HTTP on the loopback; needs the extra `s3` and moto): every row that was acknowledged must be
 there once, and everything must verify. Then so many rows of 200 models with curves, without and with covariances
 (`--covariances`): each question in a new process, with its libraries' loading, and its memory. A quarter of an hour
-with a million; `--only` does one part; exit status 1 where a bar is missed.
+with a million. Parts: folder, s3, rows.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 import os
 import random
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -23,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.shared import command_parser, console, progress, save, table, versions
+from benchmarks.claim import Run
 from camssf.photo.read.unit import Unit
 from camssf_fleet import compare
 from camssf_fleet.drift import drift_of
@@ -34,6 +35,12 @@ from tests.support.registries import START, bells, made
 
 ROOT = Path(__file__).parents[2]
 
+OPTIONS = {
+    "rows": (100_000, "how many rows to ask"),
+    "results": (300, "of each writer"),
+    "kills": (50, "how many writers to kill"),
+    "covariances": (False, "ask rows with covariances as well"),
+}
 MODELS, UNITS = 200, 10
 COVARIANCE = 72 * 73 // 2
 """Numbers of a row that only learning reads."""
@@ -127,70 +134,48 @@ def fill(folder: Path, rows: int, covariances: bool) -> int:
     return sum(registry.files.sizes().values())
 
 
-def answer(folder: Path, question: str) -> None:
-    """In a process of its own: the seconds of a question, the clock's and a processor's, and the largest size, MB."""
-    begun = time.perf_counter()
-    with tempfile.TemporaryDirectory(dir=folder.parent) as out:
-        questions(Registry(folder), Path(out))[question]()
+def answer(folder: str, question: str) -> None:
+    """In a process of its own: the processor's seconds of a question, and the largest size, MB."""
+    place = Path(folder)
+    with tempfile.TemporaryDirectory(dir=place.parent) as out:
+        questions(Registry(place), Path(out))[question]()
     status = Path("/proc/self/status").read_text()  # the largest size of getrusage is that of the parent, if larger
     size = int(next(line for line in status.splitlines() if line.startswith("VmHWM")).split()[1])
-    print(json.dumps([time.perf_counter() - begun, time.process_time(), size / 1e3]))
+    print(json.dumps([time.process_time(), size / 1e3]))
 
 
-def measured(folder: Path, question: str) -> tuple[float, float, float]:
+def measured(folder: Path, question: str) -> tuple[str, float, float, float]:
+    """A question, its seconds by the clock and of processors, and the largest size, MB."""
     begun = time.perf_counter()
-    words = [sys.executable, "-m", "benchmarks.claims.registry", "--folder", str(folder), "--question", question]
-    done = subprocess.run(words, cwd=ROOT, check=True, capture_output=True, text=True)
-    _, processor, size = json.loads(done.stdout)
-    return time.perf_counter() - begun, processor, size
+    code = f"from {answer.__module__} import answer\nanswer({str(folder)!r}, {question!r})"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True, capture_output=True, text=True)
+    wall = time.perf_counter() - begun
+    processor, size = json.loads(done.stdout)
+    return question, wall, processor, size
 
 
-def main(arguments: list[str] | None = None) -> int:
-    parser = command_parser(__spec__, __doc__)
-    parser.add_argument("--rows", type=int, default=100_000, help="how many rows to ask")
-    parser.add_argument("--results", type=int, default=300, help="of each writer")
-    parser.add_argument("--kills", type=int, default=50, help="how many writers to kill")
-    parser.add_argument("--covariances", action="store_true", help="ask rows with covariances as well")
-    parser.add_argument(
-        "--only", choices=("folder", "s3", "rows"), help="do one part: kills in a folder or on S3; rows"
-    )
-    parser.add_argument("--folder", type=Path, help="where --question asks")
-    parser.add_argument("--question", help="answer one question, in this process")
-    options = parser.parse_args(arguments)
-    if options.question:
-        answer(options.folder, options.question)
-        return 0
-    out, results, counted = console(), {}, {}
-    with tempfile.TemporaryDirectory() as place, progress() as bar:
-        step = bar.add_task("writers", total=2 + options.covariances)
-        if options.only in (None, "folder"):
-            counted["a folder"] = killed(Path(place) / "many", options.kills, options.results, 10)
-        if options.only in (None, "s3"):
-            counted["an S3 server"] = killed_on_s3(options.kills, options.results)
-        for covariances in (False, True)[: 1 + options.covariances] if options.only in (None, "rows") else ():
-            bar.update(step, advance=1, description="rows")
+def claim(run: Run) -> None:
+    """Writers that are killed, then the first answers."""
+    options, counted = run.options, []
+    with tempfile.TemporaryDirectory() as place:
+        if run.wants("folder"):
+            counted.append(("a folder", *killed(Path(place) / "many", options.kills, options.results, 10)))
+        if run.wants("s3"):
+            counted.append(("an S3 server", *killed_on_s3(options.kills, options.results)))
+        if counted:
+            columns = {"in": ""} | dict.fromkeys(("acknowledged", "missing", "doubled", "there without"), "d")
+            run.table(f"writers of {options.results} results, {options.kills} killed", columns, counted)
+        for where, _, missing, doubled, _ in counted:
+            run.bar(f"{where}: rows missing or doubled", missing + doubled, most=0)
+        for covariances in (False, True)[: 1 + options.covariances] if run.wants("rows") else ():
             folder = Path(place) / "large"
             size = fill(folder, options.rows, covariances)
-            bar.update(step, description="questions")
-            results[f"{covariances}"] = {"bytes": size} | {
-                name: measured(folder, name) for name in questions(Registry(folder), folder)
-            }
-            subprocess.run(["rm", "-r", str(folder)], check=True)
-    title = f"writers of {options.results} results, {options.kills} killed"
-    rows = [(name, *found) for name, found in counted.items()]
-    out.print(table(title, ("in", "acknowledged", "missing", "doubled", "there without"), rows))
-    holds = all(found[1:3] == (0, 0) for found in counted.values())
-    for covariances, found in results.items():
-        size = found.pop("bytes")
-        words = "with covariances" if covariances == "True" else "without covariances"
-        lines = [(name, f"{s:.2f}", f"{p:.2f}", f"{mb:.0f}") for name, (s, p, mb) in found.items()]
-        title = f"{options.rows} rows {words}, {size / 1e6:.0f} MB: first answers"
-        out.print(table(title, ("question", "s", "of processors", "MB"), lines))
-        holds &= all(found[name][0] <= s and found[name][2] <= mb for name, (s, mb) in BARS.items())
-    save("registry", {"versions": versions(), "killed": counted, "rows": options.rows, "questions": results})
-    out.print("every bar held" if holds else "a bar was MISSED")
-    return 0 if holds else 1
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())
+            rows = [measured(folder, name) for name in questions(Registry(folder), folder)]
+            shutil.rmtree(folder)
+            words = "with covariances" if covariances else "without covariances"
+            columns = {"question": "", "s": ".2f", "of processors": ".2f", "MB": ".0f"}
+            run.table(f"{options.rows} rows {words}, {size / 1e6:.0f} MB: first answers", columns, rows)
+            for name, wall, _, held in rows:
+                if name in BARS:
+                    run.bar(f"{name}, {words}: s", wall, most=BARS[name][0])
+                    run.bar(f"{name}, {words}: MB", held, most=BARS[name][1])

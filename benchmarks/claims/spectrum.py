@@ -1,4 +1,4 @@
-"""What does a posterior of reflectance tell? `python -m benchmarks.claims.spectrum [--phones [phones.csv]]`
+"""What does a posterior of reflectance tell?
 
 Cameras are recovered as in `colour`: a basis that does not know them, a chart of Ohta's table solved with
 BabelColor's, one shot (D55), two (D55, A), or one whose light is not named. Then `camssf_colour.spectrum` with the
@@ -15,35 +15,34 @@ own (`MADE`).
 - Indices: error of erythema and melanin in standard deviations over people, and share within the 95 % band.
 - Change: skins with .5 standard deviations more erythema by oxyhaemoglobin alone (or deoxyhaemoglobin), R exp(-k ε);
   prior of the other laboratory's skins, as it is and widened: which share of the change of the index is answered.
-
-`--phones FILE` takes measured phones of one's own, `--phones` alone those that CAMSSF_PHONES names, each with a basis
-learned from the others. `--every N` takes each Nth surface. `--bars` makes a missed bar the exit status 1.
 """
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
+from itertools import product
+from typing import Any
 
 import numpy as np
 
-from benchmarks.claims.accuracy import LOW
-from benchmarks.claims.colour import CHART, INSIDE, KINDS, SEED, SHOTS, WHITE, Case, calibrate, cases, drawn
-from benchmarks.shared import (
-    chart,
-    command_parser,
-    console,
-    count_missed,
-    lamp,
-    one_thread,
-    parse_with_phones,
-    progress,
-    save,
-    table,
+from benchmarks.captures import LOW
+from benchmarks.claim import Run
+from benchmarks.claims.colour import (
+    CHART,
+    INSIDE,
+    KINDS,
+    SEED,
+    SHOTS,
+    WHITE,
+    Case,
+    between,
+    calibrate,
+    case_groups,
+    drawn,
 )
+from benchmarks.shared import chart, lamp
 from camssf.colorimetry import delta_e00, signals_of, white_of
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery.covariance import CHART_CORRELATION, smooth_errors
@@ -70,6 +69,10 @@ from camssf_colour.absorbance import absorbance, indices, shipped_index
 from camssf_colour.standard import of_surfaces
 from camssf_colour.surface_prior import SKINS_COUNT, skin_changes
 
+OPTIONS = {
+    "cameras": (6, "of the 52, evenly over their list"),
+    "every": (3, "take each Nth surface"),
+}
 GROUPS = {
     "rawtoaces": ("rawtoaces",),
     "cie": ("cie2017", "cri", "cqs"),
@@ -247,158 +250,114 @@ def changes(case: Case, known: dict[str, Camera], every: int) -> Iterator[tuple[
                     yield label, absorber, word, float(np.mean(read[1] - read[0]) / size)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """The command."""
-    parser = command_parser(__spec__, __doc__)
-    parser.add_argument("--cameras", type=int, default=6, help="of the 52, evenly over their list")
-    parser.add_argument("--every", type=int, default=3, help="take each Nth surface")
-    parser.add_argument("--bars", action="store_true", help="exit with 1 where a bar is missed")
-    options = parse_with_phones(parser, arguments)
-    if options is None:
-        return 2
-    rng = np.random.default_rng(SEED)
-    delta: dict[tuple[str, str], list[Floats]] = {}
-    skins: dict[tuple[str, str, str], list[Floats]] = {}
-    chi: dict[tuple[str, str], list[Floats]] = {}
-    errors: dict[tuple[str, str], list[tuple[float, float]]] = {}
-    index: dict[tuple[str, str], list[Floats]] = {}
-    answered: dict[tuple[str, str, str], list[float]] = {}
-    spread = people()
-    found = cases(options.cameras, None if options.phones is None else Path(options.phones))
-    with progress() as bar:
-        task = bar.add_task("cameras", total=len(found))
-        for case in found:
-            known = cameras(case, rng)
-            for name, word, way, truth, stated in colours(case, known, options.every):
-                delta.setdefault((name, way), []).append(delta_e00(truth, stated))
-                if group(name)[2]:
-                    skins.setdefault((name, word, way), []).append(stated)
-            for name, way, squares in regions(case, rng, options.every):
-                chi.setdefault((_kind(name), way), []).append(squares)
-            for name, lights, rows, answer in spectra(case, known, rng, options.every):
-                off = (answer.reflectance - rows)[:, INNER]
-                held = np.abs(off) < 1.96 * answer.standard_deviation[:, INNER]
-                key = (_kind(name), lights)
-                errors.setdefault(key, []).extend(
-                    zip(np.sqrt(np.mean(off**2, axis=1)), held.mean(axis=1), strict=True)
-                )
-                if group(name)[2]:
-                    for word, size in spread.items():
-                        weights = shipped_index(word)
-                        value, std = indices(answer, weights)
-                        miss = value - absorbance(rows) @ weights
-                        index.setdefault((word, lights), []).append(np.stack([miss / size, miss / std]))
-            for label, absorber, lights, share in changes(case, known, options.every):
-                answered.setdefault((label, absorber, lights), []).append(share)
-            bar.advance(task)
-    return show(options.bars, len(found), delta, skins, chi, errors, index, answered)
-
-
-def _kind(name: str) -> str:
+def kind_of(name: str) -> str:
+    """Skin, or general surfaces."""
     return "skin" if group(name)[2] else "general"
 
 
-def show(
-    strict: bool,
-    count: int,
-    delta: dict[tuple[str, str], list[Floats]],
-    skins: dict[tuple[str, str, str], list[Floats]],
-    chi: dict[tuple[str, str], list[Floats]],
-    errors: dict[tuple[str, str], list[tuple[float, float]]],
-    index: dict[tuple[str, str], list[Floats]],
-    answered: dict[tuple[str, str, str], list[float]],
-) -> int:
-    """Tables, bars and the result's file; the exit status."""
+class Measured:
+    """Numbers of all cameras, by the words of their row."""
+
+    def __init__(self, every: int) -> None:
+        self.delta: dict[tuple[str, str], list[Floats]] = {}
+        self.skins: dict[tuple[str, str, str], list[Floats]] = {}
+        self.chi: dict[tuple[str, str], list[Floats]] = {}
+        self.errors: dict[tuple[str, str], list[Any]] = {}
+        self.index: dict[tuple[str, str], list[Floats]] = {}
+        self.answered: dict[tuple[str, str, str], list[float]] = {}
+        self.every, self.spread = every, people()
+
+    def add(self, case: Case, rng: np.random.Generator) -> None:
+        """All of one camera."""
+        known = cameras(case, rng)
+        for name, word, way, truth, stated in colours(case, known, self.every):
+            self.delta.setdefault((name, way), []).append(delta_e00(truth, stated))
+            if group(name)[2]:
+                self.skins.setdefault((name, word, way), []).append(stated)
+        for name, way, squares in regions(case, rng, self.every):
+            self.chi.setdefault((kind_of(name), way), []).append(squares)
+        for name, lights, rows, answer in spectra(case, known, rng, self.every):
+            off = (answer.reflectance - rows)[:, INNER]
+            held = np.abs(off) < 1.96 * answer.standard_deviation[:, INNER]
+            pairs = zip(np.sqrt(np.mean(off**2, axis=1)), held.mean(axis=1), strict=True)
+            self.errors.setdefault((kind_of(name), lights), []).extend(pairs)
+            for word, size in self.spread.items() if group(name)[2] else ():
+                weights = shipped_index(word)
+                value, std = indices(answer, weights)
+                miss = value - absorbance(rows) @ weights
+                self.index.setdefault((word, lights), []).append(np.stack([miss / size, miss / std]))
+        for label, absorber, lights, share in changes(case, known, self.every):
+            self.answered.setdefault((label, absorber, lights), []).append(share)
+
+
+def claim(run: Run) -> None:
+    """All tables and bars, for cameras and phones."""
+    for title, found in case_groups(run, run.options.cameras):
+        rng, measured = np.random.default_rng(SEED), Measured(run.options.every)
+        for case in run.track(found, title):
+            measured.add(case, rng)
+        show(run, f"{title} ({len(found)})", measured)
+
+
+def show(run: Run, title: str, measured: Measured) -> None:
+    """Tables and bars."""
     ways = (*CURVES, "transform")
-    general = [name for name in GROUPS if not group(name)[2]]
-    skin = [name for name in GROUPS if group(name)[2]]
-    every: dict[tuple[str, str], Floats] = {key: np.concatenate(each) for key, each in delta.items()}
-    for kind, names in (("general", general), ("skin", skin)):
-        for way in ways:
-            every[kind, way] = np.concatenate([every[name, way] for name in names if (name, way) in every])
-    rows = [
-        (name, *(f"{every[name, way].mean():.2f}" if (name, way) in every else "" for way in ways))
+    every = {key: np.concatenate(own) for key, own in measured.delta.items()}
+    for kind, way in product(("general", "skin"), ways):
+        own = [every[name, way] for name in GROUPS if kind_of(name) == kind and (name, way) in every]
+        every[kind, way] = np.concatenate(own)
+    rows: list[Any] = [
+        (name, *(every[name, way].mean() if (name, way) in every else None for way in ways))
         for name in (*GROUPS, "general", "skin")
     ]
-    rows += [
-        (f"{kind}, 95th percentile", *(f"{np.percentile(every[kind, way], 95):.2f}" for way in ways))
-        for kind in ("general", "skin")
-    ]
-    console().print(table(f"ΔE00, {count} cameras", ("left out", *ways), rows))
-    between = {
-        way: float(np.mean([_between(each) for (_, _, own), each in skins.items() if own == way])) for way in ways
+    tails = {kind: {way: float(np.percentile(every[kind, way], 95)) for way in ways} for kind in ("general", "skin")}
+    rows += [(f"{kind}, 95th percentile", *tail.values()) for kind, tail in tails.items()]
+    run.table(f"{title}: ΔE00", {"left out": ""} | dict.fromkeys(ways, ".2f"), rows)
+    apart = {
+        way: float(np.mean([between(labs) for (*_, own), labs in measured.skins.items() if own == way]))
+        for way in ways
     }
-    console().print(table("skin between cameras, median ΔE00", ways, [[f"{between[way]:.2f}" for way in ways]]))
-    inside = {key: float(np.mean(np.concatenate(each) < INSIDE)) for key, each in chi.items()}
-    lines = [
-        (kind, *(f"{inside[kind, way]:.3f}" for way in ("named", "kind", "auto"))) for kind in ("general", "skin")
-    ]
-    console().print(table("within the 95 % region of Lab", ("", "named", "by kind", "auto"), lines))
-    bands = {key: tuple(np.mean(error, axis=0).tolist()) for key, error in errors.items()}
-    lines = [(kind, *(f"{v:.4f}" for n in PAIRS for v in bands[kind, n])) for kind in ("general", "skin")]
-    heads = ("", "one light: RMSE", "in the band", "two lights: RMSE", "in the band")
-    console().print(table("spectra", heads, lines))
-    read = {
-        key: (float(np.sqrt(np.mean(values[0] ** 2))), float(np.mean(np.abs(values[1]) < 1.96)))
-        for key, each in index.items()
-        for values in [np.concatenate(each, axis=1)]
-    }
-    lines = [(word, *(f"{v:.3f}" for n in PAIRS for v in read[word, n])) for word in ("erythema", "melanin")]
-    heads = ("", "one light: error", "in the band", "two lights: error", "in the band")
-    console().print(table("indices, in standard deviations over people", heads, lines))
-    share = {key: float(np.mean(each)) for key, each in answered.items()}
-    lines = [
-        (label, absorber, *(f"{share[label, absorber, n]:.2f}" for n in PAIRS))
-        for label in ("population", "widened")
-        for absorber in ("oxyhaemoglobin", "deoxyhaemoglobin")
-    ]
-    console().print(table("share of a change that is answered", ("prior", "change", "one light", "two"), lines))
-    far = float("inf")
-    bars = [
-        (f"general, ΔE00, curves {way}", float(every["general", way].mean()), 0.0, most)
-        for way, most in (("true", 1.06), ("one", 1.22), ("two", 1.19), ("unnamed", 1.38))
-    ]
-    bars += [
-        (f"general, 95th percentile, curves {way}", float(np.percentile(every["general", way], 95)), 0.0, most)
-        for way, most in (("true", 3.1), ("one", 3.4))
-    ]
-    bars += [
-        (f"skin, ΔE00, curves {way}", float(every["skin", way].mean()), 0.0, most)
-        for way, most in (("true", 0.55), ("one", 0.60))
-    ]
-    bars += [("skin between cameras", between["one"], 0.0, 0.40)]
-    bars += [("region, general, named", inside["general", "named"], 0.92, 0.97)]
-    bars += [("region, skin, named", inside["skin", "named"], 0.95, 1.0)]
-    bars += [(f"region, {k}, {w}", inside[k, w], 0.92, 1.0) for k in ("general", "skin") for w in ("kind", "auto")]
-    bars += [
-        (f"spectra, {kind}, lights: {n}", bands[kind, n][0], 0.0, most)
-        for kind, n, most in (("skin", "one", 0.012), ("general", "one", 0.070), ("general", "two", 0.046))
-    ]
-    bars += [(f"bands, {k}, lights: {n}", bands[k, n][1], 0.93, 0.98) for k in ("general", "skin") for n in PAIRS]
-    bars += [
-        (f"erythema, lights: {n}", read["erythema", n][0], 0.0, most) for n, most in (("one", 0.25), ("two", 0.19))
-    ]
-    bars += [("change of oxyhaemoglobin, two lights", share["widened", "oxyhaemoglobin", "two"], 0.85, far)]
-    missed = count_missed(bars)
-    content = {
-        "cameras": count,
-        "delta_e00": {f"{name}, {way}": float(each.mean()) for (name, way), each in every.items()},
-        "between": between,
-        "inside": {", ".join(key): value for key, value in inside.items()},
-        "spectra": {", ".join(key): value for key, value in bands.items()},
-        "indices": {", ".join(key): value for key, value in read.items()},
-        "answered": {", ".join(key): value for key, value in share.items()},
-    }
-    print(save("spectrum", content))
-    return int(strict and missed > 0)
+    run.table(f"{title}: skin between them, median ΔE00", dict.fromkeys(ways, ".2f"), [tuple(apart.values())])
+    inside = {key: float(np.mean(np.concatenate(own) < INSIDE)) for key, own in measured.chi.items()}
+    words = ("named", "kind", "auto")
+    rows = [(kind, *(inside[kind, way] for way in words)) for kind in ("general", "skin")]
+    run.table(f"{title}: within the 95 % region of Lab", {"": ""} | dict.fromkeys(words, ".3f"), rows)
+    bands = {key: np.mean(error, axis=0).tolist() for key, error in measured.errors.items()}
+    columns = dict.fromkeys(("one light: RMSE", "in the band", "two lights: RMSE", "in their band"), ".4f")
+    rows = [(kind, *(value for n in PAIRS for value in bands[kind, n])) for kind in ("general", "skin")]
+    run.table(f"{title}: spectra", {"": ""} | columns, rows)
+    read = {}
+    for key, own in measured.index.items():
+        values = np.concatenate(own, axis=1)
+        read[key] = float(np.sqrt(np.mean(values[0] ** 2))), float(np.mean(np.abs(values[1]) < 1.96))
+    columns = dict.fromkeys(("one light: error", "in the band", "two lights: error", "in their band"), ".3f")
+    rows = [(word, *(value for n in PAIRS for value in read[word, n])) for word in ("erythema", "melanin")]
+    run.table(f"{title}: indices, in standard deviations over people", {"": ""} | columns, rows)
+    share = {key: float(np.mean(own)) for key, own in measured.answered.items()}
+    pairs = product(("population", "widened"), ("oxyhaemoglobin", "deoxyhaemoglobin"))
+    rows = [(*pair, *(share[(*pair, n)] for n in PAIRS)) for pair in pairs]
+    columns = {"prior": "", "change": "", "one light": ".2f", "two": ".2f"}
+    run.table(f"{title}: share of a change that is answered", columns, rows)
 
+    def bar(name: str, value: float, **limits: float) -> None:
+        run.bar(f"{title}: {name}", value, **limits)
 
-def _between(labs: list[Floats]) -> float:
-    """Median ΔE00 over pairs of cameras and surfaces."""
-    pairs = [delta_e00(labs[i], labs[j]) for i in range(len(labs)) for j in range(i)]
-    return float(np.median(pairs)) if pairs else float("nan")
-
-
-if __name__ == "__main__":
-    one_thread(__spec__)
-    sys.exit(main())
+    for kind, way, most in (
+        ("general", "true", 1.06), ("general", "one", 1.22), ("general", "two", 1.19), ("general", "unnamed", 1.38),
+        ("skin", "true", 0.55), ("skin", "one", 0.60),
+    ):  # fmt: skip
+        bar(f"{kind}, ΔE00, curves {way}", every[kind, way].mean(), most=most)
+    for way, most in (("true", 3.1), ("one", 3.4)):
+        bar(f"general, 95th percentile, curves {way}", tails["general"][way], most=most)
+    bar("skin between cameras", apart["one"], most=0.40)
+    bar("region, general, named", inside["general", "named"], least=0.92, most=0.97)
+    bar("region, skin, named", inside["skin", "named"], least=0.95)
+    for kind, way in product(("general", "skin"), ("kind", "auto")):
+        bar(f"region, {kind}, {way}", inside[kind, way], least=0.92)
+    for kind, n, most in (("skin", "one", 0.012), ("general", "one", 0.070), ("general", "two", 0.046)):
+        bar(f"spectra, {kind}, lights: {n}", bands[kind, n][0], most=most)
+    for kind, n in product(("general", "skin"), PAIRS):
+        bar(f"bands, {kind}, lights: {n}", bands[kind, n][1], least=0.93, most=0.98)
+    for n, most in (("one", 0.25), ("two", 0.19)):
+        bar(f"erythema, lights: {n}", read["erythema", n][0], most=most)
+    bar("change of oxyhaemoglobin, two lights", share["widened", "oxyhaemoglobin", "two"], least=0.85)

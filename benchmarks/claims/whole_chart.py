@@ -1,4 +1,4 @@
-"""How right are the channels against each other on a real photo? `python -m benchmarks.claims.whole_chart`
+"""How right are the channels against each other on a real photo?
 
 data/llanos is a ColorChecker under seven bands of a projector, 10 nm wide, in one mosaic, with the chart's measured
 reflectances and the measured shares of red, green and blue in each band on grey patches. The relative power of the
@@ -7,20 +7,18 @@ that depends on the lamp through the scale between the channels, which is the ra
 
 A share is that of a channel's signal, over the light of a band, in the sum of the three. Beside the recovered curves
 stands the mean of `cameras`, on the scale that the same raw white gives it: no photo of the chart. Error: root mean
-square over channels and bands, all and without that at 400 nm. Exit status 1 where a bar is missed.
+square over channels and bands, all and without that at 400 nm.
 """
 
 from __future__ import annotations
 
 import csv
-import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.shared import command_parser, console, one_thread, save, table
+from benchmarks.claim import Run
 from camssf.calibration import calibrate
 from camssf.documents.scale import channel_scale
 from camssf.documents.stored_lamp import lamp_of
@@ -88,22 +86,19 @@ def measure() -> dict[str, Any]:
     }
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    command_parser(__spec__, __doc__).parse_args(arguments)
-    found, out = measure(), console()
+def claim(run: Run) -> None:
+    """Shares by band, and their errors."""
+    found = measure()
     sides, errors = found["shares"], found["errors"]
     rows = [
-        [f"{nm:.0f}", *(" ".join(f"{share:.2f}" for share in side[i]) for side in sides.values())]
+        (f"{nm:.0f}", *(" ".join(f"{share:.2f}" for share in side[i]) for side in sides.values()))
         for i, nm in enumerate(found["bands"])
     ]
-    rows += [[f"error, {which}", "", *(f"{value:.3f}" for value in each.values())] for which, each in errors.items()]
-    out.print(table("shares of red, green, blue", ["nm", *sides], rows))
-    out.print(f"verdict: {found['status']} ({', '.join(found['reasons'])})")
-    out.print(save("whole_chart", found))
+    rows += [(f"error, {which}", "", *(f"{value:.3f}" for value in own.values())) for which, own in errors.items()]
+    run.table("shares of red, green, blue", {"nm": ""} | dict.fromkeys(sides, ""), rows)
+    run.say(f"verdict: {found['status']} ({', '.join(found['reasons'])})")
     recovered, mean = errors[REST].values()
-    return 0 if recovered <= min(MOST, LARGEST_RATIO * mean) and found["status"] == "doubtful" else 1
-
-
-if __name__ == "__main__":
-    one_thread(__spec__)
-    sys.exit(main())
+    run.bar(f"error, {REST}", recovered, most=MOST)
+    run.bar("the same over the mean camera's", recovered / mean, most=LARGEST_RATIO)
+    run.bar("doubtful, as it should be", found["status"] == "doubtful", least=1)
+    run.kept = found

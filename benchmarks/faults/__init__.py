@@ -1,7 +1,7 @@
 """Named faults of a shot at three severities, as changes of a `ShotPlan`.
 
 `camssf_lab.simulation.frames.simulate(change=apply_fault(NAME, N))` writes them as real DNG files, and
-`python -m benchmarks.claims.faults` counts the verdicts on them. Faults of light and samples follow physics;
+`python -m benchmarks faults` counts the verdicts on them. Faults of light and samples follow physics;
 the others are false tags in a file or false input of the user.
 """
 
@@ -38,19 +38,18 @@ class Fault:
     Attributes:
         name: its name.
         what: description of the fault.
-        degrees: description of each of the three severities.
-        change: returns the changed plan for a plan and a severity 1 to 3.
+        degrees, sizes: of the three severities, in words, and as `change` takes them.
+        change: returns the changed plan for a plan and a size.
+        groups: of causes that a verdict should name, the first, and others that would be right as well; empty where
+            no curves are left to judge.
     """
 
     name: str
     what: str
     degrees: tuple[str, str, str]
-    change: Callable[[ShotPlan, int], ShotPlan]
-
-    @property
-    def groups(self) -> tuple[str, ...]:
-        """The group of causes that a verdict should name, and others that would be right as well; empty if none."""
-        return GROUPS.get(self.name, ())
+    sizes: tuple[Any, Any, Any]
+    change: Callable[[ShotPlan, Any], ShotPlan]
+    groups: tuple[str, ...] = ()
 
 
 def apply_fault(name: str, severity: int) -> Change:
@@ -64,12 +63,8 @@ def apply_fault(name: str, severity: int) -> Change:
         raise InvalidArgument(f"No fault is called {name!r}.", f"Choose one of {', '.join(FAULTS)}.")
     if severity not in SEVERITIES:
         raise InvalidArgument(f"There is no severity {severity}.", "Choose 1, 2 or 3; 3 is the worst.")
-    found = fault.change
-    return lambda setup: found(setup, severity)
-
-
-def _glare(plan: ShotPlan, severity: int) -> ShotPlan:
-    return replace(plan, scene=replace(plan.scene, glare=(0.02, 0.06, 0.2)[severity - 1]))
+    change, size = fault.change, fault.sizes[severity - 1]
+    return lambda plan: change(plan, size)
 
 
 # exposure, black, frames
@@ -79,19 +74,18 @@ def _exposure(plan: ShotPlan, share: float) -> ShotPlan:
     return replace(plan, sensor=replace(plan.sensor, exposure=share))
 
 
-def _one_channel(plan: ShotPlan, severity: int) -> ShotPlan:
+def _one_channel(plan: ShotPlan, wanted: float) -> ShotPlan:
     """White overexposed in red, to a share of full scale; green and blue keep the plan's exposure."""
     power = plan.lamp.values @ plan.camera.values
     gains = np.array(plan.sensor.gains) * power.max() / power
-    wanted = (1.1, 1.8, 4.0)[severity - 1]
     gains[0] *= wanted / plan.sensor.exposure
     sensor = replace(plan.sensor, gains=tuple(gains.tolist()), exposure=wanted)
     return replace(plan, sensor=sensor)
 
 
-def _ceiling(plan: ShotPlan, severity: int) -> ShotPlan:
+def _ceiling(plan: ShotPlan, size: float) -> ShotPlan:
     """Clip the samples below the white level in the file."""
-    share = (0.75, 0.6, 0.35)[severity - 1] * plan.sensor.exposure / 0.8
+    share = size * plan.sensor.exposure / 0.8
 
     def stop(samples: NDArray[np.uint16], plan: ShotPlan) -> NDArray[np.uint16]:
         top = plan.sensor.black + share * (plan.sensor.white_level - plan.sensor.black)
@@ -113,30 +107,21 @@ def _without(plan: ShotPlan, *frames: str) -> ShotPlan:
     return replace(plan, handed_in={**plan.handed_in, **dict.fromkeys(frames)})
 
 
-def _black(plan: ShotPlan, severity: int) -> ShotPlan:
-    off = (0.005, 0.02, 0.08)[severity - 1] * _range(plan)
+def _black(plan: ShotPlan, size: float) -> ShotPlan:
+    off = size * _range(plan)
     more = plan.sensor.black + off
     return _without(_tagged(replace(plan, sensor=replace(plan.sensor, black=more)), black=plan.sensor.black), "dark")
 
 
-def _dark_tags(plan: ShotPlan, severity: int) -> ShotPlan:
-    factor = (2.0, 8.0, 32.0)[severity - 1]
-    off = (0.003, 0.01, 0.04)[severity - 1] * _range(plan)
+def _dark_tags(plan: ShotPlan, size: tuple[float, float]) -> ShotPlan:
+    factor, share = size
+    off = share * _range(plan)
     tags = {**plan.tags, "dark": {**plan.tags.get("dark", {}), "iso": 100.0 * factor}}
     return replace(plan, dark_offset=off, tags=tags)
 
 
-def _dark_leak(plan: ShotPlan, severity: int) -> ShotPlan:
-    return replace(plan, dark_offset=(0.004, 0.015, 0.06)[severity - 1] * _range(plan))
-
-
-def _swapped(plan: ShotPlan, severity: int) -> ShotPlan:
-    order = (("white", "chart", "dark"), ("chart", "dark", "white"), ("dark", "white", "chart"))[severity - 1]
+def _swapped(plan: ShotPlan, order: tuple[str, ...]) -> ShotPlan:
     return replace(plan, handed_in=dict(zip(("chart", "white", "dark"), order, strict=True)))
-
-
-def _white_level(plan: ShotPlan, severity: int) -> ShotPlan:
-    return replace(plan, white_level=plan.white_level * (0.94, 0.8, 0.5)[severity - 1])
 
 
 # lamps
@@ -167,24 +152,14 @@ def _kind(lamp: Lamp) -> str:
     return "daylight" if low > 0.6 * high else "bulb"
 
 
-def _white_lamp(plan: ShotPlan, severity: int) -> ShotPlan:
-    share = (0.2, 0.5, 1.0)[severity - 1]
-    return replace(plan, white_lamp=_mixed(plan.lamp, _opposite(plan.lamp), share))
-
-
-def _wrong_lamp(plan: ShotPlan, severity: int) -> ShotPlan:
+def _wrong_lamp(plan: ShotPlan, which: int) -> ShotPlan:
     names = OTHERS[_kind(plan.lamp)]
-    named = names[severity - 1]
-    return replace(plan, stated_lamp=named if named != plan.stated_lamp else names[severity % 3])
+    named = names[which]
+    return replace(plan, stated_lamp=named if named != plan.stated_lamp else names[(which + 1) % 3])
 
 
-def _two_lamps(plan: ShotPlan, severity: int) -> ShotPlan:
-    return replace(plan, lamp=_mixed(plan.lamp, _opposite(plan.lamp), (0.1, 0.35, 0.8)[severity - 1]))
-
-
-def _wall(plan: ShotPlan, severity: int) -> ShotPlan:
+def _wall(plan: ShotPlan, share: float) -> ShotPlan:
     """Light reflected by a red wall: the lamp's spectrum with a smooth step at 590 nm added."""
-    share = (0.1, 0.4, 1.5)[severity - 1]
     stain = 1 + share / (1 + np.exp(-(WAVELENGTHS - 590) / 12))
     return replace(plan, lamp=replace(plan.lamp, values=plan.lamp.values * stain, name=f"{plan.lamp.name}, red wall"))
 
@@ -196,32 +171,28 @@ def _filtered(plan: ShotPlan, transmission: Floats, what: str) -> ShotPlan:
     )
 
 
-def _didymium(plan: ShotPlan, severity: int) -> ShotPlan:
+def _didymium(plan: ShotPlan, depth: float) -> ShotPlan:
     """Glass of neodymium and praseodymium: a notch at 585 nm and a weaker one at 527 nm."""
-    depth = (0.3, 0.6, 0.9)[severity - 1]
     notches = np.exp(-0.5 * ((WAVELENGTHS - 585) / 9) ** 2) + 0.4 * np.exp(-0.5 * ((WAVELENGTHS - 527) / 6) ** 2)
     return _filtered(plan, 1 - depth * np.minimum(notches, 1.0), "didymium")
 
 
-def _blue_blocking(plan: ShotPlan, severity: int) -> ShotPlan:
+def _blue_blocking(plan: ShotPlan, blocked: float) -> ShotPlan:
     """Glasses that block a part of the light below 480 nm."""
-    blocked = (0.2, 0.5, 0.9)[severity - 1]
     return _filtered(plan, 1 - blocked / (1 + np.exp((WAVELENGTHS - 480) / 8)), "blue-blocking")
 
 
 # the chart
 
 
-def _moved_table(plan: ShotPlan, severity: int) -> ShotPlan:
+def _moved_table(plan: ShotPlan, shift: float) -> ShotPlan:
     """A chart's file whose wavelengths are off: the chart reflects at λ what the file says at λ + 2, 5 or 10 nm."""
-    shift = (2.0, 5.0, 10.0)[severity - 1]
     moved = np.stack([np.interp(WAVELENGTHS + shift, WAVELENGTHS, patch) for patch in plan.table.values])
     return replace(plan, table=plan.table.with_values(moved))
 
 
-def _screen(plan: ShotPlan, severity: int) -> ShotPlan:
+def _screen(plan: ShotPlan, share: float) -> ShotPlan:
     """The chart shown on a screen: its three primaries, mixed to the chart's colours, by 15, 50 or 100 %."""
-    share = (0.15, 0.5, 1.0)[severity - 1]
     primaries = np.stack(
         [np.exp(-0.5 * ((WAVELENGTHS - peak) / width) ** 2) for peak, width in ((620, 12), (532, 18), (455, 10))]
     )
@@ -237,20 +208,13 @@ def _staged(plan: ShotPlan, **changes: Any) -> ShotPlan:
     return replace(plan, scene=replace(plan.scene, **changes))
 
 
-def _upside_down(plan: ShotPlan, severity: int) -> ShotPlan:
-    turn = (180.0, 90.0, 270.0)[severity - 1]
-    return _staged(plan, rotation=plan.scene.rotation + turn, fill=plan.scene.fill * (1.0 if severity == 1 else 0.7))
+def _turned(plan: ShotPlan, size: tuple[float, float], **changes: Any) -> ShotPlan:
+    turn, fill = size
+    return _staged(plan, rotation=plan.scene.rotation + turn, fill=plan.scene.fill * fill, **changes)
 
 
-def _mirrored(plan: ShotPlan, severity: int) -> ShotPlan:
-    turn = (0.0, 180.0, 90.0)[severity - 1]
-    fill = plan.scene.fill * (0.7 if severity == 3 else 1.0)
-    return _staged(plan, mirrored=True, rotation=plan.scene.rotation + turn, fill=fill)
-
-
-def _faded(plan: ShotPlan, severity: int) -> ShotPlan:
+def _faded(plan: ShotPlan, share: float) -> ShotPlan:
     """A chart faded by sunlight: colours bleach towards grey, red and magenta dyes first; white turns yellow."""
-    share = (0.05, 0.2, 0.5)[severity - 1]
     values = plan.table.values
     grey = values.mean(axis=1, keepdims=True)
     bleach = share * np.exp(-0.5 * ((WAVELENGTHS - 540) / 70) ** 2)
@@ -258,25 +222,24 @@ def _faded(plan: ShotPlan, severity: int) -> ShotPlan:
     return replace(plan, table=plan.table.with_values((values + bleach * (grey - values)) * yellow))
 
 
-def _vintage(plan: ShotPlan, severity: int) -> ShotPlan:
+def _vintage(plan: ShotPlan, size: float) -> ShotPlan:
     """A chart of another production: the difference of Ohta's table from BabelColor's is added, times 1, 2, 4."""
     off = read_chart("classic24:ohta").values - read_chart("classic24").values
-    values = np.clip(plan.table.values + (1.0, 2.0, 4.0)[severity - 1] * off, 0.005, 1.0)
+    values = np.clip(plan.table.values + size * off, 0.005, 1.0)
     return replace(plan, table=plan.table.with_values(values))
 
 
-def _wrong_type(plan: ShotPlan, severity: int) -> ShotPlan:
+def _wrong_type(plan: ShotPlan, size: int) -> ShotPlan:
     """Another chart of four rows and six columns: some of its colours are at other places."""
     order = np.arange(24)
     swaps = ((2, 7), (0, 11), (4, 16), (5, 13), (1, 14), (3, 12), (9, 15), (6, 17))
-    for a, b in swaps[: (1, 3, 8)[severity - 1]]:
+    for a, b in swaps[:size]:
         order[[a, b]] = order[[b, a]]
     return replace(plan, table=plan.table.with_values(plan.table.values[order]))
 
 
-def _printed(plan: ShotPlan, severity: int) -> ShotPlan:
+def _printed(plan: ShotPlan, share: float) -> ShotPlan:
     """An ink-jet copy with the same colours under D50, as closely as three inks allow."""
-    share = (0.25, 0.6, 1.0)[severity - 1]
     values = (1 - share) * plan.table.values + share * ink_jet_copy(plan.table.values)
     return replace(plan, table=plan.table.with_values(values))
 
@@ -284,14 +247,8 @@ def _printed(plan: ShotPlan, severity: int) -> ShotPlan:
 # the files
 
 
-def _cfa(plan: ShotPlan, severity: int) -> ShotPlan:
-    cfa = plan.sensor.cfa
-    rolled = (cfa[::-1], cfa[1] + cfa[0] + cfa[3] + cfa[2], cfa[2:] + cfa[:2])
-    return _tagged(plan, cfa=rolled[severity - 1])
-
-
-def _vignetting(plan: ShotPlan, severity: int) -> ShotPlan:
-    return _without(_staged(plan, vignetting=(0.15, 0.4, 0.75)[severity - 1]), "white")
+def _cfa(plan: ShotPlan, order: tuple[int, ...]) -> ShotPlan:
+    return _tagged(plan, cfa="".join(plan.sensor.cfa[i] for i in order))
 
 
 FAULTS: dict[str, Fault] = {
@@ -299,90 +256,104 @@ FAULTS: dict[str, Fault] = {
     for fault in (
         Fault("clipped", "chart and white frame overexposed",
               ("white at 105 % of full scale", "white at 150 % of full scale", "300 %"),
-              lambda p, s: _exposure(p, (1.05, 1.5, 3.0)[s - 1])),
+              (1.05, 1.5, 3.0), _exposure),
         Fault("clipped-channel", "one channel overexposed",
               ("red of white at 110 %", "red of white at 180 %", "400 %"),
-              _one_channel),
+              (1.1, 1.8, 4.0), _one_channel, ("white or ceiling",)),
         Fault("ceiling", "the sensor clips below the white level in the file",
-              ("at 75 % of the range", "at 60 % of the range", "35 %"), _ceiling),
+              ("at 75 % of the range", "at 60 % of the range", "35 %"),
+              (0.75, 0.6, 0.35), _ceiling, ("white or ceiling",)),
         Fault("underexposed", "too little light",
               ("white at 10 % of full scale", "white at 2 % of full scale", "0.5 %"),
-              lambda p, s: _exposure(p, (0.1, 0.02, 0.005)[s - 1])),
+              (0.1, 0.02, 0.005), _exposure),
         Fault("black", "the file's black level is too low, no dark frame",
-              ("by 0.5 % of the range", "by 2 % of the range", "8 %"), _black),
+              ("by 0.5 % of the range", "by 2 % of the range", "8 %"),
+              (0.005, 0.02, 0.08), _black, ("offset",)),
         Fault("dark-iso", "the dark frame was taken at another ISO, as its file states",
               ("ISO × 2", "ISO × 8", "× 32"),
-              _dark_tags),
-        Fault("dark-leak", "light or warmth in the dark frame",
-              ("0.4 % of the range", "1.5 % of the range", "6 %"), _dark_leak),
+              ((2.0, 0.003), (8.0, 0.01), (32.0, 0.04)), _dark_tags),
+        Fault("dark-leak", "light or warmth in the dark frame", ("0.4 % of the range", "1.5 % of the range", "6 %"),
+              (0.004, 0.015, 0.06), lambda p, s: replace(p, dark_offset=s * _range(p)), ("offset",)),
         Fault("swapped", "frames handed in as each other", ("chart and white", "white and dark", "chart and dark"),
-              _swapped),
+              (("white", "chart", "dark"), ("chart", "dark", "white"), ("dark", "white", "chart")), _swapped),
         Fault("white-lamp", "the white frame was taken under another lamp",
-              ("20 % of another", "50 % of another", "wholly"), _white_lamp),
+              ("20 % of another", "50 % of another", "wholly"),
+              (0.2, 0.5, 1.0), lambda p, s: replace(p, white_lamp=_mixed(p.lamp, _opposite(p.lamp), s)),
+              ("white or ceiling",)),
         Fault("white-level", "the light changed between chart and white frame", ("by 6 %", "by 20 %", "50 %"),
-              _white_level),
+              (0.94, 0.8, 0.5), lambda p, s: replace(p, white_level=p.white_level * s), ("white or ceiling",)),
         Fault("wrong-lamp", "the lamp is named wrongly",
               ("its neighbour (D65 for D55)", "another technique (LED for D55)", "the opposite (A for D65)"),
-              _wrong_lamp),
-        Fault("two-lamps", "a second lamp shines on everything",
-              ("10 % of the light", "35 % of the light", "80 %"), _two_lamps),
-        Fault("wall", "a red wall colours the light", ("10 % more red", "40 % more red", "150 %"), _wall),
-        Fault("glare", "a veil of stray light over the chart photo",
-              ("2 % of white", "6 % of white", "20 %"), _glare),
-        Fault("specular", "a highlight on one patch", ("6 % of white", "40 % of white", "300 %"), light.specular),
-        Fault("shadow", "a shadow with an edge across the chart",
-              ("5 % darker", "20 % darker", "60 %"), light.shadow),
-        Fault("vignetting", "the lens darkens the corners, no white frame",
-              ("by 15 %", "by 40 %", "75 %"), _vignetting),
+              (0, 1, 2), _wrong_lamp, ("light",)),
+        Fault("two-lamps", "a second lamp shines on everything", ("10 % of the light", "35 % of the light", "80 %"),
+              (0.1, 0.35, 0.8), lambda p, s: replace(p, lamp=_mixed(p.lamp, _opposite(p.lamp), s)), ("light",)),
+        Fault("wall", "a red wall colours the light", ("10 % more red", "40 % more red", "150 %"),
+              (0.1, 0.4, 1.5), _wall, ("light",)),
+        Fault("glare", "a veil of stray light over the chart photo", ("2 % of white", "6 % of white", "20 %"),
+              (0.02, 0.06, 0.2), lambda p, s: _staged(p, glare=s), ("offset",)),
+        Fault("specular", "a highlight on one patch", ("6 % of white", "40 % of white", "300 %"),
+              (0.06, 0.4, 3.0), light.specular, ("patch", "offset")),
+        Fault("shadow", "a shadow with an edge across the chart", ("5 % darker", "20 % darker", "60 %"),
+              (0.05, 0.2, 0.6), light.shadow, ("uneven",)),
+        Fault("vignetting", "the lens darkens the corners, no white frame", ("by 15 %", "by 40 %", "75 %"),
+              (0.15, 0.4, 0.75), lambda p, s: _without(_staged(p, vignetting=s), "white"), ("uneven",)),
         Fault("shading", "lens shading corrected in the chart photo, not in the white frame",
-              ("by 5 % in the corners", "by 20 % in the corners", "60 %"), light.shading),
-        Fault("motion", "the camera moved", ("by 10 % of a patch", "by 35 % of a patch", "90 %"), light.motion),
-        Fault("defocus", "out of focus", ("σ 5 % of a patch", "σ 15 % of a patch", "35 %"), light.defocus),
-        Fault("upside-down", "the chart is turned", ("180°", "90°", "270°"), _upside_down),
-        Fault("mirrored", "the chart is seen in a mirror", ("upright", "turned by 180°", "by 90°"), _mirrored),
-        Fault("covered", "a hand on the chart", ("a third of two patches", "four patches", "twelve"), light.covered),
-        Fault("faded", "an old chart: bleached and yellowed", ("5 %", "20 %", "50 %"), _faded),
-        Fault("vintage", "a chart of another production", ("Ohta's table", "twice as far", "four times"), _vintage),
-        Fault("wrong-type", "another chart of 4 × 6 colours",
-              ("2 colours elsewhere", "6 colours elsewhere", "16"), _wrong_type),
-        Fault("printed", "an ink-jet copy of the chart", ("25 % of the way", "60 % of the way", "wholly"), _printed),
-        Fault("tone-mapped", "a tone curve in the samples", ("γ 0.96", "γ 0.85", "0.5"), samples.tone),
+              ("by 5 % in the corners", "by 20 % in the corners", "60 %"),
+              (0.05, 0.2, 0.6), light.shading, ("uneven",)),
+        Fault("motion", "the camera moved", ("by 10 % of a patch", "by 35 % of a patch", "90 %"),
+              (0.1, 0.35, 0.9), light.motion),
+        Fault("defocus", "out of focus", ("σ 5 % of a patch", "σ 15 % of a patch", "35 %"),
+              (0.05, 0.15, 0.35), light.defocus),
+        Fault("upside-down", "the chart is turned", ("180°", "90°", "270°"),
+              ((180.0, 1.0), (90.0, 0.7), (270.0, 0.7)), _turned),
+        Fault("mirrored", "the chart is seen in a mirror", ("upright", "turned by 180°", "by 90°"),
+              ((0.0, 1.0), (180.0, 1.0), (90.0, 0.7)), lambda p, s: _turned(p, s, mirrored=True)),
+        Fault("covered", "a hand on the chart", ("a third of two patches", "four patches", "twelve"),
+              ((0.35, 0.6), (1.5, 0.6), (3.5, -0.6)), light.covered, ("patch",)),
+        Fault("faded", "an old chart: bleached and yellowed", ("5 %", "20 %", "50 %"),
+              (0.05, 0.2, 0.5), _faded, ("table",)),
+        Fault("vintage", "a chart of another production", ("Ohta's table", "twice as far", "four times"),
+              (1.0, 2.0, 4.0), _vintage, ("table",)),
+        Fault("wrong-type", "another chart of 4 × 6 colours", ("2 colours elsewhere", "6 colours elsewhere", "16"),
+              (1, 3, 8), _wrong_type, ("table",)),
+        Fault("printed", "an ink-jet copy of the chart", ("25 % of the way", "60 % of the way", "wholly"),
+              (0.25, 0.6, 1.0), _printed, ("table",)),
+        Fault("tone-mapped", "a tone curve in the samples", ("γ 0.96", "γ 0.85", "0.5"),
+              (0.96, 0.85, 0.5), samples.tone, ("tone",)),
         Fault("demosaiced", "demosaiced, colour-converted, made a mosaic again",
-              ("demosaiced alone", "40 % of a display's colours", "a display's colours"), samples.demosaiced),
+              ("demosaiced alone", "40 % of a display's colours", "a display's colours"),
+              (0.0, 0.4, 1.0), samples.demosaiced, ("processed",)),
         Fault("desaturated", "colours moved towards grey, made a mosaic again", ("5 %", "15 %", "35 %"),
-              samples.desaturated),
+              (0.05, 0.15, 0.35), samples.desaturated, ("processed",)),
         Fault("chroma", "chroma noise reduction, made a mosaic again", ("σ 1 px", "σ 3 px", "σ 8 px"),
-              samples.chroma),
+              (1.0, 3.0, 8.0), samples.chroma, ("processed",)),
         Fault("resized", "the mosaic resampled as a grey picture", ("by 0.1 px", "by 0.25 px", "0.5 px"),
-              samples.resized),
-        Fault("quad", "4 × 4 mosaic turned into 2 × 2", ("3 px", "5 px", "7 px"), samples.quad),
-        Fault("burst", "the mean of several photos, right colours", ("of 2", "of 4", "8"), samples.burst),
-        Fault("didymium", "glass of didymium before the lamp", ("30 %", "60 %", "90 %"), _didymium),
-        Fault("blue-blocking", "glasses that block blue before the lamp", ("20 %", "50 %", "90 %"), _blue_blocking),
-        Fault("moved-table", "the chart's file is off in wavelength", ("by 2 nm", "by 5 nm", "10 nm"), _moved_table),
-        Fault("screen", "the chart shown on a screen", ("15 % of the way", "50 % of the way", "wholly"), _screen),
+              (0.1, 0.25, 0.5), samples.resized, ("processed",)),
+        Fault("quad", "4 × 4 mosaic turned into 2 × 2", ("3 px", "5 px", "7 px"),
+              (3, 5, 7), samples.quad, ("processed",)),
+        Fault("burst", "the mean of several photos, right colours", ("of 2", "of 4", "8"),
+              (2.0, 4.0, 8.0), samples.burst),
+        Fault("didymium", "glass of didymium before the lamp", ("30 %", "60 %", "90 %"),
+              (0.3, 0.6, 0.9), _didymium, ("light",)),
+        Fault("blue-blocking", "glasses that block blue before the lamp", ("20 %", "50 %", "90 %"),
+              (0.2, 0.5, 0.9), _blue_blocking, ("light",)),
+        Fault("moved-table", "the chart's file is off in wavelength", ("by 2 nm", "by 5 nm", "10 nm"),
+              (2.0, 5.0, 10.0), _moved_table, ("table",)),
+        Fault("screen", "the chart shown on a screen", ("15 % of the way", "50 % of the way", "wholly"),
+              (0.15, 0.5, 1.0), _screen, ("table",)),
         Fault("colour-shading", "red and blue fall off differently", ("by 2 %", "by 8 %", "25 %"),
-              light.colour_shading),
+              (0.02, 0.08, 0.25), light.colour_shading, ("uneven",)),
         Fault("crosstalk", "light leaks between pixels towards the corners", ("2 %", "6 %", "20 %"),
-              light.crosstalk),
+              (0.02, 0.06, 0.2), light.crosstalk),
         Fault("other-unit", "the white frame is of another unit of that name", ("2 %", "6 %", "20 %"),
-              light.other_unit),
-        Fault("cfa", "a wrong colour order in the files", ("red and blue exchanged", "shifted by a column",
-              "by a row"), _cfa),
-        Fault("hot-pixels", "hot pixels in all frames", ("0.2 %", "2 %", "12 %"), samples.hot),
-        Fault("coarse", "samples quantised", ("to 10 bits", "to 8 bits", "5"), samples.coarse),
+              (0.02, 0.06, 0.2), light.other_unit, ("white or ceiling",)),
+        Fault("cfa", "a wrong colour order in the files",
+              ("red and blue exchanged", "shifted by a column", "by a row"),
+              ((3, 2, 1, 0), (1, 0, 3, 2), (2, 3, 0, 1)), _cfa),
+        Fault("hot-pixels", "hot pixels in all frames", ("0.2 %", "2 %", "12 %"),
+              ((1, 0.002), (2, 0.02), (3, 0.12)), samples.hot),
+        Fault("coarse", "samples quantised", ("to 10 bits", "to 8 bits", "5"),
+              (10, 8, 5), samples.coarse),
     )
 }  # fmt: skip
 """All faults, by name."""
-GROUPS = {
-    "ceiling": ("white or ceiling",), "clipped-channel": ("white or ceiling",), "black": ("offset",),
-    "dark-leak": ("offset",), "white-lamp": ("white or ceiling",), "white-level": ("white or ceiling",),
-    "wrong-lamp": ("light",), "two-lamps": ("light",), "wall": ("light",), "glare": ("offset",),
-    "specular": ("patch", "offset"), "shadow": ("uneven",), "vignetting": ("uneven",), "shading": ("uneven",),
-    "covered": ("patch",), "faded": ("table",), "vintage": ("table",), "wrong-type": ("table",),
-    "printed": ("table",), "tone-mapped": ("tone",), "demosaiced": ("processed",), "desaturated": ("processed",),
-    "chroma": ("processed",), "resized": ("processed",), "quad": ("processed",), "didymium": ("light",),
-    "blue-blocking": ("light",), "moved-table": ("table",), "screen": ("table",), "colour-shading": ("uneven",),
-    "other-unit": ("white or ceiling",),
-}  # fmt: skip
-"""Of faults that leave curves to judge."""

@@ -26,9 +26,8 @@ def _through(plan: ShotPlan, frame: str, effect: Light) -> ShotPlan:
     return replace(plan, light={**plan.light, frame: both})
 
 
-def specular(plan: ShotPlan, severity: int) -> ShotPlan:
+def specular(plan: ShotPlan, height: float) -> ShotPlan:
     """Add a highlight on one patch."""
-    height = (0.06, 0.4, 3.0)[severity - 1]
     column, row = 2, 2  # red, in the lower half
 
     def spot(light: NDArray[np.float32], chart: ChartProjection) -> NDArray[np.float32]:
@@ -40,9 +39,8 @@ def specular(plan: ShotPlan, severity: int) -> ShotPlan:
     return _through(plan, "chart", spot)
 
 
-def shadow(plan: ShotPlan, severity: int) -> ShotPlan:
+def shadow(plan: ShotPlan, depth: float) -> ShotPlan:
     """Cast a shadow with an edge across the chart."""
-    depth = (0.05, 0.2, 0.6)[severity - 1]
 
     def shade(light: NDArray[np.float32], chart: ChartProjection) -> NDArray[np.float32]:
         edge = 1.0 / (1.0 + np.exp(np.clip((chart.u + 0.5 * chart.v - 3.2) / 0.15, -30, 30)))
@@ -51,12 +49,12 @@ def shadow(plan: ShotPlan, severity: int) -> ShotPlan:
     return _through(plan, "chart", shade)
 
 
-def covered(plan: ShotPlan, severity: int) -> ShotPlan:
-    """Cover a part of the chart with a hand."""
-    columns = (0.35, 1.5, 3.5)[severity - 1]  # covered by the hand, from the right
+def covered(plan: ShotPlan, size: tuple[float, float]) -> ShotPlan:
+    """Cover columns of the chart with a hand, from the right, below a row."""
+    columns, top = size
 
     def hand(light: NDArray[np.float32], chart: ChartProjection) -> NDArray[np.float32]:
-        over = (chart.u > 5.5 - columns) & (chart.v > (0.6 if severity < 3 else -0.6)) & (chart.v < 2.4)
+        over = (chart.u > 5.5 - columns) & (chart.v > top) & (chart.v < 2.4)
         for rows, cols, colour in sites(chart.cfa, *light.shape):
             part = light[rows, cols]
             part[over[rows, cols]] = chart.reflected[1, colour]
@@ -65,9 +63,8 @@ def covered(plan: ShotPlan, severity: int) -> ShotPlan:
     return _through(plan, "chart", hand)
 
 
-def shading(plan: ShotPlan, severity: int) -> ShotPlan:
+def shading(plan: ShotPlan, gain: float) -> ShotPlan:
     """Correct lens shading in the chart photo, but not in the white frame."""
-    gain = (0.05, 0.2, 0.6)[severity - 1]
 
     def corrected(light: NDArray[np.float32], chart: ChartProjection) -> NDArray[np.float32]:
         r2 = _squared_radius(light.shape)
@@ -78,9 +75,8 @@ def shading(plan: ShotPlan, severity: int) -> ShotPlan:
     return _through(plan, "chart", corrected)
 
 
-def colour_shading(plan: ShotPlan, severity: int) -> ShotPlan:
+def colour_shading(plan: ShotPlan, change: float) -> ShotPlan:
     """Shade the chart photo towards the corners, red and blue by opposite amounts: a thin lens, no correction."""
-    change = (0.02, 0.08, 0.25)[severity - 1]
 
     def shaded(light: NDArray[np.float32], chart: ChartProjection) -> NDArray[np.float32]:
         r2 = _squared_radius(light.shape)
@@ -91,11 +87,9 @@ def colour_shading(plan: ShotPlan, severity: int) -> ShotPlan:
     return _through(plan, "chart", shaded)
 
 
-def crosstalk(plan: ShotPlan, severity: int) -> ShotPlan:
+def crosstalk(plan: ShotPlan, share: float) -> ShotPlan:
     """Leak light of the neighbouring pixels, the more the farther from the middle, where light falls in aslant."""
     from scipy.ndimage import uniform_filter
-
-    share = (0.02, 0.06, 0.2)[severity - 1]
 
     def leaking(light: NDArray[np.float32], chart: ChartProjection) -> NDArray[np.float32]:
         leak = share * _squared_radius(light.shape)
@@ -104,9 +98,8 @@ def crosstalk(plan: ShotPlan, severity: int) -> ShotPlan:
     return _through(_through(plan, "chart", leaking), "white", leaking)
 
 
-def other_unit(plan: ShotPlan, severity: int) -> ShotPlan:
+def other_unit(plan: ShotPlan, change: float) -> ShotPlan:
     """Take the white frame with another unit of the same name, whose red and blue are stronger and weaker."""
-    change = (0.02, 0.06, 0.2)[severity - 1]
 
     def other(light: NDArray[np.float32], chart: ChartProjection) -> NDArray[np.float32]:
         for rows, columns, colour in sites(chart.cfa, *light.shape):
@@ -125,19 +118,17 @@ def _squared_radius(shape: tuple[int, ...]) -> NDArray[np.float32]:
     )
 
 
-def motion(plan: ShotPlan, severity: int) -> ShotPlan:
+def motion(plan: ShotPlan, length: float) -> ShotPlan:
     """Blur the chart photo by a movement of the camera."""
     from scipy.ndimage import uniform_filter1d
 
-    length = (0.1, 0.35, 0.9)[severity - 1]
     return _blurred(plan, lambda part, pitch: uniform_filter1d(part, max(1, round(length * pitch)), axis=1))
 
 
-def defocus(plan: ShotPlan, severity: int) -> ShotPlan:
+def defocus(plan: ShotPlan, width: float) -> ShotPlan:
     """Blur the chart photo as if out of focus."""
     from scipy.ndimage import gaussian_filter
 
-    width = (0.05, 0.15, 0.35)[severity - 1]
     return _blurred(plan, lambda part, pitch: gaussian_filter(part, width * pitch))
 
 

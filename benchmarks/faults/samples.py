@@ -19,9 +19,8 @@ _DISPLAY = np.array([[1.9, -0.7, -0.2], [-0.3, 1.6, -0.3], [0.0, -0.6, 1.6]])
 """Matrix from a camera's colours to a display's, like that of a raw converter; rows add up to 1."""
 
 
-def tone(plan: ShotPlan, severity: int) -> ShotPlan:
+def tone(plan: ShotPlan, power: float) -> ShotPlan:
     """Apply a tone curve to the samples."""
-    power = (0.96, 0.85, 0.5)[severity - 1]
 
     def curve(samples: NDArray[np.uint16], plan: ShotPlan) -> NDArray[np.uint16]:
         black, span = plan.sensor.black, _full_scale(plan)
@@ -32,23 +31,20 @@ def tone(plan: ShotPlan, severity: int) -> ShotPlan:
     return replace(plan, samples=curve)
 
 
-def demosaiced(plan: ShotPlan, severity: int) -> ShotPlan:
+def demosaiced(plan: ShotPlan, size: float) -> ShotPlan:
     """Demosaic bilinearly, convert to display colours by 0, 40 or 100 %, and sample a mosaic again."""
-    mix = np.eye(3) + (0.0, 0.4, 1.0)[severity - 1] * (_DISPLAY - np.eye(3))
+    mix = np.eye(3) + size * (_DISPLAY - np.eye(3))
     return _processed(plan, lambda planes: np.einsum("cd,dyx->cyx", mix, planes))
 
 
-def desaturated(plan: ShotPlan, severity: int) -> ShotPlan:
+def desaturated(plan: ShotPlan, share: float) -> ShotPlan:
     """Move each colour towards the grey of its pixel by 5, 15 or 35 %, as a picture style does."""
-    share = (0.05, 0.15, 0.35)[severity - 1]
     return _processed(plan, lambda planes: planes + share * (planes.mean(axis=0) - planes))
 
 
-def chroma(plan: ShotPlan, severity: int) -> ShotPlan:
+def chroma(plan: ShotPlan, width: float) -> ShotPlan:
     """Smooth the differences between the colours: chroma noise reduction."""
     from scipy.ndimage import gaussian_filter
-
-    width = (1.0, 3.0, 8.0)[severity - 1]
 
     def smoothed(planes: Floats) -> Floats:
         grey = planes.mean(axis=0)
@@ -57,9 +53,8 @@ def chroma(plan: ShotPlan, severity: int) -> ShotPlan:
     return _processed(plan, smoothed)
 
 
-def resized(plan: ShotPlan, severity: int) -> ShotPlan:
+def resized(plan: ShotPlan, moved: float) -> ShotPlan:
     """Resample the mosaic as if it were a grey picture, by 0.1, 0.25 or 0.5 pixels: it mixes the colours."""
-    moved = (0.1, 0.25, 0.5)[severity - 1]
 
     def resample(samples: NDArray[np.uint16], plan: ShotPlan) -> NDArray[np.uint16]:
         from scipy.ndimage import shift
@@ -69,11 +64,9 @@ def resized(plan: ShotPlan, severity: int) -> ShotPlan:
     return replace(plan, samples=resample)
 
 
-def quad(plan: ShotPlan, severity: int) -> ShotPlan:
+def quad(plan: ShotPlan, size: int) -> ShotPlan:
     """A mosaic of 4 × 4 (quad Bayer) that the camera has turned into one of 2 × 2, on windows of 3, 5 or 7 pixels."""
     from scipy.ndimage import uniform_filter
-
-    size = (3, 5, 7)[severity - 1]
 
     def again(planes: Floats) -> Floats:
         height, width = planes.shape[1:]
@@ -89,10 +82,10 @@ def quad(plan: ShotPlan, severity: int) -> ShotPlan:
     return _processed(plan, again)
 
 
-def burst(plan: ShotPlan, severity: int) -> ShotPlan:
+def burst(plan: ShotPlan, size: float) -> ShotPlan:
     """The mean of 2, 4 or 8 photos: right colours with less noise."""
     sensor = plan.sensor
-    return replace(plan, sensor=replace(sensor, full_well=sensor.full_well * (2.0, 4.0, 8.0)[severity - 1]))
+    return replace(plan, sensor=replace(sensor, full_well=sensor.full_well * size))
 
 
 def _processed(plan: ShotPlan, process: Callable[[Floats], Floats]) -> ShotPlan:
@@ -122,12 +115,12 @@ def _processed(plan: ShotPlan, process: Callable[[Floats], Floats]) -> ShotPlan:
     return replace(plan, samples=cook)
 
 
-def hot(plan: ShotPlan, severity: int) -> ShotPlan:
+def hot(plan: ShotPlan, size: tuple[int, float]) -> ShotPlan:
     """Add hot pixels to all frames."""
-    share = (0.002, 0.02, 0.12)[severity - 1]
+    seed, share = size
 
     def burn(samples: NDArray[np.uint16], plan: ShotPlan) -> NDArray[np.uint16]:
-        rng = np.random.default_rng(severity)  # the same pixels in every frame
+        rng = np.random.default_rng(seed)  # the same pixels in every frame
         hot = rng.random(samples.shape) < share
         glow = rng.exponential(0.25 * _full_scale(plan), samples.shape)
         return np.asarray(np.minimum(samples + np.where(hot, glow, 0), plan.sensor.white_level), np.uint16)
@@ -135,9 +128,8 @@ def hot(plan: ShotPlan, severity: int) -> ShotPlan:
     return replace(plan, samples=burn)
 
 
-def coarse(plan: ShotPlan, severity: int) -> ShotPlan:
+def coarse(plan: ShotPlan, bits: int) -> ShotPlan:
     """Quantise the samples to fewer bits."""
-    bits = (10, 8, 5)[severity - 1]
 
     def round_down(samples: NDArray[np.uint16], plan: ShotPlan) -> NDArray[np.uint16]:
         step = (plan.sensor.white_level + 1) / 2**bits

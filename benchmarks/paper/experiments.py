@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from benchmarks.claims.accuracy import left_out
+from benchmarks.devices import left_out
 from benchmarks.paper import captures
 from benchmarks.paper.rivals import FIGURE_4, OURS, TABLE_1, Given, method
 from benchmarks.shared import CURVES, chart, lamp

@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 
 from benchmarks.claims import accuracy
-from benchmarks.claims.accuracy import (
-    PRODUCT,
-    SETTINGS,
-    Setting,
-)
+from benchmarks.claims.accuracy import PRODUCT, SETTINGS, Setting
+from benchmarks.devices import left_out
 from benchmarks.shared import CURVES, chart, lamp
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.recovery import whitening
@@ -36,8 +33,8 @@ EXACT = "exact, D55, 24"
 @pytest.mark.full
 def test_bands_cover() -> None:
     """Of left-out cameras; one draw of 52 cameras, so the bars of the benchmark with 1 % more to each side."""
-    cameras, bases = accuracy.left_out()
-    scores = accuracy.measure([NAMED[EXACT]], (PRODUCT,), 1, cameras, bases)[EXACT][PRODUCT]
+    cameras, bases = left_out()
+    scores = accuracy.measure(NAMED[EXACT], (PRODUCT,), 1, cameras, bases)[PRODUCT]
     assert scores.rmse.mean() < 0.031
     row = scores.row()
     assert 0.92 <= row["coverage"] <= 0.98
@@ -55,7 +52,7 @@ def test_monte_carlo_agrees_with_the_bands() -> None:
 @pytest.mark.requirement("R-CAMERAS")
 @pytest.mark.full
 def test_a_left_out_maker_is_not_in_its_basis() -> None:
-    _, bases = accuracy.left_out()
+    _, bases = left_out()
     curves = read_curves(CURVES)
     others = {name: curve for name, curve in curves.items() if not name.startswith("Nikon")}
     mean, atoms = learn(np.stack(list(others.values())), makers=[maker_of(name) for name in others])
@@ -82,7 +79,7 @@ def predicted_colours_held() -> Floats:
 
     Cameras left out, half of a chart fitted whose table, white and lamps are off as declared, without noise.
     """
-    cameras, bases = accuracy.left_out()
+    cameras, bases = left_out()
     setting = Setting("bands", ("D55", "A"), ohta=True, off=True)
     arguments, light = setting.tolerances(), np.stack([lamp(name) for name in setting.lamps])
     long, short = (interpolate(smooth_errors(length)) for length in (CHART_CORRELATION, TABLE_CORRELATION))

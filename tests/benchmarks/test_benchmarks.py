@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 from benchmarks import shared
+from benchmarks.__main__ import main
+from benchmarks.claim import Run
 from benchmarks.claims import certify
 from benchmarks.kernels import arm, arm_jvm, capture, solver
 from camssf.calibration import solve
@@ -30,17 +32,52 @@ def results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
+@pytest.mark.parametrize(("value", "met"), [(0.94, True), (0.93, True), (0.92, False), (float("nan"), False)])
+def test_a_bar_that_is_missed_is_printed_and_is_the_status(
+    value: float, met: bool, results: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = Run.of("x", certify, [])
+    run.table("t", {"name": "", "share": ".1%", "of": "{} of {}"}, [("a", 0.5, (1, 2)), ("b", None, None)])
+    run.bar("coverage", value, least=0.93, most=0.97)
+    assert run.end() == (not met)
+    said = capsys.readouterr().out
+    assert "≥ 0.93 and ≤ 0.97" in said
+    assert ("MISSED" in said) != met
+    assert "50.0%" in said
+    kept = json.loads((results / "x.json").read_text())
+    assert kept["tables"]["t"][0] == {"name": "a", "share": 0.5, "of": [1, 2]}
+    assert [bar["met"] for bar in kept["bars"]] == [met]
+
+
+def test_every_claim_is_listed_and_its_help_is_its_question(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([]) == 0
+    listed = capsys.readouterr().out
+    for name in ("accuracy", "whole_chart", "solver", "paper"):
+        assert name in listed
+    assert main(["nothing"]) == 2
+    capsys.readouterr()
+    with pytest.raises(SystemExit, match="0"):
+        main(["clean", "--help"])
+    assert "--draws" in capsys.readouterr().out
+
+
+def test_a_missing_table_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.delenv("CAMSSF_PHONES", raising=False)
+    assert main(["clean"]) == 2
+    assert "--phones or CAMSSF_PHONES" in capsys.readouterr().err
+
+
 @pytest.mark.requirement("R-OPTIMUM")
 def test_certify_reports_what_it_measured(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("cvxpy")
-    status = certify.main(["--count", "6", "--defaults", "3", "--oracle-every", "3"])
+    status = main(["certify", "--count", "6", "--defaults", "3", "--oracle", "3"])
     said = capsys.readouterr().out
-    kept = json.loads((results / "certify.json").read_text())
-    assert kept["problems"] >= 6
-    assert sum(row["problems"] for row in kept["by_gamma"]) == kept["groups"][-1]["problems"] == kept["problems"]
-    assert [row["calls"] for row in kept["defaults"] if row["basis"] == "all"] == [3, 3]
+    tables = json.loads((results / "certify.json").read_text())["tables"]
+    groups, calls = tables["Worst of each group"], tables["The product's defaults; one call: --default NUMBER"]
+    assert groups[-1]["basis"] == "all"
+    assert sum(row["problems"] for row in groups[:-1]) == groups[-1]["problems"] >= 6
+    assert [row["calls"] for row in calls if row["basis"] == "all"] == [3, 3]
     assert status == ("MISSED" in said)
-    assert "all" in said
     assert str(results) not in said
 
 
@@ -133,17 +170,20 @@ def test_capture_ends_with_1_where_a_bar_is_missed(
     assert ("MISSED" in capsys.readouterr().out) == bool(status)
 
 
-def test_lamps_by_name_and_by_kind_are_solved(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_lamps_by_name_and_by_kind_are_solved(
+    results: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Whether a bar holds for one camera is chance; that every setting has both its numbers is not."""
     from benchmarks.claims import lamps
 
-    status = lamps.main(["--every", "60", "--draws", "1"])
-    kept = json.loads((results / "lamps.json").read_text())
-    assert [row["lamps"] for row in kept["rows"]] == [" + ".join(kinds) for kinds in lamps.SETTINGS]
-    for row in kept["rows"]:
-        for how in ("known", "kind"):
-            assert 0.0 < row[how]["rmse"] < 0.2
-            assert row[how]["coverage"] > 0.4
+    monkeypatch.delenv("CAMSSF_PHONES", raising=False)
+    status = main(["lamps", "--every", "60", "--draws", "1"])
+    _, rows = json.loads((results / "lamps.json").read_text())["tables"].values()
+    assert [row["lamps"] for row in rows] == [" + ".join(kinds) for kinds in lamps.SETTINGS]
+    for row in rows:
+        for how in ("known", "by kind"):
+            assert 0.0 < row[f"{how}: RMSE"] < 0.2
+            assert row[f"{how}: coverage"] > 0.4
     assert status == ("MISSED" in capsys.readouterr().out)
 
 
@@ -151,18 +191,19 @@ def test_lamps_by_name_and_by_kind_are_solved(results: Path, capsys: pytest.Capt
 @pytest.mark.parametrize("row", ["any light", "framed", "field", "a fault's clean capture"])
 def test_simulated_captures_are_solved_and_not_refused_as_files(row: str) -> None:
     """A benchmark that counts refusals must not count those of its own files: a chart and a frame that are one."""
-    from benchmarks.claims import any_light, faults, field
-    from benchmarks.claims.phones import CAMERAS, Device
+    from benchmarks import captures, staged
+    from benchmarks.claims import field
+    from benchmarks.devices import CAMERAS, Device
     from tests.support.problems import measured_cameras
 
     name = "Nikon D5100"
     device = Device(name, measured_cameras()[name], {CAMERAS: read_basis("cameras")})
     light = read_lamp("D55")
     if row == "any light":
-        simulated = any_light.capture(device, {"D55": light.values}, [light], "nikon", 3)
+        simulated = captures.capture(device, {"D55": light.values}, [light], "nikon", 3)
     elif row.startswith("a fault"):
-        staged = faults.stage(3, name, device.curves, "D55")
-        simulated = Capture((faults.shoot(staged, staged.setup, search=False),), read_chart("classic24"), None)
+        good = staged.stage(3, name, device.curves, "D55")
+        simulated = Capture((staged.shoot(good, good.setup),), read_chart("classic24"), None)
     else:
         place = field.place(np.random.default_rng(3), row)
         simulated = field.photographed(device, "D55", light, place, row, "nikon", 3)
@@ -232,16 +273,15 @@ def test_colour_through_recovered_curves_is_nearly_as_through_true_ones(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Two cameras, their makers left out: far looser than the benchmark's bars, which need many."""
-    from benchmarks.claims import colour
-
     monkeypatch.setattr(shared, "RESULTS", tmp_path)
-    assert colour.main(["--cameras", "2"]) == 0
-    found = json.loads((tmp_path / "colour.json").read_text("utf-8"))
-    for rows in found["delta_e00"].values():
+    main(["colour", "--cameras", "2", "--only", "cameras"])
+    tables = json.loads((tmp_path / "colour.json").read_text("utf-8"))["tables"]
+    for word in ("samples", "surfaces"):
+        rows = {row["lamp"]: row for row in tables[f"cameras, maker left out (2): mean ΔE00 of {word}"]}
         assert 0.3 < rows["mean"]["true"] < rows["mean"]["elsewhere"]
         assert rows["mean"]["two"] < 1.3 * rows["mean"]["true"]
         assert rows["mean"]["two"] < rows["mean"]["chart"]
-    assert found["converted"]["after"] < 0.7 * found["converted"]["before"]
-    assert 0.85 < found["converted"]["inside"] < 0.995
-    assert {row[-1] for row in colour.bars(found["delta_e00"])} <= {"yes", "no"}
+    (converted,) = tables["cameras, maker left out: signals as the next one's"]
+    assert converted["after"] < 0.7 * converted["error before"]
+    assert 0.85 < converted["inside 95 %"] < 0.995
     assert "inside 95 %" in capsys.readouterr().out

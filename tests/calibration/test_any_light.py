@@ -297,7 +297,7 @@ def test_a_phone_in_any_light(lamp: str, kind: str) -> None:
     curves, std = done.ssf.peak()
     assert std is not None
     off = np.abs(curves - truth / truth.max(axis=0))[SEEN]
-    assert (off <= 1.96 * std[SEEN]).mean() >= 0.9  # of this made phone; measured ones: benchmarks.claims.any_light
+    assert (off <= 1.96 * std[SEEN]).mean() >= 0.9  # measured phones: `python -m benchmarks any_light`
     assert np.sqrt(np.mean(off**2)) < 0.03
     (light,) = done.ssf.lights
     assert light is not None

@@ -1,4 +1,4 @@
-"""The chart finder on what its benchmark draws; `python -m benchmarks.claims.finder` sets OpenCV's beside it."""
+"""The chart finder on what its benchmark draws; `python -m benchmarks finder` sets OpenCV's beside it."""
 
 from __future__ import annotations
 

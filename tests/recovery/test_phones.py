@@ -15,9 +15,11 @@ import numpy as np
 import pytest
 
 from benchmarks import shared as _common
+from benchmarks.__main__ import main as benchmark
 from benchmarks.claims import phones
 from benchmarks.claims.accuracy import Setting
-from benchmarks.claims.phones import APART, CAMERAS, JUDGED, OTHER_MAKER, OTHERS, Runs, auto
+from benchmarks.claims.phones import APART, JUDGED, Runs, auto
+from benchmarks.devices import CAMERAS, OTHER_MAKER, OTHERS, PHONES, Device, phones_left_out
 from camssf.grid import Floats
 from camssf.recovery.basis import NODES, read_basis
 from camssf_lab.learning.basis import learn, main
@@ -181,7 +183,7 @@ def test_curves_end_gently(tmp_path: Path) -> None:
 @pytest.mark.requirement("R-PHONES")
 def test_no_phone_teaches_its_own_basis() -> None:
     nodes = toys()
-    for device in phones.phones_left_out(nodes):
+    for device in phones_left_out(nodes):
         others = device.bases[OTHERS].source.split(", ")
         assert sorted([*others, device.name]) == sorted(nodes)
         strangers = device.bases[OTHER_MAKER].source.split(", ")
@@ -200,25 +202,23 @@ def test_the_benchmark_runs_on_any_table(
     """One setting, one draw, no cameras."""
     monkeypatch.setattr(_common, "RESULTS", tmp_path)
     monkeypatch.setattr(phones, "EVERY", (Setting("x", ("D55",)),))
-    monkeypatch.setattr(phones, "measured_cameras", lambda: phones.phones_left_out(toys())[:0] or stand_in())
+    monkeypatch.setattr(phones, "measured_cameras", lambda: phones_left_out(toys())[:0] or stand_in())
     table = str(write_curves(tmp_path / "toys.csv", toys()))
-    assert phones.main(["--phones", table, "--draws", "1"]) == 0
+    monkeypatch.delenv("CAMSSF_FOREIGN", raising=False)
+    assert benchmark(["phones", "--phones", table, "--draws", "1"]) == 0
     out = capsys.readouterr().out
-    assert "told A ± 250 K" in out
-    found = json.loads((tmp_path / "phones.json").read_text("utf-8"))["phones, left out"]
-    assert {OTHERS, OTHER_MAKER, CAMERAS, APART, auto(OTHERS), auto(OTHER_MAKER)} == set(found["settings"]["x"])
-    lamp = found["lamp A ± 250 K"][OTHERS]
-    assert set(lamp["kelvin"]) == set(toys())
-    assert all(abs(kelvin) < 1000 for kelvin in lamp["kelvin"].values())
-    assert 0 < lamp["exact"]["rmse"] <= 1.2 * lamp["doubted"]["rmse"]
+    tables = json.loads((tmp_path / "phones.json").read_text("utf-8"))["tables"]
+    row, no_photo = tables["phones, left out (4, 1 draws): RMSE, coverage, worst device"]
+    assert {OTHERS, OTHER_MAKER, CAMERAS, APART, auto(OTHERS), auto(OTHER_MAKER)} < set(row)
+    assert row[OTHERS][0] < float(no_photo[OTHERS])
     assert "--foreign or CAMSSF_FOREIGN" in out
 
 
-def stand_in() -> list[phones.Device]:
+def stand_in() -> list[Device]:
     """One toy in the place of the 52 cameras."""
-    device = phones.phones_left_out(toys())[0]
-    bases = {CAMERAS: device.bases[CAMERAS], phones.PHONES: read_basis("phones")}
-    return [phones.Device(device.name, device.curves, bases)]
+    device = phones_left_out(toys())[0]
+    bases = {CAMERAS: device.bases[CAMERAS], PHONES: read_basis("phones")}
+    return [Device(device.name, device.curves, bases)]
 
 
 @needs_the_table
@@ -237,7 +237,8 @@ def test_shipped_phones_come_from_the_command(tmp_path: Path) -> None:
 @cache
 def judged() -> dict[str, dict[str, Runs]]:
     """Each phone left out, two draws."""
-    return phones.measure(phones.phones_left_out(read_curves(Path(str(TABLE)))), JUDGED, 2)
+    devices = phones_left_out(read_curves(Path(str(TABLE))))
+    return {setting.name: phones.measure(devices, setting, 2) for setting in JUDGED}
 
 
 @pytest.mark.full
@@ -245,11 +246,11 @@ def judged() -> dict[str, dict[str, Runs]]:
 def test_phones_are_better_served_by_other_phones() -> None:
     """The bars of docs/accuracy.md with two draws instead of eight: 1 % more to each side of coverage."""
     for setting, bases in judged().items():
-        mine, theirs = bases[OTHERS].row("abcdef"), bases[CAMERAS].row("abcdef")
-        assert mine["rmse"] < 0.8 * theirs["rmse"], setting
-        assert 0.94 <= mine["coverage"] <= 0.995, setting
-        assert mine["worst_coverage"] >= 0.88, setting
-        assert bases[OTHER_MAKER].row("abcdef")["rmse"] < 0.9 * theirs["rmse"], setting
+        (rmse, coverage, worst), theirs = bases[OTHERS].row, bases[CAMERAS].row[0]
+        assert rmse < 0.8 * theirs, setting
+        assert 0.94 <= coverage <= 0.995, setting
+        assert worst >= 0.88, setting
+        assert bases[OTHER_MAKER].row[0] < 0.9 * theirs, setting
 
 
 @pytest.mark.full

@@ -679,7 +679,7 @@ def test_a_basis_without_a_prior_is_judged_by_its_residual_alone() -> None:
 
 
 def test_the_camera_is_one_that_the_basis_has_seen() -> None:
-    """These tests are of rules, not of accuracy: `python -m benchmarks.claims.faults` leaves the maker out."""
+    """These tests are of rules, not of accuracy: `python -m benchmarks faults` leaves the maker out."""
     _, lamp = chart_and_lamp("D55")
     assert np.allclose(lamp, read_lamp("D55").values)
     assert isinstance(TABLE, ChartTable)

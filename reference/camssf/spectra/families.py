@@ -4,7 +4,7 @@ Bulbs have a formula with one parameter, the colour temperature: their one mode 
 standard deviation at the family's centre. Fluorescent lamps have a table: the modes are the principal components of
 its lamps. Daylight and white LEDs are drawn at random by formulas (`tools.lamp_kinds`), and mean and principal
 components are in data/spectra.json. Power is used for these, not its logarithm, because signals are sums of power;
-all lamps have the same mean power, because the scale of L carries no information. `python -m benchmarks.claims.lamps`
+all lamps have the same mean power, because the scale of L carries no information. `python -m benchmarks lamps`
 prints how much of a left-out lamp its family explains.
 """
 
@@ -34,7 +34,7 @@ class LampKind:
     """A family of tables: its CIE illuminants, the number of components, and the residual.
 
     `left` is the residual of a left-out lamp after fitting the modes of the others, RMS relative to the mean lamp
-    from 400 to 700 nm, as `python -m benchmarks.claims.lamps` measures it. It is the family's smooth tolerance.
+    from 400 to 700 nm, as `python -m benchmarks lamps` measures it. It is the family's smooth tolerance.
     """
 
     members: tuple[str, ...]

@@ -2,7 +2,7 @@
 
 Captures that cannot be solved at all were already refused by an earlier stage. RMSRE is not used: both of its sides
 contain the same lamp, so it stays small when the lamp is wrong. docs/verdict.md states the rules for this package and
-for Kotlin; data/rules.json holds the thresholds. `python -m benchmarks.claims.faults` counts what the
+for Kotlin; data/rules.json holds the thresholds. `python -m benchmarks faults` counts what the
 rules catch and what they miss.
 """
 

@@ -13,7 +13,7 @@ import java.io.File
 import java.lang.management.ManagementFactory
 
 /**
- * Guides through sequences of frames as they are asked for: `python -m benchmarks.claims.guide` draws and judges them. A line in:
+ * Guides through sequences of frames as they are asked for: `python -m benchmarks guide` draws and judges them. A line in:
  * width, height, frames, frames a second, eight numbers of the chart's corners for each frame, a file of I420 frames. A
  * line out: a JSON list of what was said after each frame.
  */

@@ -7,7 +7,7 @@ import org.camssf.finder.Plane
 import java.io.File
 
 /**
- * Charts in raw pictures, one process for all, for `python -m benchmarks.claims.finder`: arguments are the rounds and then files
+ * Charts in raw pictures, one process for all, for `python -m benchmarks finder`: arguments are the rounds and then files
  * `name.WIDTHxHEIGHT.rgb` (red, green, blue of each pixel). For each file a line: name, findings, kind, mirrored, seen,
  * confidence, eight numbers of corners; then milliseconds, the least and the median of the rounds.
  */
