@@ -1,7 +1,7 @@
 """One chart seen by three cameras, and the angle of skin: `python -m tools.colour_story [-o docs/images]`
 
 Three measured cameras, each recovered with a basis that does not know its maker, from a simulated chart under D55
-and A (python -m benchmarks colour: another laboratory's table, low noise). Then each photographs the chart under a lamp
+and A (`benchmarks colour`: another laboratory's table, low noise). Then each photographs the chart under a lamp
 that it was not calibrated under (FL2).
 
 colour-story.png: the chart as each camera's file has it (white-balanced signals shown as sRGB), through the 3 × 3
