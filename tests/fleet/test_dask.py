@@ -25,13 +25,12 @@ from camssf_fleet import cluster as cluster_module
 from camssf_fleet import pools
 from camssf_fleet.manifest import Job, Manifest
 from camssf_fleet.outcome import Outcome
-from tests.fleet.test_stream import Desk, slow, templates
+from tests.support.desk import Desk, slow, until
 from tests.support.processes import SEARCH
 
 pytest.importorskip("duckdb", reason="duckdb is not here")
 distributed = pytest.importorskip("distributed", reason="distributed is not here")
 
-__all__ = ["templates"]
 pytestmark = [
     pytest.mark.full,
     pytest.mark.skipif(sys.platform == "win32", reason="signals differ there"),
@@ -176,15 +175,10 @@ def test_a_client_that_closed_is_said(desk: Desk, cluster: Any, monkeypatch: pyt
         raise distributed.client.ClosedClientError("Can't perform action on a closed client")
 
     monkeypatch.setattr(distributed.Client, "submit", closed)
-    desk.write(["one,a,D55,,,,,"], {"a": "Phone"})
+    desk.fill(1)
     with pytest.raises(InvalidArgument, match="The Dask cluster was lost") as caught:
         desk.run(dask=cluster.scheduler_address)
     assert "the same command" in caught.value.advice
-
-
-@pytest.fixture
-def desk(tmp_path: Path, templates: dict[str, str]) -> Desk:
-    return Desk(tmp_path, templates)
 
 
 def test_it_does_what_processes_here_do(desk: Desk, cluster: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -207,14 +201,11 @@ def test_it_does_what_processes_here_do(desk: Desk, cluster: Any, monkeypatch: p
 
 
 def test_a_worker_s_death_loses_nothing(desk: Desk, cluster: Any) -> None:
-    names = [f"c{i}" for i in range(16)]
-    desk.write([f"{n},{n},D55,,,,," for n in names], {n: f"Phone {n}" for n in names})
+    names = desk.fill(16)
     victims: list[int] = []
 
     def kill() -> None:
-        deadline = time.monotonic() + 60
-        while sum(desk.visits().values()) < 4 and time.monotonic() < deadline:
-            time.sleep(0.05)
+        until(lambda: desk.visits().total() >= 4, 60)
         with distributed.Client(cluster.scheduler_address, set_as_default=False) as client:
             victims.extend(list(client.run(os.getpid).values())[:1])
         os.kill(victims[0], signal.SIGKILL)
@@ -236,8 +227,7 @@ def test_a_scheduler_that_is_lost_is_told_and_the_next_goes_on(
 ) -> None:
     """The scheduler is killed in the middle; another one, with another address, does the rest."""
     monkeypatch.setattr(cluster_module, "WORKERLESS_TIMEOUT", 10.0)
-    names = [f"c{i}" for i in range(12)]
-    desk.write([f"{n},{n},D55,,,,," for n in names], {n: f"Phone {n}" for n in names})
+    names = desk.fill(12)
 
     def begin(number: int) -> tuple[str, subprocess.Popen[bytes], list[subprocess.Popen[bytes]]]:
         file = tmp_path / f"scheduler-{number}.json"
@@ -247,17 +237,13 @@ def test_a_scheduler_that_is_lost_is_told_and_the_next_goes_on(
         place = ["--scheduler-file", str(file), "--no-dashboard"]
         scheduler = subprocess.Popen([*run, "scheduler", "--port", "0", "--host", "127.0.0.1", *place], **quiet)
         worker = subprocess.Popen([*run, "worker", *place, "--nthreads", "1", "--no-nanny"], **quiet)
-        deadline = time.monotonic() + 60
-        while not file.exists() and time.monotonic() < deadline:
-            time.sleep(0.1)
+        until(lambda: file.exists(), 60)
         return json.loads(file.read_text())["address"], scheduler, [scheduler, worker]
 
     address, scheduler, processes = begin(0)
 
     def kill() -> None:
-        deadline = time.monotonic() + 60
-        while sum(desk.visits().values()) < 4 and time.monotonic() < deadline:
-            time.sleep(0.05)
+        until(lambda: desk.visits().total() >= 4, 60)
         scheduler.kill()
 
     killer = threading.Thread(target=kill)
@@ -267,7 +253,7 @@ def test_a_scheduler_that_is_lost_is_told_and_the_next_goes_on(
             desk.run(dask=address, work=slow)
         assert "the same command" in caught.value.advice
         killer.join()
-        before = sum(desk.visits().values())
+        before = desk.visits().total()
         assert 4 <= before < 12
         address, _, more = begin(1)
         processes += more
@@ -278,7 +264,7 @@ def test_a_scheduler_that_is_lost_is_told_and_the_next_goes_on(
             process.wait()
     assert summary.by_status == {"doubtful": 12}
     assert [row["name"] for row in desk.rows()] == sorted(names)
-    assert sum(desk.visits().values()) <= 12 + 1, "what was under way alone is done again"
+    assert desk.visits().total() <= 12 + 1, "what was under way alone is done again"
 
 
 def under_way(dask_scheduler: Any) -> list[str]:
@@ -286,14 +272,11 @@ def under_way(dask_scheduler: Any) -> list[str]:
 
 
 def test_cancelled_by_somebody_else_nothing_is_lost(desk: Desk, cluster: Any) -> None:
-    names = [f"c{i}" for i in range(8)]
-    desk.write([f"{n},{n},D55,,,,," for n in names], {n: f"Phone {n}" for n in names})
+    names = desk.fill(8)
     cancelled: list[str] = []
 
     def meddle() -> None:
-        deadline = time.monotonic() + 60
-        while sum(desk.visits().values()) < 2 and time.monotonic() < deadline:
-            time.sleep(0.05)
+        until(lambda: desk.visits().total() >= 2, 60)
         with distributed.Client(cluster.scheduler_address, set_as_default=False) as client:
             cancelled.extend(key for key in client.run_on_scheduler(under_way) if key.startswith("camssf-"))
             client.cancel([distributed.Future(key, client) for key in cancelled], force=True)
@@ -319,7 +302,7 @@ def test_the_poisonous_is_put_aside_after_two_deaths(desk: Desk, cluster: Any) -
 
 
 def test_another_version_on_the_worker_is_refused(desk: Desk, cluster: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    desk.write(["one,a,D55,,,,,"], {"a": "Phone"})
+    desk.fill(1)
     monkeypatch.setattr(pools, "__version__", "9.9.9")
     with pytest.raises(InvalidArgument, match="A worker of the Dask cluster has camssf") as caught:
         desk.run(dask=cluster.scheduler_address)
@@ -331,7 +314,7 @@ def test_a_worker_without_camssf_is_named(desk: Desk, cluster: Any, monkeypatch:
     def lacks(*_: Any) -> None:
         raise ModuleNotFoundError("No module named 'camssf'", name="camssf")
 
-    desk.write(["one,a,D55,,,,,"], {"a": "Phone"})
+    desk.fill(1)
     monkeypatch.setattr(pools, "do_job", lacks)
     with pytest.raises(InvalidArgument, match="lacks camssf") as caught:
         desk.run(dask=cluster.scheduler_address)
@@ -340,7 +323,7 @@ def test_a_worker_without_camssf_is_named(desk: Desk, cluster: Any, monkeypatch:
 
 def test_nobody_answers(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster_module, "SCHEDULER_TIMEOUT", 1.0)
-    desk.write(["one,a,D55,,,,,"], {"a": "Phone"})
+    desk.fill(1)
     for address in ("tcp://127.0.0.1:9", "nonsense://x"):
         with pytest.raises(InvalidArgument, match="No Dask scheduler answers"):
             desk.run(dask=address)
@@ -352,7 +335,7 @@ def test_nobody_answers(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_without_the_library_it_says_what_to_install(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
-    desk.write(["one,a,D55,,,,,"], {"a": "Phone"})
+    desk.fill(1)
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(InvalidArgument, match="distributed") as caught:
         desk.run(dask="tcp://127.0.0.1:9")
