@@ -33,12 +33,12 @@ from camssf_fleet.batch import run_batch
 from camssf_fleet.manifest import Manifest
 from camssf_lab.simulation.frames import simulate
 from camssf_lab.simulation.scene import Scene
-from tests.repository.test_docs import ROOT, blocks, calls
 from tests.support.documents import document
+from tests.support.pages import DOCS, ROOT, blocks, calls, text_of
 from tools import tutorials
 from tools.tutorials import TUTORIALS, WITH_OUTPUT
 
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("**/*.md"))]
+PAGES = [ROOT / "README.md", *DOCS]
 PYTHON_NOT_RUN = {
     "camssf batch --make-manifest photos/": "photos named by unit and lamp: test_manifest_maker.py has some",
     "camssf batch photos/manifest.csv": "likewise",
@@ -103,7 +103,7 @@ def test_the_python_of_colour_md_runs(
     wanted: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """As written, on results of that name."""
-    text = (ROOT / "docs" / "colour.md").read_text("utf-8")
+    text = text_of("docs/colour.md")
     (block,) = [block for block in blocks(text, "python") if wanted in block]
     for name in ("out/result.json", "a.json", "b.json"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
@@ -338,7 +338,7 @@ def test_every_block_is_of_a_kind_that_is_checked() -> None:
 
 
 def test_the_sidecar_of_raw_md_is_one(tmp_path: Path) -> None:
-    (block,) = blocks((ROOT / "docs" / "raw.md").read_text("utf-8"), "json")
+    (block,) = blocks(text_of("docs/raw.md"), "json")
     cv2 = pytest.importorskip("cv2")
     cv2.imwrite(str(tmp_path / "photo.png"), np.full((40, 60), 9000, np.uint16))
     (tmp_path / "photo.png.json").write_text(block)
@@ -348,7 +348,7 @@ def test_the_sidecar_of_raw_md_is_one(tmp_path: Path) -> None:
 
 def test_the_manifest_of_the_quick_start_is_one(tmp_path: Path) -> None:
     """Its photos are not here; its columns and rows are read."""
-    (block,) = blocks((ROOT / "docs" / "quick-start.md").read_text("utf-8"), "csv")
+    (block,) = blocks(text_of("docs/quick-start.md"), "csv")
     (tmp_path / "manifest.csv").write_text(block + "\n")
     outcomes = run_batch(Manifest(tmp_path / "manifest.csv", basis="cameras"), tmp_path / "out", workers=1).outcomes
     assert [outcome.name for outcome in outcomes] == ["Canon 550D", "Nikon D5100"]

@@ -1,21 +1,17 @@
-"""Every public name is in the reference, with its words and an example that runs; a stranger's ten minutes."""
+"""Every public name is in the reference, with its words and an example that runs."""
 
 from __future__ import annotations
 
 import ast
 import doctest
-import os
 import re
-import subprocess
-import sys
 from dataclasses import fields, is_dataclass
 from importlib import import_module
-from pathlib import Path
 from typing import get_origin
 
 import pytest
 
-from tests.repository.test_docs import ROOT, blocks
+from tests.support.pages import DOCS, ROOT, blocks
 
 ROOMS = (
     "camssf", "camssf.spectra", "camssf.recovery", "camssf_colour", "camssf.exports", "camssf_lab.direct",
@@ -62,7 +58,7 @@ def test_the_reference_names_nothing_that_is_not_there() -> None:
 @pytest.mark.repository
 def test_pages_import_public_names_only() -> None:
     rooms = {*ROOMS, "camssf.errors"}
-    for page in (ROOT / "README.md", *(ROOT / "docs").glob("**/*.md")):
+    for page in (ROOT / "README.md", *DOCS):
         for block in blocks(page.read_text("utf-8"), "python"):
             for node in ast.walk(ast.parse(block)):
                 if isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0].startswith("camssf"):
@@ -94,7 +90,7 @@ def test_the_docstrings_examples_run(module: str) -> None:
 
 @pytest.mark.repository
 def test_formulas_are_balanced() -> None:
-    for page in (ROOT / "docs").glob("**/*.md"):
+    for page in DOCS:
         text = re.sub(r"```.*?```", "", page.read_text("utf-8"), flags=re.DOTALL)
         lines = text.splitlines()
         assert sum(line == "$$" for line in lines) % 2 == 0, page.name
@@ -102,48 +98,3 @@ def test_formulas_are_balanced() -> None:
             assert block.count("{") == block.count("}"), block
             assert block.count(r"\left") - block.count(r"\leftarrow") == block.count(r"\right"), block
             assert block.count(r"\begin") == block.count(r"\end"), block
-
-
-CHECKS = """
-import os
-from camssf import Result
-assert os.path.getsize("curves.png") > 10_000
-assert Result.load("phone.json").verdict.status in ("accepted", "doubtful")
-assert colour.lab.shape == (1, 3) and 0 < error.max() < 50
-print("a stranger's ten minutes end well")
-"""
-
-
-@pytest.mark.full
-@pytest.mark.skipif(
-    "CAMSSF_FRESH" not in os.environ, reason="installs from a package index for minutes: set CAMSSF_FRESH=1"
-)
-def test_a_stranger_s_ten_minutes_in_an_empty_environment(tmp_path: Path) -> None:
-    """The first tutorial's install line, then its Python, in a new environment that sees nothing else.
-
-    In this environment test_docs_code.py runs it.
-    """
-    page = (ROOT / "docs" / "tutorials" / "first-phone.md").read_text("utf-8")
-    (install,) = blocks(page, "sh")
-    (line,) = install.splitlines()
-    place = tmp_path / "env"
-    assert line == "python3 -m venv .venv && .venv/bin/pip install -e '.[notebook]'"
-    clean = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "VIRTUAL_ENV"))}
-    subprocess.run([sys.executable, "-m", "venv", str(place)], check=True, env=clean, timeout=300)
-    python = next(each for each in (place / "bin" / "python", place / "Scripts" / "python.exe") if each.exists())
-    subprocess.run(
-        [str(python), "-m", "pip", "install", "-q", f"{ROOT}[notebook]"], check=True, env=clean, timeout=1800
-    )
-    _ends_well([str(python)], tmp_path, clean)
-
-
-def _ends_well(python: list[str], folder: Path, environment: dict[str, str]) -> None:
-    page = (ROOT / "docs" / "tutorials" / "first-phone.md").read_text("utf-8")
-    script = folder / "tutorial.py"
-    script.write_text("\n".join([*blocks(page, "python"), CHECKS]), encoding="utf-8")
-    done = subprocess.run(
-        [*python, str(script)], cwd=folder, env=environment | {"MPLBACKEND": "agg"}, capture_output=True, text=True,
-        timeout=600,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.endswith("a stranger's ten minutes end well\n")

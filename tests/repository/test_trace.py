@@ -7,13 +7,11 @@ import re
 from pathlib import Path
 
 import pytest
-from packaging.utils import canonicalize_name
 
+from tests.support.pages import pins, text_of
 from tools import sbom, soup, trace
 
-ROOT = Path(__file__).parents[2]
-CLAIMS = (ROOT / "docs" / "claims.md").read_text("utf-8")
-DOCS = ROOT / "docs"
+CLAIMS = text_of("docs/claims.md")
 
 pytestmark = pytest.mark.repository
 
@@ -34,16 +32,16 @@ def test_every_requirement_has_a_test_and_every_claim_is_one(capsys: pytest.Capt
 @pytest.mark.parametrize(("row", "anomaly"), [("Not proven: accuracy", "A-1"), ("Not proven: phones", "A-2")])
 def test_what_is_unproven_is_said_everywhere(row: str, anomaly: str) -> None:
     assert any(claim.startswith(row) for claim in trace.claims(CLAIMS))
-    assert re.search(rf"^\| {anomaly}: .*unproven", (DOCS / "anomalies.md").read_text("utf-8"), re.MULTILINE)
+    assert re.search(rf"^\| {anomaly}: .*unproven", text_of("docs/anomalies.md"), re.MULTILINE)
     assert anomaly in CLAIMS
-    assert row.removeprefix("Not proven: ") in (ROOT / "README.md").read_text("utf-8")
-    limits = (DOCS / "limits.md").read_text("utf-8")
+    assert row.removeprefix("Not proven: ") in text_of("README.md")
+    limits = text_of("docs/limits.md")
     words = {"A-1": "on real captures is unproven", "A-2": "No chart photo from a phone was available"}
     assert words[anomaly] in limits
 
 
 def test_anomalies_are_numbered_and_claims_name_requirements_that_are() -> None:
-    numbers = re.findall(r"^\| A-(\d+):", (DOCS / "anomalies.md").read_text("utf-8"), re.MULTILINE)
+    numbers = re.findall(r"^\| A-(\d+):", text_of("docs/anomalies.md"), re.MULTILINE)
     assert numbers == [str(at + 1) for at in range(len(numbers))]
     known = {requirement.name for requirement in trace.read_requirements()}
     named = set(re.findall(r"\bR-[A-Z-]+[A-Z]", CLAIMS))
@@ -52,12 +50,6 @@ def test_anomalies_are_numbered_and_claims_name_requirements_that_are() -> None:
 
 
 # -- SOUP and SBOM ------------------------------------------------------------------------------------------------
-
-
-def pins() -> dict[str, str]:
-    lines = (ROOT / "constraints.txt").read_text("utf-8").splitlines()
-    pairs = [line.split("==") for line in lines if "==" in line and not line.startswith("#")]
-    return {canonicalize_name(name): version for name, version in pairs}
 
 
 @pytest.mark.requirement("R-SOUP")
