@@ -38,15 +38,16 @@ pytestmark = [
 ]
 
 
+QUIET = {"dashboard_address": None, "silence_logs": 50}
+
+
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[Any]:
     """Two workers; nannies begin a new one where one dies."""
     before = os.environ.get("PYTHONPATH")
     os.environ["PYTHONPATH"] = SEARCH
     try:
-        with distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
-        ) as started:
+        with distributed.LocalCluster(n_workers=2, threads_per_worker=1, **QUIET) as started:
             yield started
     finally:
         os.environ.pop("PYTHONPATH") if before is None else os.environ.update(PYTHONPATH=before)
@@ -301,24 +302,23 @@ def test_the_poisonous_is_put_aside_after_two_deaths(desk: Desk, cluster: Any) -
     assert (again.resumed, desk.visits()["x"]) == (7, pools.DEATHS)
 
 
-def test_another_version_on_the_worker_is_refused(desk: Desk, cluster: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def lacks(*_: Any) -> None:
+    raise ModuleNotFoundError("No module named 'camssf'", name="camssf")
+
+
+@pytest.mark.parametrize(("name", "other", "words", "advice"), [
+    ("__version__", "9.9.9", "A worker of the Dask cluster has camssf", "9.9.9"),
+    ("do_job", lacks, "lacks camssf", "wheel"),
+])  # fmt: skip
+def test_a_worker_with_another_camssf_or_none_is_named(
+    desk: Desk, cluster: Any, name: str, other: Any, words: str, advice: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     desk.fill(1)
-    monkeypatch.setattr(pools, "__version__", "9.9.9")
-    with pytest.raises(InvalidArgument, match="A worker of the Dask cluster has camssf") as caught:
+    monkeypatch.setattr(pools, name, other)
+    with pytest.raises(InvalidArgument, match=words) as caught:
         desk.run(dask=cluster.scheduler_address)
-    assert "9.9.9" in caught.value.advice
+    assert advice in caught.value.advice
     assert desk.visits() == {}
-
-
-def test_a_worker_without_camssf_is_named(desk: Desk, cluster: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    def lacks(*_: Any) -> None:
-        raise ModuleNotFoundError("No module named 'camssf'", name="camssf")
-
-    desk.fill(1)
-    monkeypatch.setattr(pools, "do_job", lacks)
-    with pytest.raises(InvalidArgument, match="lacks camssf") as caught:
-        desk.run(dask=cluster.scheduler_address)
-    assert "wheel" in caught.value.advice
 
 
 def test_nobody_answers(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -328,7 +328,7 @@ def test_nobody_answers(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
         with pytest.raises(InvalidArgument, match="No Dask scheduler answers"):
             desk.run(dask=address)
     with (
-        distributed.LocalCluster(n_workers=0, dashboard_address=None, silence_logs=50) as empty,
+        distributed.LocalCluster(n_workers=0, **QUIET) as empty,
         pytest.raises(InvalidArgument, match="has no worker"),
     ):
         desk.run(dask=empty.scheduler_address)
@@ -342,13 +342,7 @@ def test_without_the_library_it_says_what_to_install(desk: Desk, monkeypatch: py
     assert '".[dask]"' in caught.value.advice
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["--workers", "tcp://127.0.0.1:9"],
-        ["--workers", "0", "--registry", "r"],
-    ],
-)
+@pytest.mark.parametrize("words", [["--workers", "tcp://127.0.0.1:9"], ["--workers", "0", "--registry", "r"]])
 def test_calls_that_are_wrong(words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("m.csv").write_text("name,photo,lamp\na,x,D55\n")
