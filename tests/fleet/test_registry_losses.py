@@ -154,14 +154,7 @@ MOVED = ("a flipped bit", "a cut file", "an empty file", "a damaged list", "a st
 """Losses after which a file is moved away, as the message says."""
 
 
-QUICK = (
-    "file 0",
-    "the records of a batch",
-    "a list between",
-    "row and job, by another program",
-    "a flipped bit",
-    "the archive",
-)
+QUICK = ("the records of a batch", "row and job, by another program", "a flipped bit", "the archive")
 """Losses of a run without `full`."""
 
 

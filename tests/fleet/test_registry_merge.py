@@ -11,7 +11,7 @@ import pytest
 from camssf import cli
 from tests.support.desk import Desk
 from tests.support.documents import document
-from tests.support.registries import START, bells, made
+from tests.support.registries import START, bells, correct, made
 
 pytest.importorskip("duckdb", reason="duckdb is not here")
 pytest.importorskip("cryptography", reason="cryptography is not here")
@@ -65,8 +65,8 @@ def test_in_any_order_it_is_the_same(clinic: Clinic) -> None:
         lambda: clinic.add(clinic.passport, clinic.result, *key),
     ]
     rows = []
-    for number in range(4):
-        for step in (*steps[number:], *steps[:number]):
+    for number, order in enumerate((steps, steps[::-1])):
+        for step in order:
             assert step() == 0
         assert clinic.add(clinic.result) == 0
         assert verify(Registry(clinic.home / "phones")).faults == ()
@@ -123,22 +123,24 @@ def test_what_is_silent_empties_nothing_and_what_contradicts_is_refused(one: Reg
     files = one.files.sizes()
     assert [row.changes for row in one.add([empty, full])] == [(), ()]
     assert one.files.sizes() == files
-    for more, words in (
+    contradictions: list[tuple[dict[str, Any], str]] = [
         ({"serial": "B2"}, "serial A1 in the registry, B2 given"), ({"model": "Other"}, "model Model in .*, Other"),
         ({"captured": START + timedelta(seconds=1)}, "time 2026-01-01T00:00:00Z in .*, 2026-01-01T00:00:01Z given"),
         ({"focal_length": 35.0}, "focal length 24.0 in .*, 35.0 given"), ({"lens": "35mm"}, "lens 50mm in .*, 35mm"),
         ({"extra": '{"site": "roof"}'}, "site lab in the registry, roof given"),
-    ):  # fmt: skip
-        other = replace(full, **more)
+    ]  # fmt: skip
+    others = [replace(full, **more) for more, _ in contradictions]
+    for other, (_, words) in zip(others, contradictions, strict=True):
         with pytest.raises(InvalidArgument, match=words):
             one.add([made(2), other])
-        assert len(one.listing()) == 1, "all or nothing"
-        assert [each.contradiction != "" for each in one.append([other, replace(full, name="x")], partly=True)] == [
-            True, False,
-        ]  # fmt: skip
-        (said,) = Registry(one.folder, correct=True).add([other])
-        assert "changed from" in said.changes[0]
-        Registry(one.folder, correct=True).add([full])
+    assert len(one.listing()) == 1, "all or nothing"
+    refused = [each.contradiction != "" for each in one.append([*others, replace(full, name="x")], partly=True)]
+    assert refused == [True] * len(others) + [False]
+    changed = {name: value for more, _ in contradictions for name, value in more.items()}
+    (said,) = correct(one, replace(full, **changed))
+    assert len(said.changes) == len(others)
+    assert all("changed from" in change for change in said.changes)
+    correct(one, full)
     with pytest.raises(InvalidArgument, match="serial A in the registry, B given"):  # within one call
         one.add([made(3, serial="A"), made(3, serial="B")])
     one.add([replace(full, focal_length=24.0 * 1.0001)])  # files round it
@@ -160,6 +162,6 @@ def test_an_empty_field_of_a_whole_result_empties_nothing(one: Registry) -> None
     with pytest.raises(InvalidArgument, match="serial A1 in the registry, B9 given"):
         one.add(rows)
     one.add(rows[:2])
-    Registry(one.folder, correct=True).add(rows[2:])
+    correct(one, *rows[2:])
     assert one.history(Unit(serial="B9"))[-1].what == "serial changed from A1 to B9"
     assert verify(one).faults == ()
