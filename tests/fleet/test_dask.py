@@ -100,27 +100,23 @@ def run_interrupted(tmp_path: Path, interruptions: int, error: Exception, worker
 DIED = distributed.KilledWorker("key", "worker", 3)
 
 
-@pytest.mark.parametrize("times", [1, pools.RESUBMISSIONS])
-def test_what_a_busy_cluster_loses_is_submitted_again(times: int, tmp_path: Path) -> None:
-    pool, ends = run_interrupted(tmp_path, times, pools.Lost())
-    assert ends == [("a", "accepted", "a", 0), ("b", "accepted", "b", 0)]
-    assert pool.submitted == {"a": times + 1, "b": times + 1}
+AGAIN = f"It was interrupted {pools.RESUBMISSIONS + 1} times. Run the same command again for it."
 
 
-def test_not_for_ever(tmp_path: Path) -> None:
-    """It is no job's fault: the next run tries it again."""
-    pool, ends = run_interrupted(tmp_path, 10**6, pools.Lost())
-    times = pools.RESUBMISSIONS + 1
-    assert pool.submitted == {"a": times, "b": times}
-    words = f"It was interrupted {times} times. Run the same command again for it."
-    assert ends == [("a", "failed", words, 0), ("b", "failed", words, 0)]
-
-
-def test_a_job_whose_processes_died_is_not_begun_again(tmp_path: Path) -> None:
-    _, ends = run_interrupted(tmp_path, pools.DEATHS, DIED)
-    assert ends == [(name, "failed", pools.DIED, pools.DEATHS) for name in "ab"]
-    _, ends = run_interrupted(tmp_path, pools.DEATHS - 1, DIED)
-    assert [status for _, status, *_ in ends] == ["accepted"] * 2
+@pytest.mark.parametrize(("interruptions", "error", "submitted", "end"), [
+    (1, pools.Lost(), 2, ("accepted", None, 0)),
+    (pools.RESUBMISSIONS, pools.Lost(), pools.RESUBMISSIONS + 1, ("accepted", None, 0)),
+    (10**6, pools.Lost(), pools.RESUBMISSIONS + 1, ("failed", AGAIN, 0)),  # no job's fault: the next run tries again
+    (pools.DEATHS - 1, DIED, None, ("accepted", None, pools.DEATHS - 1)),
+    (pools.DEATHS, DIED, None, ("failed", pools.DIED, pools.DEATHS)),
+])  # fmt: skip
+def test_what_is_interrupted_is_submitted_again_not_for_ever(
+    interruptions: int, error: Exception, submitted: int | None, end: Any, tmp_path: Path
+) -> None:
+    pool, ends = run_interrupted(tmp_path, interruptions, error)
+    status, reason, deaths = end
+    assert ends == [(name, status, reason or name, deaths) for name in "ab"]
+    assert submitted is None or pool.submitted == dict.fromkeys("ab", submitted)
 
 
 class Client:
