@@ -207,9 +207,9 @@ class RecordFiles:
             duckdb.Error, OSError: it cannot be read.
         """
         with connection(self.folder, sizes) as con:
-            create_views(con, [path])
-            con.execute("SELECT bit_xor(hash(stored)) FROM stored").fetchone()
-            described = con.execute(f"DESCRIBE FROM read_parquet({quoted(path)}, hive_partitioning = false)")
+            read = f"FROM read_parquet({quoted(path)}, hive_partitioning = false)"
+            con.execute(f"SELECT bit_xor(hash(stored)) {read} AS stored").fetchone()
+            described = con.execute(f"DESCRIBE {read}")
             return {name: kind.replace(" WITH TIME ZONE", "TZ") for name, kind, *_ in described.fetchall()}
 
     def _remove(self, path: str) -> None:

@@ -118,7 +118,8 @@ _EMPTY = {"AR": "''", "[]": "[]"}
 def fill(con: Any, name: str, kinds: Mapping[str, str], rows: Sequence[Mapping[str, Any]]) -> None:
     """Make a table of rows in DuckDB; a whole column as one parameter is faster than row by row."""
     selected = ", ".join(f"unnest(?::{kind}[]) AS {column}" for column, kind in kinds.items())
-    con.execute(f"CREATE TABLE {name} AS SELECT {selected}", [[row.get(column) for row in rows] for column in kinds])
+    columns = [[row.get(column) for row in rows] for column in kinds]
+    con.execute(f"CREATE TEMP TABLE {name} AS SELECT {selected}", columns)
 
 
 def stored_value(column: str, value: Any) -> Any:

@@ -25,18 +25,20 @@ from camssf_fleet import cluster as cluster_module
 from camssf_fleet import pools
 from camssf_fleet.manifest import Job, Manifest
 from camssf_fleet.outcome import Outcome
-from tests.fleet.test_stream import Desk, slow, templates
+from tests.support.desk import Desk, slow, until
 from tests.support.processes import SEARCH
 
 pytest.importorskip("duckdb", reason="duckdb is not here")
 distributed = pytest.importorskip("distributed", reason="distributed is not here")
 
-__all__ = ["templates"]
 pytestmark = [
     pytest.mark.full,
     pytest.mark.skipif(sys.platform == "win32", reason="signals differ there"),
     pytest.mark.filterwarnings("default"),  # of Dask and Tornado at their ends: not ours to mend
 ]
+
+
+QUIET = {"dashboard_address": None, "silence_logs": 50}
 
 
 @pytest.fixture(scope="module")
@@ -45,9 +47,7 @@ def cluster() -> Iterator[Any]:
     before = os.environ.get("PYTHONPATH")
     os.environ["PYTHONPATH"] = SEARCH
     try:
-        with distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
-        ) as started:
+        with distributed.LocalCluster(n_workers=2, threads_per_worker=1, **QUIET) as started:
             yield started
     finally:
         os.environ.pop("PYTHONPATH") if before is None else os.environ.update(PYTHONPATH=before)
@@ -100,27 +100,23 @@ def run_interrupted(tmp_path: Path, interruptions: int, error: Exception, worker
 DIED = distributed.KilledWorker("key", "worker", 3)
 
 
-@pytest.mark.parametrize("times", [1, pools.RESUBMISSIONS])
-def test_what_a_busy_cluster_loses_is_submitted_again(times: int, tmp_path: Path) -> None:
-    pool, ends = run_interrupted(tmp_path, times, pools.Lost())
-    assert ends == [("a", "accepted", "a", 0), ("b", "accepted", "b", 0)]
-    assert pool.submitted == {"a": times + 1, "b": times + 1}
+AGAIN = f"It was interrupted {pools.RESUBMISSIONS + 1} times. Run the same command again for it."
 
 
-def test_not_for_ever(tmp_path: Path) -> None:
-    """It is no job's fault: the next run tries it again."""
-    pool, ends = run_interrupted(tmp_path, 10**6, pools.Lost())
-    times = pools.RESUBMISSIONS + 1
-    assert pool.submitted == {"a": times, "b": times}
-    words = f"It was interrupted {times} times. Run the same command again for it."
-    assert ends == [("a", "failed", words, 0), ("b", "failed", words, 0)]
-
-
-def test_a_job_whose_processes_died_is_not_begun_again(tmp_path: Path) -> None:
-    _, ends = run_interrupted(tmp_path, pools.DEATHS, DIED)
-    assert ends == [(name, "failed", pools.DIED, pools.DEATHS) for name in "ab"]
-    _, ends = run_interrupted(tmp_path, pools.DEATHS - 1, DIED)
-    assert [status for _, status, *_ in ends] == ["accepted"] * 2
+@pytest.mark.parametrize(("interruptions", "error", "submitted", "end"), [
+    (1, pools.Lost(), 2, ("accepted", None, 0)),
+    (pools.RESUBMISSIONS, pools.Lost(), pools.RESUBMISSIONS + 1, ("accepted", None, 0)),
+    (10**6, pools.Lost(), pools.RESUBMISSIONS + 1, ("failed", AGAIN, 0)),  # no job's fault: the next run tries again
+    (pools.DEATHS - 1, DIED, None, ("accepted", None, pools.DEATHS - 1)),
+    (pools.DEATHS, DIED, None, ("failed", pools.DIED, pools.DEATHS)),
+])  # fmt: skip
+def test_what_is_interrupted_is_submitted_again_not_for_ever(
+    interruptions: int, error: Exception, submitted: int | None, end: Any, tmp_path: Path
+) -> None:
+    pool, ends = run_interrupted(tmp_path, interruptions, error)
+    status, reason, deaths = end
+    assert ends == [(name, status, reason or name, deaths) for name in "ab"]
+    assert submitted is None or pool.submitted == dict.fromkeys("ab", submitted)
 
 
 class Client:
@@ -176,15 +172,10 @@ def test_a_client_that_closed_is_said(desk: Desk, cluster: Any, monkeypatch: pyt
         raise distributed.client.ClosedClientError("Can't perform action on a closed client")
 
     monkeypatch.setattr(distributed.Client, "submit", closed)
-    desk.write(["one,a,D55,,,,,"], {"a": "Phone"})
+    desk.fill(1)
     with pytest.raises(InvalidArgument, match="The Dask cluster was lost") as caught:
         desk.run(dask=cluster.scheduler_address)
     assert "the same command" in caught.value.advice
-
-
-@pytest.fixture
-def desk(tmp_path: Path, templates: dict[str, str]) -> Desk:
-    return Desk(tmp_path, templates)
 
 
 def test_it_does_what_processes_here_do(desk: Desk, cluster: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -207,14 +198,11 @@ def test_it_does_what_processes_here_do(desk: Desk, cluster: Any, monkeypatch: p
 
 
 def test_a_worker_s_death_loses_nothing(desk: Desk, cluster: Any) -> None:
-    names = [f"c{i}" for i in range(16)]
-    desk.write([f"{n},{n},D55,,,,," for n in names], {n: f"Phone {n}" for n in names})
+    names = desk.fill(16)
     victims: list[int] = []
 
     def kill() -> None:
-        deadline = time.monotonic() + 60
-        while sum(desk.visits().values()) < 4 and time.monotonic() < deadline:
-            time.sleep(0.05)
+        until(lambda: desk.visits().total() >= 4, 60)
         with distributed.Client(cluster.scheduler_address, set_as_default=False) as client:
             victims.extend(list(client.run(os.getpid).values())[:1])
         os.kill(victims[0], signal.SIGKILL)
@@ -236,8 +224,7 @@ def test_a_scheduler_that_is_lost_is_told_and_the_next_goes_on(
 ) -> None:
     """The scheduler is killed in the middle; another one, with another address, does the rest."""
     monkeypatch.setattr(cluster_module, "WORKERLESS_TIMEOUT", 10.0)
-    names = [f"c{i}" for i in range(12)]
-    desk.write([f"{n},{n},D55,,,,," for n in names], {n: f"Phone {n}" for n in names})
+    names = desk.fill(12)
 
     def begin(number: int) -> tuple[str, subprocess.Popen[bytes], list[subprocess.Popen[bytes]]]:
         file = tmp_path / f"scheduler-{number}.json"
@@ -247,17 +234,13 @@ def test_a_scheduler_that_is_lost_is_told_and_the_next_goes_on(
         place = ["--scheduler-file", str(file), "--no-dashboard"]
         scheduler = subprocess.Popen([*run, "scheduler", "--port", "0", "--host", "127.0.0.1", *place], **quiet)
         worker = subprocess.Popen([*run, "worker", *place, "--nthreads", "1", "--no-nanny"], **quiet)
-        deadline = time.monotonic() + 60
-        while not file.exists() and time.monotonic() < deadline:
-            time.sleep(0.1)
+        until(lambda: file.exists(), 60)
         return json.loads(file.read_text())["address"], scheduler, [scheduler, worker]
 
     address, scheduler, processes = begin(0)
 
     def kill() -> None:
-        deadline = time.monotonic() + 60
-        while sum(desk.visits().values()) < 4 and time.monotonic() < deadline:
-            time.sleep(0.05)
+        until(lambda: desk.visits().total() >= 4, 60)
         scheduler.kill()
 
     killer = threading.Thread(target=kill)
@@ -267,7 +250,7 @@ def test_a_scheduler_that_is_lost_is_told_and_the_next_goes_on(
             desk.run(dask=address, work=slow)
         assert "the same command" in caught.value.advice
         killer.join()
-        before = sum(desk.visits().values())
+        before = desk.visits().total()
         assert 4 <= before < 12
         address, _, more = begin(1)
         processes += more
@@ -278,7 +261,7 @@ def test_a_scheduler_that_is_lost_is_told_and_the_next_goes_on(
             process.wait()
     assert summary.by_status == {"doubtful": 12}
     assert [row["name"] for row in desk.rows()] == sorted(names)
-    assert sum(desk.visits().values()) <= 12 + 1, "what was under way alone is done again"
+    assert desk.visits().total() <= 12 + 1, "what was under way alone is done again"
 
 
 def under_way(dask_scheduler: Any) -> list[str]:
@@ -286,14 +269,11 @@ def under_way(dask_scheduler: Any) -> list[str]:
 
 
 def test_cancelled_by_somebody_else_nothing_is_lost(desk: Desk, cluster: Any) -> None:
-    names = [f"c{i}" for i in range(8)]
-    desk.write([f"{n},{n},D55,,,,," for n in names], {n: f"Phone {n}" for n in names})
+    names = desk.fill(8)
     cancelled: list[str] = []
 
     def meddle() -> None:
-        deadline = time.monotonic() + 60
-        while sum(desk.visits().values()) < 2 and time.monotonic() < deadline:
-            time.sleep(0.05)
+        until(lambda: desk.visits().total() >= 2, 60)
         with distributed.Client(cluster.scheduler_address, set_as_default=False) as client:
             cancelled.extend(key for key in client.run_on_scheduler(under_way) if key.startswith("camssf-"))
             client.cancel([distributed.Future(key, client) for key in cancelled], force=True)
@@ -318,54 +298,47 @@ def test_the_poisonous_is_put_aside_after_two_deaths(desk: Desk, cluster: Any) -
     assert (again.resumed, desk.visits()["x"]) == (7, pools.DEATHS)
 
 
-def test_another_version_on_the_worker_is_refused(desk: Desk, cluster: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    desk.write(["one,a,D55,,,,,"], {"a": "Phone"})
-    monkeypatch.setattr(pools, "__version__", "9.9.9")
-    with pytest.raises(InvalidArgument, match="A worker of the Dask cluster has camssf") as caught:
+def lacks(*_: Any) -> None:
+    raise ModuleNotFoundError("No module named 'camssf'", name="camssf")
+
+
+@pytest.mark.parametrize(("name", "other", "words", "advice"), [
+    ("__version__", "9.9.9", "A worker of the Dask cluster has camssf", "9.9.9"),
+    ("do_job", lacks, "lacks camssf", "wheel"),
+])  # fmt: skip
+def test_a_worker_with_another_camssf_or_none_is_named(
+    desk: Desk, cluster: Any, name: str, other: Any, words: str, advice: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    desk.fill(1)
+    monkeypatch.setattr(pools, name, other)
+    with pytest.raises(InvalidArgument, match=words) as caught:
         desk.run(dask=cluster.scheduler_address)
-    assert "9.9.9" in caught.value.advice
+    assert advice in caught.value.advice
     assert desk.visits() == {}
-
-
-def test_a_worker_without_camssf_is_named(desk: Desk, cluster: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    def lacks(*_: Any) -> None:
-        raise ModuleNotFoundError("No module named 'camssf'", name="camssf")
-
-    desk.write(["one,a,D55,,,,,"], {"a": "Phone"})
-    monkeypatch.setattr(pools, "do_job", lacks)
-    with pytest.raises(InvalidArgument, match="lacks camssf") as caught:
-        desk.run(dask=cluster.scheduler_address)
-    assert "wheel" in caught.value.advice
 
 
 def test_nobody_answers(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster_module, "SCHEDULER_TIMEOUT", 1.0)
-    desk.write(["one,a,D55,,,,,"], {"a": "Phone"})
+    desk.fill(1)
     for address in ("tcp://127.0.0.1:9", "nonsense://x"):
         with pytest.raises(InvalidArgument, match="No Dask scheduler answers"):
             desk.run(dask=address)
     with (
-        distributed.LocalCluster(n_workers=0, dashboard_address=None, silence_logs=50) as empty,
+        distributed.LocalCluster(n_workers=0, **QUIET) as empty,
         pytest.raises(InvalidArgument, match="has no worker"),
     ):
         desk.run(dask=empty.scheduler_address)
 
 
 def test_without_the_library_it_says_what_to_install(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
-    desk.write(["one,a,D55,,,,,"], {"a": "Phone"})
+    desk.fill(1)
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(InvalidArgument, match="distributed") as caught:
         desk.run(dask="tcp://127.0.0.1:9")
     assert '".[dask]"' in caught.value.advice
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["--workers", "tcp://127.0.0.1:9"],
-        ["--workers", "0", "--registry", "r"],
-    ],
-)
+@pytest.mark.parametrize("words", [["--workers", "tcp://127.0.0.1:9"], ["--workers", "0", "--registry", "r"]])
 def test_calls_that_are_wrong(words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("m.csv").write_text("name,photo,lamp\na,x,D55\n")

@@ -25,6 +25,8 @@ pytest.importorskip("cryptography", reason="cryptography is not here")
 from camssf_fleet.passport.document import Passport, PassportRequest, create_passport, read, sign, verify
 from camssf_fleet.passport.keys import PRIVATE, PUBLIC, make_key, read_private, read_public
 from camssf_fleet.passport.revocations import read_revoked
+from camssf_fleet.registry import Registry
+from camssf_fleet.verification import verify as verify_registry
 
 
 def run(*words: object) -> int:
@@ -35,10 +37,6 @@ def run(*words: object) -> int:
 
 
 def test_a_fleet_s_passports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    pytest.importorskip("duckdb", reason="duckdb is not here")
-    from camssf_fleet.registry import Registry
-    from camssf_fleet.verification import verify as verify_registry
-
     make_key(tmp_path)
     folder, out, key = tmp_path / "phones", tmp_path / "passports", ("--key", tmp_path / PRIVATE)
     accepted = replace(document(), verdict=Verdict("accepted"))

@@ -26,16 +26,8 @@ def made(folder: Path, *names: str) -> list[list[str]]:
 
 
 def test_rows_of_a_unit_are_its_shots_with_their_frames(tmp_path: Path) -> None:
-    rows = made(
-        tmp_path,
-        "S2_D65.dng",
-        "S1_D55.DNG",
-        "S1_d55_white.dng",
-        "S1_A_2.dng",
-        "S1_A_1.dng",
-        "S1_A_dark.dng",
-        "S1.txt",
-    )
+    names = ("S2_D65.dng", "S1_D55.DNG", "S1_d55_white.dng", "S1_A_2.dng", "S1_A_1.dng", "S1_A_dark.dng", "S1.txt")
+    rows = made(tmp_path, *names)
     assert rows == [
         ["S1", "S1_A_1.dng", "A", "", "S1_A_dark.dng", "", "S1"],
         ["S1", "S1_A_2.dng", "A", "", "S1_A_dark.dng", "", "S1"],
@@ -49,19 +41,14 @@ def test_rows_of_a_unit_are_its_shots_with_their_frames(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "unit", "lamp"),
-    [
-        ("Pixel 9_A1_B2_D65.dng", "Pixel 9_A1_B2", "D65"),
-        ("A_D55_third try.dng", "A", "D55"),
+    ("name", "unit", "lamp"), [
+        ("Pixel 9_A1_B2_D65.dng", "Pixel 9_A1_B2", "D65"), ("A_D55_third try.dng", "A", "D55"),
         ("S1_D55_A.dng", "S1_D55", "A"),  # the last place where a lamp stands
-        ("S1_led-b1.nef", "S1", "led-b1"),
-        ("S1_FL1_2.dng", "S1", "FL1"),
-        ("S1_auto.dng", "S1", "auto"),
-        ("S1_my_lamp_2.dng", "S1", "my_lamp.csv"),
-        ("S1_BENCH.dng", "S1", "bench.CSV"),
+        ("S1_led-b1.nef", "S1", "led-b1"), ("S1_FL1_2.dng", "S1", "FL1"), ("S1_auto.dng", "S1", "auto"),
+        ("S1_my_lamp_2.dng", "S1", "my_lamp.csv"), ("S1_BENCH.dng", "S1", "bench.CSV"),
         ("S1_D65_Whitehall.dng", "S1", "D65"),
     ],
-)
+)  # fmt: skip
 def test_a_name_is_a_unit_and_a_lamp(name: str, unit: str, lamp: str, tmp_path: Path) -> None:
     ((row),) = made(tmp_path, name, "my_lamp.csv", "bench.CSV", "d65.csv")
     assert row[:3] == [unit, name, lamp]

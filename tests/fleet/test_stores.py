@@ -11,11 +11,10 @@ import pytest
 from camssf import cli
 from camssf.documents.document import document_bytes
 from camssf.errors import InvalidArgument
-from tests.fleet.test_registry import WRITER, keys, run
-from tests.fleet.test_stream import HEADER, in_this_process, made_templates, stub
+from tests.support.desk import HEADER, in_this_process, stub
 from tests.support.documents import document
 from tests.support.processes import SEARCH
-from tests.support.registries import bells, made
+from tests.support.registries import WRITER, bells, keys, made
 from tests.support.stores import SECRET, Faulty, environment, served
 
 pytest.importorskip("moto", reason="moto is not here")
@@ -26,6 +25,7 @@ from camssf.places import files_below, join, place, relative
 from camssf_fleet import batch
 from camssf_fleet.manifest import Manifest
 from camssf_fleet.outcome import Summary
+from camssf_fleet.record_queries import connection
 from camssf_fleet.registry import Deleted, Deletion, Registry
 from camssf_fleet.verification import verify
 
@@ -53,52 +53,48 @@ def bucket(server: tuple[str, Faulty], request: pytest.FixtureRequest) -> Iterat
     server[1].rate = 0.0
 
 
-def written(home: str, rows: list[str], photos: dict[str, str]) -> None:
-    """A manifest, its photos and what `stub` needs."""
-    for name, text in photos.items():
-        place(f"{home}/photos/{name}").write_text(text)
-    place(f"{home}/manifest.csv").write_text("\n".join([HEADER, *rows]) + "\n")
+@pytest.fixture(autouse=True, scope="module")
+def one_database() -> None:
+    """None here: a file system is registered with each connection."""
+
+
+class Logged:
+    """`stub`, whose visits are kept here: the folder of a photo from a bucket is a temporary one."""
+
+    def __init__(self, home: Path) -> None:
+        self.file = home / "visits"
+
+    def __call__(self, job: Any, folder: Path) -> Any:
+        assert Path(job.photos[0]).is_file()
+        with open(self.file, "a") as file:
+            file.write(f"{job.name}\n")
+        return stub(job, folder)
+
+    def visits(self) -> list[str]:
+        return sorted(self.file.read_text().split())
 
 
 @pytest.fixture
-def stubbed(tmp_path: Path) -> Any:
-    for name, text in made_templates().items():
-        (tmp_path / name).write_text(text)
-    return Stub(tmp_path)
-
-
-class Stub:
-    """`stub` of another test, which looks for its templates beside the photo: here that is a copy."""
-
-    def __init__(self, home: Path) -> None:
-        self.home = home
-
-    def __call__(self, job: Any, folder: Path, **more: Any) -> Any:
-        photo = Path(job.photos[0])
-        assert photo.is_file()
-        for template in self.home.glob("template-*.json"):
-            (photo.parent / template.name).write_bytes(template.read_bytes())
-        with open(self.home / "visits", "a") as file:
-            file.write(f"{job.name}\n")
-        return stub(job, folder, **more)
-
-    def visits(self) -> list[str]:
-        file = self.home / "visits"
-        return sorted(file.read_text().split()) if file.exists() else []
+def logged(tmp_path: Path) -> Logged:
+    return Logged(tmp_path)
 
 
 def ran(home: str, work: Any, **more: Any) -> Summary:
     registry = Registry(f"{home}/phones", new=True)
-    return batch.run_batch(
-        Manifest(f"{home}/manifest.csv"), f"{home}/out", registry, work=work, **{"workers": 2, **more}
-    )
+    how = {"workers": 2, "work": work, **more}
+    return batch.run_batch(Manifest(f"{home}/manifest.csv"), f"{home}/out", registry, **how)
 
 
 NAMES = [f"c{i}" for i in range(6)]
 
 
-def manifest_of(home: str, names: list[str] = NAMES) -> None:
-    written(home, [f"{name},photos/{name},D55,,,,S{name}," for name in names], {n: f"Phone {n}" for n in names})
+def written(home: str, photos: dict[str, str] | None = None) -> None:
+    """A manifest and its photos, with these texts."""
+    photos = photos or {name: f"Phone {name}" for name in NAMES}
+    for name, text in photos.items():
+        place(f"{home}/photos/{name}").write_text(text)
+    rows = [f"{name},photos/{name},D55,,,,S{name}," for name in photos]
+    place(f"{home}/manifest.csv").write_text("\n".join([HEADER, *rows]) + "\n")
 
 
 def test_a_registry_does_there_what_it_does_in_a_folder(bucket: str) -> None:
@@ -123,13 +119,9 @@ def test_a_registry_does_there_what_it_does_in_a_folder(bucket: str) -> None:
 @pytest.mark.requirement("R-REGISTRY")
 def test_writers_at_once_two_of_them_killed(bucket: str) -> None:
     rows = {number: 20 if number > 2 else 1_000_000 for number in range(1, 5)}
-    writers = [
-        subprocess.Popen(
-            [*WRITER, f"{bucket}/phones", str(number), str(count), "5"],
-            stdout=subprocess.PIPE, env=os.environ | {"PYTHONPATH": SEARCH},
-        )
-        for number, count in rows.items()
-    ]  # fmt: skip
+    how: Any = {"stdout": subprocess.PIPE, "env": os.environ | {"PYTHONPATH": SEARCH}}
+    command = [*WRITER, f"{bucket}/phones"]
+    writers = [subprocess.Popen([*command, str(number), str(count), "5"], **how) for number, count in rows.items()]
     added: list[str] = []
     try:
         for victim in writers[:2]:
@@ -150,13 +142,13 @@ def test_writers_at_once_two_of_them_killed(bucket: str) -> None:
     assert verify(one).faults == ()
 
 
-def test_a_batch_from_a_bucket_to_a_bucket(bucket: str, stubbed: Stub, monkeypatch: pytest.MonkeyPatch) -> None:
-    manifest_of(bucket)
-    found = ran(bucket, stubbed)
+def test_a_batch_from_a_bucket_to_a_bucket(bucket: str, logged: Logged) -> None:
+    written(bucket)
+    found = ran(bucket, logged)
     assert (found.by_status, found.resumed) == ({"doubtful": 6}, 0)
-    again = ran(bucket, stubbed)
+    again = ran(bucket, logged)
     assert (again.by_status, again.resumed) == ({"doubtful": 6}, 6)
-    assert stubbed.visits() == sorted(NAMES)
+    assert logged.visits() == sorted(NAMES)
     one = Registry(f"{bucket}/phones")
     places = [each["place"] for each in one.query("SELECT place FROM rows")]
     assert all(each.startswith("../out/") for each in places)
@@ -164,18 +156,16 @@ def test_a_batch_from_a_bucket_to_a_bucket(bucket: str, stubbed: Stub, monkeypat
     assert (checked.rows, checked.documents, checked.documents_missing, checked.faults) == (6, 6, 0, ())
     place(f"{bucket}/photos/c0").write_text("Phone other")  # another photo of the same name
     place(f"{bucket}/photos/c1").unlink()
-    once_more = ran(bucket, stubbed)
+    once_more = ran(bucket, logged)
     assert (once_more.resumed, once_more.by_status) == (4, {"doubtful": 5, "refused": 1})
     (reason,) = one.query("SELECT reason FROM jobs WHERE name = 'c1' AND status = 'refused'")
     assert f"{bucket}/photos/c1 cannot be read" in reason["reason"]
     assert not [path for path in files_below(place(f"{bucket}/out")) if path.name not in ("result.json",)]
 
 
-def test_from_parquet_and_from_here_to_there(bucket: str, stubbed: Stub, tmp_path: Path) -> None:
+def test_from_parquet_and_from_here_to_there(bucket: str, logged: Logged, tmp_path: Path) -> None:
     """A local manifest names photos in a bucket; the results stay here."""
-    from camssf_fleet.record_queries import connection
-
-    manifest_of(bucket)
+    written(bucket)
     rows = "\n".join(f"{name},{bucket}/photos/{name},D55" for name in NAMES)
     (tmp_path / "m.csv").write_text(f"name,photo,lamp\n{rows}\n")
     with connection() as con:
@@ -183,19 +173,19 @@ def test_from_parquet_and_from_here_to_there(bucket: str, stubbed: Stub, tmp_pat
     place(f"{bucket}/m.parquet").write_bytes((tmp_path / "m.parquet").read_bytes())
     for manifest in (tmp_path / "m.csv", f"{bucket}/m.parquet"):
         registry = Registry(tmp_path / "phones", new=True)
-        found = batch.run_batch(Manifest(manifest), tmp_path / "out", registry, work=stubbed, workers=1)
+        found = batch.run_batch(Manifest(manifest), tmp_path / "out", registry, work=logged, workers=1)
         assert found.total == 6
     assert found.resumed == 6, "the same photos by the same names"
-    assert len(stubbed.visits()) == 6
+    assert len(logged.visits()) == 6
 
 
-def test_faults_lose_nothing(bucket: str, server: tuple[str, Faulty], stubbed: Stub) -> None:
+def test_faults_lose_nothing(bucket: str, server: tuple[str, Faulty], logged: Logged) -> None:
     """One answer in ten is throttled, an error or cut; then the same command is given until it ends."""
-    manifest_of(bucket)
+    written(bucket)
     server[1].rate, before = 0.1, server[1].faults
     for _ in range(20):
         try:
-            found = ran(bucket, stubbed)
+            found = ran(bucket, logged)
         except InvalidArgument:
             continue
         if found.by_status == {"doubtful": 6}:
@@ -208,23 +198,27 @@ def test_faults_lose_nothing(bucket: str, server: tuple[str, Faulty], stubbed: S
     assert [each["name"] for each in one.query("SELECT name FROM rows ORDER BY name")] == sorted(NAMES)
     checked = verify(one)
     assert (checked.documents, checked.faults) == (6, ())
-    assert ran(bucket, stubbed).resumed == 6
+    assert ran(bucket, logged).resumed == 6
 
 
-def test_on_a_cluster(bucket: str, stubbed: Stub, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_on_a_cluster(bucket: str, logged: Logged, monkeypatch: pytest.MonkeyPatch) -> None:
     distributed = pytest.importorskip("distributed", reason="distributed is not here")
-    manifest_of(bucket)
+    written(bucket)
     monkeypatch.setenv("PYTHONPATH", SEARCH)
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
     ) as cluster:
-        found = ran(bucket, stubbed, workers=None, dask=cluster.scheduler_address)
+        found = ran(bucket, logged, workers=None, dask=cluster.scheduler_address)
         assert found.by_status == {"doubtful": 6}
-        written(bucket, [f"{n},photos/{n},D55,,,,," for n in "axb"], {"a": "Phone a", "x": "dies", "b": "Phone b"})
-        found = ran(bucket, stubbed, workers=None, dask=cluster.scheduler_address)
+        written(bucket, {"a": "Phone a", "x": "dies", "b": "Phone b"})
+        found = ran(bucket, logged, workers=None, dask=cluster.scheduler_address)
     assert found.by_status == {"doubtful": 2, "failed": 1}
-    assert stubbed.visits().count("x") == 2
+    assert logged.visits().count("x") == 2
     assert not [path for path in files_below(place(f"{bucket}/out")) if path.name != "result.json"]
+
+
+def run(*words: str) -> int:
+    return cli.main(["registry", *words])
 
 
 def test_on_the_command_line(
@@ -263,12 +257,12 @@ def test_a_server_that_is_gone_is_told(
     assert "another-secret" not in message
 
 
-def test_memory_in_one_process(tmp_path: Path, stubbed: Stub, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_memory_in_one_process(tmp_path: Path, logged: Logged, monkeypatch: pytest.MonkeyPatch) -> None:
     """`memory://` is one process's own; a registry cannot be there."""
     monkeypatch.setattr(batch, "run_processes", in_this_process)
-    manifest_of("memory://fleet")
+    written("memory://fleet")
     registry = Registry(tmp_path / "phones", new=True)
-    found = batch.run_batch(Manifest("memory://fleet/manifest.csv"), "memory://fleet/out", registry, work=stubbed)
+    found = batch.run_batch(Manifest("memory://fleet/manifest.csv"), "memory://fleet/out", registry, work=logged)
     assert found.by_status == {"doubtful": 6}
     assert verify(registry).documents == 6
     with pytest.raises(InvalidArgument, match="memory"):

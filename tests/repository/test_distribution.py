@@ -9,7 +9,6 @@ import re
 import shutil
 import subprocess
 import sys
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +19,11 @@ from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 
 from camssf.version import __version__
+from tests.support.pages import PROJECT, ROOT, text_of
 from tools import conda_recipe, release
 from tools.tutorials import TUTORIALS, blocks
 
-ROOT = Path(__file__).parents[2]
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
-DOCKERFILE = (ROOT / "Dockerfile").read_text("utf-8")
+DOCKERFILE = text_of("Dockerfile")
 
 
 def copied(stage: str) -> list[str]:
@@ -44,15 +42,12 @@ BUILD, RUN = DOCKERFILE.split("\n\n", 1)
 @pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
 def test_a_tutorial_needs_nothing_but_what_it_installs(page: Path) -> None:
     """Its imports and commands; tools.release runs the first in an empty environment."""
-    install = re.findall(r"pip install -e '\.\[(.*)\]'", (ROOT / "docs/tutorials/first-phone.md").read_text("utf-8"))
+    install = re.findall(r"pip install -e '\.\[(.*)\]'", text_of("docs/tutorials/first-phone.md"))
     assert install == [release.EXTRA]
     extras = PROJECT["project"]["optional-dependencies"]
     needs = [*PROJECT["project"]["dependencies"], *extras[release.EXTRA], *extras["plot"]]
-    there = (
-        {Requirement(need).name for need in needs}
-        | {"camssf", "camssf_colour", "camssf_fleet", "camssf_lab"}
-        | sys.stdlib_module_names
-    )
+    ours = {"camssf", "camssf_colour", "camssf_fleet", "camssf_lab"}
+    there = {Requirement(need).name for need in needs} | ours | sys.stdlib_module_names
     for kind, block, _ in blocks(page.read_text("utf-8")):
         if kind == "python":
             trees = [node for node in ast.walk(ast.parse(block)) if isinstance(node, ast.Import | ast.ImportFrom)]
@@ -72,7 +67,7 @@ def test_a_tutorial_needs_nothing_but_what_it_installs(page: Path) -> None:
 def test_the_dockerfile_copies_what_is_there_and_runs_as_a_user_without_rights() -> None:
     names = copied(BUILD) + copied(RUN)
     assert {"reference", "export", "pyproject.toml", "constraints.txt"} <= set(names)
-    allowed = (ROOT / ".dockerignore").read_text("utf-8").splitlines()
+    allowed = text_of(".dockerignore").splitlines()
     for name in names:
         assert (ROOT / name).exists(), name
         assert f"!{name}" in allowed, name
@@ -118,14 +113,10 @@ def test_the_recipe_of_a_release_names_its_file_by_hash(tmp_path: Path) -> None:
 
 @pytest.mark.full
 @pytest.mark.skipif(shutil.which("bash") is None, reason="no bash")
-@pytest.mark.parametrize(
-    ("words", "answers"),
-    [
-        ("camssf cal", {"calibrate"}),
-        ("camssf calibrate --lamp", {"--lamp", "--lamp-tolerance"}),
-        ("camssf passport s", {"sign", "show"}),
-    ],
-)
+@pytest.mark.parametrize(("words", "answers"), [
+    ("camssf cal", {"calibrate"}), ("camssf calibrate --lamp", {"--lamp", "--lamp-tolerance"}),
+    ("camssf passport s", {"sign", "show"}),
+])  # fmt: skip
 def test_bash_completes(words: str, answers: set[str], tmp_path: Path) -> None:
     """By the function that camssf prints for a shell, in a bash of its own."""
     shim = tmp_path / "camssf"
@@ -137,9 +128,7 @@ def test_bash_completes(words: str, answers: set[str], tmp_path: Path) -> None:
         'function=$(complete -p camssf | sed "s/.*-F \\([^ ]*\\).*/\\1/"); $function camssf; '
         'printf "%s\\n" "${COMPREPLY[@]}"'
     )
-    done = subprocess.run(
-        ["bash", "-c", script],
-        env={**os.environ, "PATH": os.pathsep.join((str(tmp_path), os.environ["PATH"]))},
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
+    path = {"PATH": os.pathsep.join((str(tmp_path), os.environ["PATH"]))}
+    how: Any = {"env": os.environ | path, "capture_output": True, "text": True}
+    done = subprocess.run(["bash", "-c", script], check=True, **how)
     assert set(done.stdout.split()) == answers, done.stderr

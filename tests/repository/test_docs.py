@@ -1,57 +1,31 @@
 """README and docs are true: commands parse, links lead somewhere, tables agree with the code."""
 
-import ast
 import json
 import os
 import re
-import shlex
 import subprocess
 import sysconfig
-import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 import typer
 import yaml
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 import camssf
 from camssf import Result
 from camssf.cli import BATCH_FAILED, BUG, INTERRUPTED, UNDECIDED, app, main
 from camssf.error_codes import codes
 from camssf.errors import CalibrationError
+from tests.support.pages import DOCS, PAGES, PROJECT, ROOT, blocks, calls, pins, text_of
 from tools import cli_options
 
-ROOT = Path(__file__).parents[2]
-PAGES = [
-    ROOT / "README.md",
-    ROOT / "CHANGELOG.md",
-    ROOT / "CONTRIBUTING.md",
-    ROOT / "RELEASING.md",
-    ROOT / "SECURITY.md",
-    *sorted((ROOT / "docs").glob("**/*.md")),
-]
-README = (ROOT / "README.md").read_text("utf-8")
+README = text_of("README.md")
 CLI = typer.main.get_command(app)
 
 pytestmark = pytest.mark.repository
-
-
-def blocks(text: str, language: str) -> list[str]:
-    found = re.findall(rf"^( *)```{language}\n(.*?)^\1```", text, re.DOTALL | re.MULTILINE)
-    return ["\n".join(line.removeprefix(indent) for line in body.splitlines()) for indent, body in found]
-
-
-def calls(line: str) -> list[list[str]]:
-    """The camssf commands of a shell line, without redirections."""
-    found, current = [], None
-    for token in shlex.split(line, comments=True):
-        if token in ("|", "&&") or re.fullmatch(r"\d?>.*", token):
-            current = None
-        elif current is not None:
-            current.append(token)
-        elif Path(token).name == "camssf":
-            found.append(current := [])
-    return found
 
 
 def epilogs() -> list[str]:
@@ -102,30 +76,21 @@ def test_the_readme_s_two_commands_make_their_own_environment() -> None:
 def test_there_is_one_way_to_install() -> None:
     """From a clone, since nothing is released; what will hold then stands once, on the page of installation."""
     folders = (ROOT / folder for folder in ("reference", "export", "tools", "benchmarks", "recipe", "golden"))
-    sources = [
-        path for folder in folders for path in folder.rglob("*") if path.suffix in (".py", ".js", ".html", ".json")
-    ]
+    kinds = (".py", ".js", ".html", ".json")
+    sources = [path for folder in folders for path in folder.rglob("*") if path.suffix in kinds]
     texts = {path: path.read_text("utf-8") for path in [*PAGES, ROOT / "Dockerfile", *sources]}
-    named = [
-        path.name
-        for path, text in texts.items()
-        for _ in re.findall(r"camssf\[\w|(?:install|\+)[^\n]* git\+|--no-deps camssf", text)
-    ]
-    assert named == ["install.md"]
+    released = re.compile(r"camssf\[\w|(?:install|\+)[^\n]* git\+|--no-deps camssf")
+    assert [path.name for path, text in texts.items() for _ in released.findall(text)] == ["install.md"]
     asked = {extra for text in texts.values() for extra in re.findall(r"pip install -e '\.\[([\w,-]+)\]'", text)}
-    known = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["optional-dependencies"]
+    known = PROJECT["project"]["optional-dependencies"]
     assert {name for names in asked for name in names.split(",")} <= set(known)
-    page = (ROOT / "docs" / "install.md").read_text("utf-8")
+    page = text_of("docs/install.md")
     assert set(re.findall(r"`([\w-]+)`", "".join(re.findall(r"^\| (`[^|]*) \|", page, re.MULTILINE)))) == set(known)
 
 
 @pytest.mark.requirement("R-DOCS")
-def test_links_lead_somewhere() -> None:
-    for page in PAGES:
-        links_of(page)
-
-
-def links_of(page: Path) -> None:
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_links_lead_somewhere(page: Path) -> None:
     text = re.sub(r"```.*?```", "", page.read_text("utf-8"), flags=re.DOTALL)
     for target in re.findall(r"\]\(([^)\s]+)\)", text):
         if target.startswith(("https://", "mailto:")):
@@ -134,13 +99,11 @@ def links_of(page: Path) -> None:
         aim = (page.parent / name).resolve() if name else page
         if aim.suffix == ".png" and not aim.exists():
             pytest.fail(f"{target}: run `camssf demo -o out/` and copy out/ssf.png there")
-        assert aim.exists(), (page.name, target)
+        assert aim.exists(), target
         if anchor:
             headings = re.findall(r"^#+ (.*)$", aim.read_text("utf-8"), re.MULTILINE)
-            assert anchor in {re.sub(r"[^\w -]", "", h).strip().lower().replace(" ", "-") for h in headings}, (
-                page.name,
-                target,
-            )
+            anchors = {re.sub(r"[^\w -]", "", heading).strip().lower().replace(" ", "-") for heading in headings}
+            assert anchor in anchors, target
 
 
 @pytest.mark.requirement("R-DOCS")
@@ -152,20 +115,12 @@ def test_files_named_in_backticks_exist_and_no_place_of_one_machine_is_named() -
         assert not re.search(r"(?<![\w.])/(work|tmp|home|root|Users)/", text), page.name
 
 
-def test_the_readme_s_python_is_sound() -> None:
-    (block,) = blocks(README, "python")
-    names = [alias.name for n in ast.walk(ast.parse(block)) if isinstance(n, ast.ImportFrom) for alias in n.names]
-    assert names
-    assert set(names) <= set(camssf.__all__)
-    assert len(block.splitlines()) <= 10
-
-
 def test_the_readme_is_short() -> None:
     assert len(README.split()) <= 700
 
 
 def test_cli_md_names_every_command_and_the_site_its_options() -> None:
-    text = (ROOT / "docs" / "cli.md").read_text("utf-8")
+    text = text_of("docs/cli.md")
     parts = dict(re.findall(r"^\*\*`camssf ([\w -]+)`\*\*\n\n((?:\|.*\n?)+)", cli_options.tables(), re.MULTILINE))
     for name, command in CLI.commands.items():  # type: ignore[attr-defined]
         assert f"`{name}`" in text or f"`camssf {name}`" in text
@@ -179,7 +134,7 @@ def test_cli_md_names_every_command_and_the_site_its_options() -> None:
 def test_the_lamp_s_numbers_are_what_the_page_s_commands_give(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    text = (ROOT / "docs" / "accuracy.md").read_text("utf-8")
+    text = text_of("docs/accuracy.md")
     (block,) = [block for block in blocks(text, "sh") if "--lamp equal-energy" in block]
     shoot, *fits = [arguments for line in block.splitlines() for arguments in calls(line)]
     rows = re.findall(r"\| `(\w+)` \| ([\w-]+), (?:wrong|right) \| ([\d. ]+) \| ([\d. ]+) \|", text)
@@ -201,15 +156,19 @@ def test_the_lamp_s_numbers_are_what_the_page_s_commands_give(
     assert "lamp_unfit" in "".join(capsys.readouterr())
 
 
+def errors(kind: type[CalibrationError] = CalibrationError) -> Iterator[type[CalibrationError]]:
+    """An error and all below it."""
+    yield kind
+    for below in kind.__subclasses__():
+        yield from errors(below)
+
+
 def test_pages_tell_the_exit_status_of_a_code_as_it_is() -> None:
     """Where a sentence names both, as `passport_invalid` and exit status 10."""
-    kinds = [CalibrationError]
-    for kind in kinds:
-        kinds.extend(kind.__subclasses__())
     count = 0
     for page in PAGES:
         for sentence in re.split(r"[.\n]\s", page.read_text("utf-8")):
-            codes = {kind.exit_status for kind in kinds if f"`{kind.code}`" in sentence}
+            codes = {kind.exit_status for kind in errors() if f"`{kind.code}`" in sentence}
             statuses = {int(word) for word in re.findall(r"exit status(?: is)? (\d+)", sentence)}
             if codes and statuses:
                 count += 1
@@ -220,19 +179,19 @@ def test_pages_tell_the_exit_status_of_a_code_as_it_is() -> None:
 @pytest.mark.requirement("R-DOCS")
 def test_cli_md_has_the_exit_statuses_of_no_code() -> None:
     """Those of codes are on the site's page of errors, from the classes."""
-    text = (ROOT / "docs" / "cli.md").read_text("utf-8").partition("## Exit status")[2]
+    text = text_of("docs/cli.md").partition("## Exit status")[2]
     rows = {int(status) for status in re.findall(r"^\| (\d+) \|", text, re.M)}
     assert rows == {0, BATCH_FAILED, UNDECIDED, BUG, INTERRUPTED}
 
 
 def test_every_page_is_in_the_navigation() -> None:
-    listed = set(re.findall(r": ([\w/-]+\.md)$", (ROOT / "mkdocs.yml").read_text("utf-8"), re.MULTILINE))
-    stored = {page.relative_to(ROOT / "docs").as_posix() for page in PAGES if page.is_relative_to(ROOT / "docs")}
+    listed = set(re.findall(r": ([\w/-]+\.md)$", text_of("mkdocs.yml"), re.MULTILINE))
+    stored = {page.relative_to(ROOT / "docs").as_posix() for page in DOCS}
     assert listed == stored | {f"errors/{code}.md" for code in codes()}
 
 
 def test_the_pages_need_no_other_server() -> None:
-    text = (ROOT / "mkdocs.yml").read_text("utf-8")
+    text = text_of("mkdocs.yml")
     assert "font: false" in text
     settings = yaml.safe_load(text)
     assert [next(iter(each)) if isinstance(each, dict) else each for each in settings["plugins"]] == [
@@ -252,7 +211,7 @@ def test_each_version_keeps_its_pages(tmp_path: Path) -> None:
     pytest.importorskip("mike", reason="mike is not installed: no versions of the documentation")
     programs = sysconfig.get_path("scripts")  # mike calls mkdocs by its name
     quiet = {**os.environ, "NO_MKDOCS_2_WARNING": "1", "PATH": os.pathsep.join((programs, os.environ["PATH"]))}
-    settings = yaml.safe_load((ROOT / "mkdocs.yml").read_text("utf-8"))
+    settings = yaml.safe_load(text_of("mkdocs.yml"))
     kept = {key: settings[key] for key in ("site_name", "theme", "extra", "strict")}
     (tmp_path / "mkdocs.yml").write_text(yaml.safe_dump(kept), "utf-8")
     (tmp_path / "docs").mkdir()
@@ -278,7 +237,7 @@ def test_each_version_keeps_its_pages(tmp_path: Path) -> None:
 
 
 def test_ci_runs_the_readme_s_commands_before_it_pins_anything() -> None:
-    text = (ROOT / ".ci" / "run").read_text("utf-8")
+    text = text_of(".ci/run")
     assert len(re.findall(r"grep -m 1 .* README\.md", text)) == 2
     places = [text.index(word) for word in (
         "unset PIP_CONSTRAINT", 'run "demo"', 'run "tests"', "export PIP_CONSTRAINT", "-W error"
@@ -290,20 +249,11 @@ def test_ci_runs_the_readme_s_commands_before_it_pins_anything() -> None:
 
 
 def test_constraints_pin_what_the_package_asks_for() -> None:
-    from packaging.requirements import Requirement
-    from packaging.utils import canonicalize_name
-
-    lines = [line for line in (ROOT / "constraints.txt").read_text("utf-8").splitlines() if not line.startswith("#")]
-    pins = {canonicalize_name(name): version for name, _, version in (line.partition("==") for line in lines)}
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
-    asked = [
-        *project["project"]["dependencies"],
-        *(line for extra in ("test", "dev") for line in project["project"]["optional-dependencies"][extra]),
-        *project["build-system"]["requires"],
-    ]
+    extras, asked = PROJECT["project"]["optional-dependencies"], PROJECT["project"]["dependencies"]
+    asked = [*asked, *extras["test"], *extras["dev"], *PROJECT["build-system"]["requires"]]
     for requirement in (each for each in map(Requirement, asked) if each.name != "camssf"):
-        assert requirement.specifier.contains(pins[canonicalize_name(requirement.name)]), requirement
-    assert not {name for name in pins if name.startswith(("torch", "nvidia", "cuda"))}
+        assert requirement.specifier.contains(pins()[canonicalize_name(requirement.name)]), requirement
+    assert not {name for name in pins() if name.startswith(("torch", "nvidia", "cuda"))}
 
 
 def test_sizes_are_told_as_they_are() -> None:
@@ -312,7 +262,7 @@ def test_sizes_are_told_as_they_are() -> None:
     tables = [data / f"{name}.json" for name in ("spectra", "rules", "messages", "forms", "colour", "finder")]
     models = [data / "bases.f64", data / "picture-spaces.json", *data.glob("*.onnx")]
     size = sum(path.stat().st_size for path in [*models, *tables] if path.name != "camssf-gaussian.onnx")
-    android = (ROOT / "docs" / "android.md").read_text("utf-8")
+    android = text_of("docs/android.md")
     (most,) = re.findall(r"At most ([\d.]+) MB of models, tables and rules", android)
     assert float(most) * 0.9 < size / 1e6 <= float(most)
 
@@ -342,7 +292,6 @@ def cited_in(text: str) -> list[tuple[str, str]]:
     return lines
 
 
-@pytest.mark.repository
 def test_what_docstrings_cite_exists() -> None:
     """Pages, headings and numbered rules of docs/."""
     missing, cited = [], 0
@@ -358,7 +307,6 @@ def test_what_docstrings_cite_exists() -> None:
     assert missing == []
 
 
-@pytest.mark.repository
 def test_python_s_modules_that_kotlin_names_exist() -> None:
     missing = []
     for path in ROOT.glob("android-bindings/*/src/main/**/*.kt"):

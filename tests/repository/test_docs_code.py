@@ -32,11 +32,11 @@ from camssf_fleet.batch import run_batch
 from camssf_fleet.manifest import Manifest
 from camssf_lab.simulation.frames import simulate
 from camssf_lab.simulation.scene import Scene
-from tests.repository.test_docs import ROOT, blocks, calls
+from tests.support.pages import DOCS, ROOT, blocks, calls, text_of
 from tools import tutorials
 from tools.tutorials import TUTORIALS, WITH_OUTPUT
 
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("**/*.md"))]
+PAGES = [ROOT / "README.md", *DOCS]
 PYTHON_NOT_RUN = {
     "passport": "a passport of this photo's unit: test_fleet_passports.py signs one",
     "study": "frames of a monochromator: test_study.py makes them and runs the page",
@@ -313,7 +313,7 @@ def test_every_block_is_of_a_kind_that_is_checked() -> None:
 
 
 def test_the_sidecar_of_raw_md_is_one(tmp_path: Path) -> None:
-    (block,) = blocks((ROOT / "docs" / "raw.md").read_text("utf-8"), "json")
+    (block,) = blocks(text_of("docs/raw.md"), "json")
     cv2 = pytest.importorskip("cv2")
     cv2.imwrite(str(tmp_path / "photo.png"), np.full((40, 60), 9000, np.uint16))
     (tmp_path / "photo.png.json").write_text(block)
@@ -323,7 +323,7 @@ def test_the_sidecar_of_raw_md_is_one(tmp_path: Path) -> None:
 
 def test_the_manifest_of_fleet_md_is_one(tmp_path: Path) -> None:
     """Its photos are not here; its columns and rows are read."""
-    (block,) = blocks((ROOT / "docs" / "fleet.md").read_text("utf-8"), "csv")
+    (block,) = blocks(text_of("docs/fleet.md"), "csv")
     (tmp_path / "manifest.csv").write_text(block + "\n")
     outcomes = run_batch(Manifest(tmp_path / "manifest.csv", basis="cameras"), tmp_path / "out", workers=1).outcomes
     assert [outcome.name for outcome in outcomes] == ["Canon 550D", "Nikon D5100"]

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import json
 import re
-import tomllib
-from pathlib import Path
 
 import pytest
 import yaml
 from packaging.utils import canonicalize_name
 
 from camssf import __version__
+from tests.support.pages import PROJECT, ROOT, pins, text_of
 from tools.mutants import mutants
 
-ROOT = Path(__file__).parents[2]
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 PYTHONS = ["3.11", "3.12", "3.13"]
 
 pytestmark = pytest.mark.repository
@@ -24,25 +21,22 @@ pytestmark = pytest.mark.repository
 def test_one_list_of_pythons() -> None:
     classifiers = PROJECT["project"]["classifiers"]
     assert [c.rpartition(":: ")[2] for c in classifiers if "Python :: 3." in c] == PYTHONS
-    assert f"PYTHONS = {json.dumps(PYTHONS)}" in (ROOT / "noxfile.py").read_text("utf-8")
+    assert f"PYTHONS = {json.dumps(PYTHONS)}" in text_of("noxfile.py")
     assert PROJECT["project"]["requires-python"] == f">={PYTHONS[0]}"
 
 
 def test_the_hooks_come_from_pypi_in_the_pinned_versions() -> None:
-    hooks = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text("utf-8"))
+    hooks = yaml.safe_load(text_of(".pre-commit-config.yaml"))
     assert [repository["repo"] for repository in hooks["repos"]] == ["local"]
-    lines = (ROOT / "constraints.txt").read_text("utf-8").splitlines()
-    pins = dict(line.split("==") for line in lines if "==" in line and not line.startswith("#"))
-    pins = {canonicalize_name(name): version for name, version in pins.items()}
     for hook in hooks["repos"][0]["hooks"]:
         assert hook["language"] == "python", hook["id"]
         for word in hook["additional_dependencies"]:
             name, _, version = word.partition("==")
-            assert version == pins[canonicalize_name(name)], word
+            assert version == pins()[canonicalize_name(name)], word
 
 
 def test_the_citation_is_whole() -> None:
-    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text("utf-8"))
+    citation = yaml.safe_load(text_of("CITATION.cff"))
     assert {"cff-version", "message", "title", "authors"} <= set(citation)
     assert citation["version"] == __version__ == PROJECT["project"]["version"]
     assert citation["license"] == PROJECT["project"]["license"]

@@ -11,15 +11,24 @@ import sys
 import time
 import tracemalloc
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import tifffile
 
 import camssf
 from camssf import cli
-from camssf.errors import InvalidArgument
+from camssf.documents.forms import LARGEST
+from camssf.errors import InvalidArgument, UnreadableRaw
 from camssf.report.build import NAMES
+from camssf.result import Result
+from camssf.spectra import read_lamp
+from camssf.spectra.text import LARGEST_FILE
 from camssf_fleet.manifest import LARGEST_MANIFEST, Manifest
+from camssf_lab.direct import sweep
+from camssf_lab.direct.reading import _read_tiff
+from camssf_lab.learning.training import read_curves
 from tests.support.captures import photos
 from tests.support.processes import SEARCH
 
@@ -153,37 +162,18 @@ def test_ctrl_c_ends_the_process(triple: list[str], tmp_path: Path) -> None:
     assert {path.name for path in out.rglob("*")} in (set(), WITHOUT_PNG)
 
 
-def test_sizes_are_capped(tmp_path: Path) -> None:
-    """Files that no reader needs to take in whole."""
-    large = tmp_path / "large.csv"
-    with large.open("wb") as file:
-        file.truncate(LARGEST_MANIFEST + 1)
-    with pytest.raises(InvalidArgument, match="larger than"):
-        Manifest(large).read_all()
-    from camssf.documents.forms import LARGEST
-    from camssf.result import Result
-    from camssf.spectra import read_lamp
-    from camssf.spectra.text import LARGEST_FILE
-
-    with large.open("r+b") as file:
-        file.truncate(LARGEST_FILE + 1)
-    with pytest.raises(InvalidArgument):
-        read_lamp(str(large))
-    with large.open("r+b") as file:
-        file.truncate(LARGEST + 1)
-    with pytest.raises(InvalidArgument, match="larger than"):
-        Result.load(large)
-    assert cli.main(["solve", str(large)]) == InvalidArgument.exit_status
-    from camssf_lab.direct import sweep
-    from camssf_lab.learning.training import read_curves
-
-    with large.open("r+b") as file:
-        file.truncate(500_000_000)
+@pytest.mark.parametrize(("size", "read"), [
+    (LARGEST_MANIFEST, lambda path: Manifest(path).read_all()), (LARGEST_FILE, lambda path: read_lamp(str(path))),
+    (LARGEST, Result.load), (500_000_000, sweep), (500_000_000, read_curves),
+], ids=["manifest", "lamp", "result", "sweep", "curves"])  # fmt: skip
+def test_sizes_are_capped(size: int, read: Any, tmp_path: Path) -> None:
+    """No reader takes in whole a file that is larger than it needs."""
+    with (tmp_path / "large.csv").open("wb") as file:
+        file.truncate(size + 1)
     tracemalloc.start()
     try:
-        for reader in (sweep, read_curves):
-            with pytest.raises(InvalidArgument, match="larger than"):
-                reader(large)
+        with pytest.raises(InvalidArgument, match="larger than"):
+            read(tmp_path / "large.csv")
         assert tracemalloc.get_traced_memory()[1] < 150_000_000
     finally:
         tracemalloc.stop()
@@ -191,11 +181,6 @@ def test_sizes_are_capped(tmp_path: Path) -> None:
 
 def test_a_small_tiff_asks_for_little_memory(tmp_path: Path) -> None:
     """A page of 1.8 GB in a file of some bytes; tifffile alone fills in what is not there."""
-    import tifffile
-
-    from camssf.errors import UnreadableRaw
-    from camssf_lab.direct.reading import _read_tiff
-
     path = tmp_path / "mono.tif"
     tifffile.imwrite(path, np.zeros((40, 60), np.uint16))
     with tifffile.TiffFile(path, mode="r+") as file:

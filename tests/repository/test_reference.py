@@ -1,4 +1,4 @@
-"""Every public name is in the reference, with its words and an example that runs; a stranger's ten minutes."""
+"""Every public name is in the reference, with its words and an example that runs."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import get_origin
 
 import pytest
 
-from tests.repository.test_docs import ROOT, blocks
+from tests.support.pages import DOCS, ROOT, blocks
 from tools.reference_names import names_in, public_names, with_names
 
 ROOMS = (
@@ -41,7 +41,7 @@ def test_every_public_name_is_in_the_reference_with_an_example() -> None:
 @pytest.mark.repository
 def test_pages_import_public_names_only() -> None:
     rooms = {*ROOMS, "camssf.errors"}
-    for page in (ROOT / "README.md", *(ROOT / "docs").glob("**/*.md")):
+    for page in (ROOT / "README.md", *DOCS):
         for block in blocks(page.read_text("utf-8"), "python"):
             for node in ast.walk(ast.parse(block)):
                 if isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0].startswith("camssf"):
@@ -73,7 +73,7 @@ def test_the_docstrings_examples_run(module: str) -> None:
 
 @pytest.mark.repository
 def test_formulas_are_balanced() -> None:
-    for page in (ROOT / "docs").glob("**/*.md"):
+    for page in DOCS:
         text = re.sub(r"```.*?```", "", page.read_text("utf-8"), flags=re.DOTALL)
         lines = text.splitlines()
         assert sum(line == "$$" for line in lines) % 2 == 0, page.name

@@ -7,13 +7,11 @@ import re
 from pathlib import Path
 
 import pytest
-from packaging.utils import canonicalize_name
 
+from tests.support.pages import pins, text_of
 from tools import sbom, soup, trace
 
-ROOT = Path(__file__).parents[2]
-CLAIMS = (ROOT / "docs" / "claims.md").read_text("utf-8")
-DOCS = ROOT / "docs"
+CLAIMS = text_of("docs/claims.md")
 
 pytestmark = pytest.mark.repository
 
@@ -35,13 +33,13 @@ def test_every_requirement_has_a_test_and_every_claim_is_one(capsys: pytest.Capt
 def test_what_is_unproven_is_said_everywhere(row: str, anomaly: str) -> None:
     assert any(claim.startswith(row) for claim in trace.claims(CLAIMS))
     said = row.removeprefix("Not proven: ")
-    assert re.search(rf"^\| {anomaly}: {said}.* unproven", (DOCS / "limits.md").read_text("utf-8"), re.MULTILINE)
+    assert re.search(rf"^\| {anomaly}: {said}.* unproven", text_of("docs/limits.md"), re.MULTILINE)
     assert anomaly in CLAIMS
-    assert said in (ROOT / "README.md").read_text("utf-8")
+    assert said in text_of("README.md")
 
 
 def test_anomalies_are_numbered_and_claims_name_requirements_that_are() -> None:
-    numbers = re.findall(r"^\| A-(\d+):", (DOCS / "limits.md").read_text("utf-8"), re.MULTILINE)
+    numbers = re.findall(r"^\| A-(\d+):", text_of("docs/limits.md"), re.MULTILINE)
     assert numbers == [str(at + 1) for at in range(len(numbers))]
     known = {requirement.name for requirement in trace.read_requirements()}
     named = set(re.findall(r"\bR-[A-Z-]+[A-Z]", CLAIMS))
@@ -50,12 +48,6 @@ def test_anomalies_are_numbered_and_claims_name_requirements_that_are() -> None:
 
 
 # -- SOUP and SBOM ------------------------------------------------------------------------------------------------
-
-
-def pins() -> dict[str, str]:
-    lines = (ROOT / "constraints.txt").read_text("utf-8").splitlines()
-    pairs = [line.split("==") for line in lines if "==" in line and not line.startswith("#")]
-    return {canonicalize_name(name): version for name, version in pairs}
 
 
 @pytest.mark.requirement("R-SOUP")

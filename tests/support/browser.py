@@ -124,6 +124,12 @@ class Browser:
         for kind in ("dragEnter", "dragOver", "drop"):
             self.do("Input.dispatchDragEvent", type=kind, x=x, y=y, data=data)
 
+    def choose(self, selector: str, file: Path) -> None:
+        """Choose a file in a dialogue."""
+        root = self.do("DOM.getDocument")["root"]["nodeId"]
+        field = self.do("DOM.querySelector", nodeId=root, selector=selector)["nodeId"]
+        self.do("DOM.setFileInputFiles", nodeId=field, files=[str(file)])
+
     def picture(self, path: Path) -> None:
         size = self.do("Page.getLayoutMetrics")["cssContentSize"]
         clip = {"x": 0, "y": 0, "width": size["width"], "height": size["height"], "scale": 1}

@@ -4,18 +4,26 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from functools import cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from camssf.grid import Floats
+from camssf_fleet import record_files
 from camssf_fleet.compare import NM
-from camssf_fleet.records import Row
+from camssf_fleet.records import JobEnd, Row
 from camssf_fleet.registry import Registry
 
+if TYPE_CHECKING:
+    import pytest
+
 START = datetime(2026, 1, 1, tzinfo=UTC)
+WRITER = (sys.executable, "-m", "tests.support.registries")
+"""The command of a process that writes rows: folder, number, rows, and rows of a task."""
 PEAKS = np.array([600.0, 540.0, 460.0])
 
 
@@ -47,6 +55,59 @@ def made(number: int, curves: Floats | None = None, **more: object) -> Row:
     return replace(each, **more)  # type: ignore[arg-type]
 
 
+def ended(name: str, key: str = "", **more: Any) -> JobEnd:
+    """The end of a job."""
+    return JobEnd(f"t{name}", f"j{name}", "", START, name, "failed", "", "", key, **more)
+
+
+def history(count: int, drift: float, step: float = 0.0) -> list[Row]:
+    """Results of one unit every month; red's centre drifts by so many nm a year, and steps before the last."""
+    dice = np.random.default_rng(0)
+    rows = []
+    for month in range(count):
+        red = drift * month / 12 + step * (month == count - 1)
+        curves = bells(np.array([red, 0, 0]) + 0.3 * dice.standard_normal(3))
+        rows.append(made(month, curves, captured=START + timedelta(days=30.4 * month)))
+    return rows
+
+
+def far_off(**more: Any) -> Row:
+    """A result of the unit of `history`, newer than its first five; so far off that it is doubtful."""
+    row = made(50, bells(np.array([0.0, 0.0, 12.0])), captured=START + timedelta(days=200), status="doubtful")
+    why = {"code": "lamp_unfit", "reason": "The photo fits D:4300 better.", "inputs": ("b" * 64,)}
+    return replace(row, **why | more)
+
+
+def correct(registry: Registry, *rows: Row) -> Any:
+    """Add rows, also where they contradict."""
+    return Registry(registry.folder, new=True, correct=True).add(list(rows))
+
+
+def keys(registry: Registry) -> list[str]:
+    return [str(found["key"]) for found in registry.query("SELECT key FROM rows ORDER BY key")]
+
+
+def meanwhile(patch: pytest.MonkeyPatch, method: str, act: Callable[[], object], *, before: bool = False) -> None:
+    """Somebody else acts once, right after or before this process's next call of a method of `Registry` or its files.
+
+    The method is named as in `RecordFiles.sizes`.
+    """
+    owner = Registry if method.startswith("Registry.") else record_files.RecordFiles
+    name = method.partition(".")[2]
+    real = getattr(owner, name)
+
+    def call(self: Any, *values: Any) -> Any:
+        patch.setattr(owner, name, real)
+        if before:
+            act()
+        answer = real(self, *values)
+        if not before:
+            act()
+        return answer
+
+    patch.setattr(owner, name, call)
+
+
 def write(folder: str, writer: int, rows: int, task: int) -> None:
     """In a process of its own: so many rows in tasks; each key is told once it is acknowledged."""
     registry = Registry(folder, new=True)
@@ -54,10 +115,6 @@ def write(folder: str, writer: int, rows: int, task: int) -> None:
         numbers = [writer * 1_000_000 + number for number in range(first, min(first + task, rows))]
         registry.add([made(number, bells()) for number in numbers])
         os.write(1, "".join(f"{number:064x}\n" for number in numbers).encode())
-
-
-def now() -> datetime:
-    return datetime.now(UTC)
 
 
 if __name__ == "__main__":

@@ -85,13 +85,16 @@ class Desk:
         return self.keys[name].public_key().public_bytes(serialization.Encoding.PEM, form).decode()
 
     def raw(self, text: bytes, name: str = "signer") -> bytes:
-        """Anything, signed well."""
-        r, s = decode_dss_signature(self.keys[name].sign(text, ec.ECDSA(SHA256())))
-        return text + b"." + numbers(r, s)
+        return raw(text, self.keys[name])
 
     def add(self, name: str, data: bytes, *, at: datetime = LATER, revoked: tuple[str, ...] = ()) -> None:
         case = {"name": name, "data": data.decode("latin-1"), "at": int(at.timestamp()), "revoked": list(revoked)}
         self.cases.append(case | answer(data, self.public("signer"), at, revoked))
+
+
+def raw(text: bytes, key: ec.EllipticCurvePrivateKey) -> bytes:
+    """Anything, signed well."""
+    return text + b"." + numbers(*decode_dss_signature(key.sign(text, ec.ECDSA(SHA256()))))
 
 
 def claimed(passport: Passport) -> dict[str, Any]:
@@ -157,7 +160,9 @@ def small_document() -> Result:
 NOTE = '"a  b" \\ {\ud800} \u00e9 \u2028'
 
 
+@cache
 def small() -> Passport:
+    """A passport whose result is as short as it can be."""
     return Passport(
         id="0123456789abcdef" * 2, issued=NOW, begins=NOW, ends=NOW + timedelta(days=365),
         unit=Unit("Maker", "Model", focal_length=24.7), captured="", chart_serial="", lamp_serials=("",),
@@ -341,14 +346,18 @@ def lists(desk: Desk) -> list[dict[str, Any]]:
         for value in ("absent", None, "x", -1, 1.5, 10**12, [], ["x"], [1], {}):
             spoilt = {k: v for k, v in (form | {name: value}).items() if k != name or value != "absent"}
             made[f"{name} {value!r}"] = desk.raw(header + b"." + b64(compact(spoilt)))
-    answers = []
-    for name, data in made.items():
-        try:
-            said: Any = sorted(revocations.read_revoked(data, desk.public("signer"), LATER))
-        except PassportInvalid as error:
-            said = error.message
-        answers.append({"name": name, "data": data.decode("latin-1"), "told": said})
-    return answers
+    public = desk.public("signer")
+    return [
+        {"name": name, "data": data.decode("latin-1"), "told": read_list(data, public)} for name, data in made.items()
+    ]
+
+
+def read_list(data: bytes, trusted: dict[str, Any]) -> list[str] | str:
+    """The names in a signed list, or the words of the refusal."""
+    try:
+        return sorted(revocations.read_revoked(data, trusted, LATER))
+    except PassportInvalid as error:
+        return error.message
 
 
 def stored() -> dict[str, Any]:

@@ -7,7 +7,6 @@ from typing import Annotated
 import typer
 
 from camssf.cli.terminal import emit, say
-from camssf.grid import BAND
 from camssf_colour.cli.regions import DarkPhoto, Regions, WhiteRegion, measure, read_curves_of
 
 
@@ -36,6 +35,7 @@ def colour(
     from camssf.documents.forms import to_plain
     from camssf.documents.unnamed_light import weighed_kinds_in_words
     from camssf.exports import exported
+    from camssf.grid import BAND
     from camssf_colour.camera import camera_of_result
     from camssf_colour.document import colour_document
     from camssf_colour.reach import REACH, check_reach

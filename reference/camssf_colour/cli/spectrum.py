@@ -10,7 +10,6 @@ import typer
 from camssf.cli.reading import spare
 from camssf.cli.terminal import emit, say
 from camssf.errors import InvalidArgument
-from camssf.grid import BAND
 from camssf_colour.cli.regions import DarkPhoto, Regions, WhiteRegion, measure, read_curves_of
 
 
@@ -67,6 +66,7 @@ def spectrum(
     from camssf.documents.unnamed_light import weighed_kinds_in_words
     from camssf.exports import exported
     from camssf.files import write_file
+    from camssf.grid import BAND
     from camssf_colour.absorbance import index_weights
     from camssf_colour.camera import camera_of_result
     from camssf_colour.reflectance import FAR, LitSurfaces

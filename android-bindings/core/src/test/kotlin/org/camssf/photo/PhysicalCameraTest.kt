@@ -65,7 +65,7 @@ class PhysicalCameraTest {
         assertEquals(PhysicalCamera("", "S2", "", null, null, Region(0, 0, 20, 16)), other)
     }
 
-    /** The cases of Python's tests/fleet/test_passport.py, and a day that a year lacks. */
+    /** The cases of Python's tests/photo/test_unit_of_a_photo.py, and a day that a year lacks. */
     @Test
     fun `a DNG says when it was taken`() {
         fun said(time: String, offset: String? = null): String {

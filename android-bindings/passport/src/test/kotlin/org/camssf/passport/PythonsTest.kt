@@ -76,7 +76,7 @@ class PythonsTest {
     }
 
     /**
-     * What Python's tests/fleet/test_passport.py reads: `mvn -f android-bindings verify -Dpassports.write` writes it anew, of
+     * What Python's tests/fleet/test_passport_changed.py reads: `mvn -f android-bindings verify -Dpassports.write` writes it anew, of
      * the results that python.json.gz holds. The private key was made for it and is gone.
      */
     @Test

@@ -1,0 +1,206 @@
+"""A manifest, CSV or Parquet, becomes jobs: streamed or read at once, each fault with its row."""
+
+import csv
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+
+from camssf.errors import InvalidArgument
+from camssf.photo.read.unit import Unit
+from camssf_fleet.archive import task_of
+from camssf_fleet.batch import inputs_hash
+from camssf_fleet.manifest import Manifest
+from camssf_fleet.record_queries import connection
+from tests.support.processes import SEARCH
+
+WHOLE = "name,photo,lamp,white,dark,chart\n"
+FORMS = {
+    "shots of a camera": WHOLE + "cam,day.dng,D:5500,wd.dng,,nano24:mine.csv\ncam,b.dng,A,none,,\nx,y,D55,,,\n",
+    "a spreadsheet's": "\ufeffName;Photo;Lamp\r\ncam;a.dng;D55\r\n\r\n",
+    "quoted": 'name,photo,lamp\n"a, ""b""\nc",p,D55\n',
+    "faults": "name,photo,lamp\nlong,a,D55,x\nno photo,,D55\n,a,D55\n",
+    "an old Mac's": "name,photo,lamp\rcam,a.dng,D55\rother,b.dng,\r",
+    "an old Mac's, too long": "name,photo,lamp\rlong,a,D55,x\r\nb,c,A\n",
+    "a header of two lines": '"name\n",photo,lamp\ncam,a.dng,D55\nlong,a,D55,x\n',
+    "other letters": "name,photo,lamp\nk\u00e4mera,\u00fc.dng,\n",
+}
+
+
+def written(folder: Path, text: str | bytes, name: str = "manifest.csv", **options: str) -> Manifest:
+    (folder / name).write_bytes(text if isinstance(text, bytes) else text.encode())
+    return Manifest(folder / name, **options)
+
+
+@pytest.mark.parametrize("text", FORMS.values(), ids=FORMS)
+def test_streamed_or_read_at_once_it_is_the_same(text: str, tmp_path: Path) -> None:
+    (tmp_path / "mine.csv").write_text("")
+    manifest = written(tmp_path, text)
+    for streamed, job in zip(manifest, manifest.read_all(), strict=True):
+        assert streamed == replace(job, folder="")
+    assert manifest.done == 1.0
+
+
+def test_rows_of_one_name_are_its_shots_and_paths_are_the_manifest_s(tmp_path: Path) -> None:
+    for name in ("mine.csv", "lamp.csv"):
+        (tmp_path / name).write_text("")
+    chart = "nano24:mine.csv"
+    cam, other = written(tmp_path, f"{WHOLE}cam,day.dng,D:5500,wd.dng,dd.dng,{chart}\nother,x.dng,,,,\n"
+                                   f"cam,bulb.dng,lamp.csv,none,,{chart}\n").read_all()  # fmt: skip
+    assert cam.photos == (str(tmp_path / "day.dng"), str(tmp_path / "bulb.dng"))
+    assert cam.lamps == ("D:5500", str(tmp_path / "lamp.csv"))
+    assert (cam.white, cam.dark) == ((str(tmp_path / "wd.dng"), None), (str(tmp_path / "dd.dng"), None))
+    assert cam.chart == f"nano24:{tmp_path / 'mine.csv'}"
+    assert (other.chart, other.lamps, other.white, other.dark) == ("classic24", ("auto",), (None,), (None,))
+    assert cam.fault == other.fault == ""
+
+
+@pytest.mark.parametrize("name", [
+    "../evil", "..", ".", "/etc/passwd", "a/../../b", "C:\\Windows", "CON", "lpt1.txt", "x" * 300, "nul\tbyte", "~",
+    " ", "summary.csv", "SUMMARY.CSV",
+])  # fmt: skip
+def test_no_name_escapes_its_folder(name: str, tmp_path: Path) -> None:
+    with (tmp_path / "manifest.csv").open("w", newline="", encoding="utf-8") as file:
+        csv.writer(file).writerows([["name", "photo", "lamp"], [name, "a", "D55"]])
+    (job,) = Manifest(tmp_path / "manifest.csv").read_all()
+    assert (tmp_path / "out" / job.folder).resolve().parent == (tmp_path / "out").resolve()
+    assert len(job.folder) < 120
+    assert not set(job.folder) & set('/\\:*?"<>|\t\0')
+    assert not job.folder.endswith((".", " "))
+    assert job.folder.split(".")[0].casefold() not in ("con", "lpt1")
+    assert job.folder.casefold() != "summary.csv"
+
+
+def test_names_of_folders_stay_readable_and_apart(tmp_path: Path) -> None:
+    names = ["Nikon 5100 (NPL)", "Kamera für Späße", "summary", "a/b", "a_b", "a?b", "canon", "Canon"]
+    manifest = written(tmp_path, "name,photo,lamp\n" + "".join(f"{name},a,D55\n" for name in names))
+    folders = [job.folder for job in manifest.read_all()]
+    assert folders[:3] == names[:3]
+    assert folders[4] == "a_b"
+    assert len({folder.casefold() for folder in folders}) == len(names)
+    assert folders == [job.folder for job in manifest.read_all()]
+
+
+SOUND = "name,photo,lamp\n"
+
+
+@pytest.mark.parametrize(("name", "content", "words"), [
+    ("m.csv", None, "cannot be read"), ("m.csv", b"", "lacks the column"), ("m.csv", b"name,photo\n", "lamp"),
+    ("m.csv", SOUND, "no rows"), ("m.csv", "name,photo,lamp,lamp\n", "doubled"),
+    ("m.csv", SOUND.encode() + b"\xff\xfe,x,y\n", "cannot be read"), ("m.csv", SOUND + "x" * 2_000_000, "too long"),
+    ("m.parquet", None, "cannot be read"), ("m.parquet", b"PAR1xPAR1", "cannot be read"),
+])  # fmt: skip
+def test_a_manifest_without_sense(name: str, content: str | bytes | None, words: str, tmp_path: Path) -> None:
+    if content is not None:
+        written(tmp_path, content, name)
+    with pytest.raises(InvalidArgument, match=words):
+        list(Manifest(tmp_path / name))
+
+
+def test_faults_are_their_rows_own(tmp_path: Path) -> None:
+    (tmp_path / "a\\b").write_text("a name that holds one")
+    rows = {
+        "a,x,D55": "", "b,x,D55,,,,soon": "no time", "a,y,D55": "stand together", "c,x,D55,,,,,": "more fields",
+        ",x,D55": "no name", "d,,D55": "no photo", "e,x,D55": "", "f,x,D55,,,classic24\nf,x,A,,,sg140":
+        "different charts", "g,shots\\a.dng,D55": "write / instead", "h,a,lamps\\l.csv": "write / instead",
+        "i,a,D55,w\\x": "write / instead", "j,a,D55,,d\\x": "write / instead",
+        "k,a,D55,,,nano24:c\\x.csv": "write / instead", "l,C:\\a.dng,D55": "write / instead", "m,a\\b,D55": "",
+    }  # fmt: skip
+    jobs = list(written(tmp_path, "name,photo,lamp,white,dark,chart,captured\n" + "\n".join(rows)))
+    for job, words in zip(jobs, rows.values(), strict=True):
+        if os.sep == "/" or "instead" not in words:
+            assert (words in job.fault) if words else not job.fault, job
+
+
+def test_a_further_column_needs_a_registry(tmp_path: Path) -> None:
+    with pytest.raises(InvalidArgument, match="an unknown column"):
+        written(tmp_path, "name,photo,lamp,lens\na,x,D55,50mm\n").read_all()
+
+
+def test_parquet_reads_as_its_csv_with_further_columns(tmp_path: Path) -> None:
+    text = "cam,a.dng,D55,S1,2026-01-02,lab,1\ncam,b.dng,A,S1,2026-01-02,lab,1\nother,c.dng,A,,,,\n"
+    rows = list(written(tmp_path, "name,photo,lamp,serial,captured,site,n\n" + text))
+    with connection() as con:
+        con.execute(f"COPY (FROM read_csv('{tmp_path}/manifest.csv', all_varchar = true)) TO '{tmp_path}/m.parquet'")
+    assert list(Manifest(tmp_path / "m.parquet")) == rows
+    cam, other = rows
+    assert (cam.unit, cam.captured, len(cam.photos)) == (Unit(serial="S1"), "2026-01-02", 2)
+    assert cam.extra == (("site", "lab"), ("n", "1"))
+    assert (other.unit, other.captured, other.extra) == (Unit(), "", ())
+
+
+def test_parquet_of_any_types_and_in_capitals(tmp_path: Path) -> None:
+    """Times with a zone need no further library; whole numbers and truths are as their text."""
+    file = tmp_path / "P.PARQUET"
+    with connection() as con:
+        con.execute(
+            "COPY (SELECT 'cam' AS Name, 'a.dng' AS photo, NULL AS lamp, TIMESTAMPTZ '2026-01-02 10:00:00+01' AS "
+            f"captured, DATE '2026-01-02' AS day, 7 AS serial, true AS tripod) TO '{file}' (FORMAT parquet)"
+        )
+    (job,) = Manifest(file)
+    assert not job.fault
+    assert datetime.fromisoformat(job.captured) == datetime(2026, 1, 2, 9, tzinfo=UTC)
+    assert (job.unit.serial, job.lamps) == ("7", ("auto",))
+    assert dict(job.extra) == {"day": "2026-01-02", "tripod": "true"}
+
+
+def test_parquet_needs_its_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "duckdb", None)
+    with pytest.raises(InvalidArgument, match="A manifest in Parquet needs") as caught:
+        written(tmp_path, b"PAR1", "m.parquet").read_all()
+    assert '".[fleet]"' in caught.value.advice
+
+
+def test_a_task_is_known_by_what_it_would_be_made_from(tmp_path: Path) -> None:
+    for name in ("a", "lamp.csv"):
+        (tmp_path / name).write_text("1")
+    head, row = "name,photo,lamp,chart", "cam,a,lamp.csv,nano24:lamp.csv"
+
+    def task(text: str = f"{head}\n{row}\n", **options: str) -> str:
+        (job,) = written(tmp_path, text, **options)
+        return task_of(job, None)
+
+    tasks = [task(), task(basis="gaussian")]
+    assert task() == tasks[0]
+    (tmp_path / "a").write_text("12")
+    tasks.append(task())
+    os.utime(tmp_path / "lamp.csv", (1, 1))
+    tasks += [task(), task(f"{head}\ncam,a,lamp.csv,\n"), task(f"{head},serial\n{row},9\n")]
+    assert len(set(tasks)) == len(tasks)
+
+
+def test_a_cluster_is_told_where_the_basis_lies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A worker may stand elsewhere; what a result is named after is the same."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("mine.npz", "p"):
+        Path(name).write_bytes(b"one")
+    Path("m.csv").write_text("name,photo,lamp\ncam,p,D55\n")
+    (job,), (sent,) = Manifest("m.csv", basis="mine.npz"), Manifest("m.csv", basis="mine.npz").absolute()
+    assert (sent.photos, sent.basis) == ((str(tmp_path / "p"),), str(tmp_path / "mine.npz"))
+    assert inputs_hash(sent) == inputs_hash(job)
+    (job,) = Manifest("m.csv").absolute()
+    assert job.basis == "auto"
+
+
+@pytest.mark.full
+@pytest.mark.skipif(sys.platform != "linux", reason="in other units elsewhere")
+def test_many_rows_are_streamed(tmp_path: Path) -> None:
+    """The first job at once; the names alone are remembered."""
+    manifest = written(tmp_path, "name,photo,lamp\n" + "".join(f"cam{i},p{i}.dng,D55\n" for i in range(200_000)))
+    next(iter(manifest))
+    assert manifest.done < 1e-4
+    code = (
+        "import resource\nfrom itertools import islice\nfrom camssf_fleet.manifest import Manifest\n"
+        "def kilobytes(): return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
+        f"rows = iter(Manifest({str(manifest.path)!r}))\n"
+        "next(rows); before = kilobytes(); n = sum(1 for _ in islice(rows, 20_000)); print(n, kilobytes() - before)"
+    )
+    environment = os.environ | {"PYTHONPATH": SEARCH}
+    said = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    count, held = map(int, said.stdout.split())
+    assert count == 20_000
+    assert held < 4_000  # kB: 200 MB for a million names

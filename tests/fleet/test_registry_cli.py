@@ -1,0 +1,224 @@
+"""`camssf registry`: what it prints is a document of its form, and a wrong call changes nothing."""
+
+import csv
+import json
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+
+from camssf import cli
+from camssf.documents.document import document_bytes
+from camssf.documents.forms import from_plain, to_plain
+from camssf.documents.schema import schema
+from camssf.errors import InvalidArgument
+from camssf.photo.read.unit import Unit
+from camssf_fleet.documents import DeletionDocument, DriftDocument, SpreadDocument, VerificationDocument
+from camssf_fleet.record_queries import connection
+from camssf_fleet.registry import Registry
+from tests.support.documents import document, refused
+from tests.support.registries import bells, far_off, history, made
+
+FORMS = {
+    "camssf-spread/1": SpreadDocument, "camssf-drift/1": DriftDocument,
+    "camssf-verification/1": VerificationDocument, "camssf-deletion/1": DeletionDocument,
+}  # fmt: skip
+WRONG = InvalidArgument.exit_status
+
+
+def run(*words: object) -> int:
+    return cli.main(["registry", *map(str, words)])
+
+
+class Said:
+    """What the commands of a test say."""
+
+    def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
+        self.capsys = capsys
+
+    def __call__(self, *words: object, status: int = 0) -> tuple[str, str]:
+        """Output and message of a command."""
+        self.capsys.readouterr()
+        assert run(*words) == status, self.capsys.readouterr().err
+        out, err = self.capsys.readouterr()
+        return out, " ".join(err.split())
+
+    def document(self, *words: object, status: int = 0) -> dict[str, Any]:
+        """The document printed, held to its type, which reads it, and to its schema."""
+        plain: dict[str, Any] = json.loads(self(*words, status=status)[0])
+        form = FORMS[plain["format"]]
+        assert to_plain(from_plain(plain, form, "it", "")) == plain
+        jsonschema.Draft202012Validator(schema(form)).validate(plain)
+        return plain
+
+
+@pytest.fixture
+def said(capsys: pytest.CaptureFixture[str]) -> Said:
+    return Said(capsys)
+
+
+def test_add_list_export(tmp_path: Path, said: Said) -> None:
+    folder, result = tmp_path / "phones", tmp_path / "out" / "result.json"
+    result.parent.mkdir()
+    result.write_bytes(document_bytes(document()))
+    words = ("--serial", "=A1", "--captured", "2026-11-20T10:00:00+01:00")
+    for _ in range(2):
+        said("add", folder, result, *words)
+    out, err = said("list", folder)
+    (listed,) = csv.DictReader(out.splitlines())
+    assert (listed["serial"], listed["captured"], listed["status"]) == ("'=A1", "2026-11-20T09:00:00Z", "doubtful")
+    assert "1 doubtful" in err
+    assert "no results" in said("list", folder, "--model", "another")[1]
+    assert Registry(folder).query("SELECT place FROM rows") == [{"place": "../out/result.json"}]
+    for name in ("all.parquet", "all.csv"):
+        said("export", folder, "-o", tmp_path / name)
+    with connection() as con:
+        sql = f"SELECT count(*) FROM '{tmp_path / 'all.parquet'}' WHERE len(red) = 69"
+        assert con.execute(sql).fetchone() == (1,)
+    (cells,) = csv.DictReader((tmp_path / "all.csv").read_text("utf-8").splitlines())
+    assert cells["serial"] == "'=A1"
+    assert "red" not in cells
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["all.csv", "all.parquet", "out", "phones"]
+
+
+@pytest.mark.parametrize(("data", "word"), [
+    (b"II*\0" + bytes(99), "DNG"), (b"\x89PNG\r\n", "PNG"), (b"name,photo\nx,y\n", "text"),
+    (bytes(9) + b"..", "binary"),
+])  # fmt: skip
+def test_what_is_added_is_called_what_it_is(data: bytes, word: str, tmp_path: Path, said: Said) -> None:
+    (tmp_path / "chart.dng").write_bytes(data)
+    for more in ((), ("--serial", "x")):
+        _, message = said("add", tmp_path / "phones", tmp_path / "chart.dng", *more, status=WRONG)
+        assert word in message
+        assert "no passport" in message
+    assert not (tmp_path / "phones").exists()
+
+
+def test_add_a_passport(tmp_path: Path, said: Said) -> None:
+    """And its whole result, and what `passport verify` printed: the same row, and nothing of it is lost."""
+    pytest.importorskip("cryptography", reason="cryptography is not here")
+    from camssf_fleet.passport.document import PassportRequest, as_printed, create_passport, sign
+    from camssf_fleet.passport.keys import PRIVATE, PUBLIC, make_key, read_private
+    from camssf_fleet.passport.revocations import sign_revocations
+
+    make_key(tmp_path)
+    private, whole = read_private(tmp_path / PRIVATE), document_bytes(document())
+    request = PassportRequest(Unit(serial="S"), "2026-01-02")
+    passport = create_passport(whole, request, now=datetime.now(UTC))
+    file, printed, result = (tmp_path / name for name in ("a.jws", "y.json", "result.json"))
+    file.write_bytes(sign(passport, private))
+    printed.write_text(json.dumps(to_plain(as_printed(file.read_bytes(), passport))), "utf-8")
+    result.write_bytes(whole)
+    (tmp_path / "revoked").write_bytes(sign_revocations([passport.id], private))
+    folder, key = tmp_path / "phones", ("--key", tmp_path / PUBLIC)
+    said("add", folder, file, status=2)
+    said("add", folder, file, *key, "--serial", "x", status=2)
+    said("add", folder, file, *key, "--revoked", tmp_path / "revoked", status=10)
+    assert not folder.exists()
+
+    def row() -> dict[str, Any]:
+        (stored,) = Registry(folder).query("SELECT * FROM rows")
+        assert (stored["passport"], stored["serial"], stored["key"]) == (passport.id, "S", passport.result_sha256)
+        assert stored["captured"] == datetime(2026, 1, 2, tzinfo=UTC)
+        return stored
+
+    said("add", folder, file, *key)
+    assert not row()["code_covariance"]
+    said("add", folder, printed, status=2)  # a passport wants a key, in this form, too
+    message = said("add", folder, result, printed, *key)[1]
+    assert "result.json: covariance added" in message
+    assert "1 result changed in" in message
+    assert list(row()["code_covariance"]) == pytest.approx(document().answer.code_covariance, abs=1e-6)
+
+
+def test_upkeep(one: Registry, said: Said) -> None:
+    one.add([made(1, place="../1.json"), made(2, serial="B2")])
+    one.add([made(3, serial="B2")])
+    found = said.document("verify", one.folder)
+    assert (found["rows"], found["documents_missing"], found["faults"]) == (3, 1, [])
+    (head, *_) = found["heads"]
+    assert f"head {head}" in said("verify", one.folder, "--head", head)[1]
+    for words, status in ((f" {head.upper()} {head[:12]}", 0), ("7" * 64, cli.PARTED), ("7", WRONG)):
+        said("verify", one.folder, "--head", words, status=status)
+    assert "4 files before, 1 file now" in said("compact", one.folder)[1]
+    assert len(said("list", one.folder)[0].splitlines()) == 4
+    (change,) = csv.DictReader(said("history", one.folder, "A1")[0].splitlines())
+    assert (change["key"], change["what"]) == (f"{1:064x}", "accepted result, make Maker, model Model, serial A1")
+    said("history", one.folder, "nobody", status=WRONG)
+    deleted = said.document("delete", one.folder, "A1")
+    assert deleted["results"] == [{"key": f"{1:064x}", "place": "../1.json"}]
+    assert (deleted["records"], deleted["files"]) == (1, 1)
+    said("delete", one.folder, "A1", status=WRONG)
+    file = Path(next(iter(one.files.sizes())))
+    file.write_bytes(file.read_bytes()[:100] + b"!" + file.read_bytes()[101:])
+    assert said.document("verify", one.folder, status=cli.PARTED)["faults"]
+    assert "damaged" in said("verify", one.folder, status=cli.PARTED)[1]
+
+
+def test_compare(one: Registry, said: Said) -> None:
+    """The status tells an alarm; a unit is named by its number, a model's spread counts what it leaves out."""
+    others = [replace(row, key=f"b{row.key[1:]}", serial="B2") for row in history(13, 0)]
+    one.add(
+        [*history(13, 6), *others, far_off(serial="r"), far_off(key="a" * 64, status="refused", red=(), serial="")]
+    )
+    drift = ("compare", one.folder, "--serial", "A1")
+    assert said.document(*drift, status=cli.PARTED)["alarm"] is True
+    assert "red centre" in said(*drift, status=cli.PARTED)[1]
+    assert said.document("compare", one.folder, "--serial", "B2")["alarm"] is False
+    found = said.document("compare", one.folder, "--model", "Model")
+    assert (found["units"], found["left_out"]) == (2, {"doubtful": 1, "refused": 1})
+    assert "left out: 1 doubtful, 1 refused" in said("compare", one.folder, "--model", "Model")[1]
+
+
+def test_a_newest_result_that_was_left_out_is_not_no_drift(one: Registry, said: Said) -> None:
+    one.add([*history(5, 0), far_off()])
+    words = ("compare", one.folder, "--serial", "A1")
+    found = said.document(*words, status=cli.UNDECIDED)
+    assert (found["outcome"], found["alarm"], found["doubtful"]) == ("undecided", False, 0)
+    (left,) = found["left_out"]
+    assert (left["key"], left["captured"], left["why"]) == (f"{50:064x}", "2026-07-20T00:00:00Z", "doubtful")
+    assert left["newest"]
+    assert left["steps"]["blue centre"] == pytest.approx(11, abs=2)
+    message = said(*words, status=cli.UNDECIDED)[1]
+    for part in ("2026-07-20T00:00:00Z, doubtful (lamp_unfit: The photo fits", "blue centre +1", "undecided"):
+        assert part in message
+    found = said.document(*words, "--doubtful", status=cli.PARTED)
+    assert (found["outcome"], found["doubtful"], found["left_out"]) == ("drift", 1, [])
+    assert "6 results, 1 of them doubtful," in said(*words, "--doubtful", status=cli.PARTED)[1]
+
+
+CALLS = [
+    ("list missing", "There is no folder missing. Name the folder that `camssf registry add`"),
+    ("list else", "else is no registry: it holds no file of records."),
+    ("delete phones", ""),
+    ("add else result.json", "Name a new or an empty folder."),
+    ("compare phones", "Nothing to compare was named. Give --model to compare its units, or --serial to"),
+    ("compare phones --serial none", "The registry has no result of a unit with the serial number none."),
+    ("compare phones --model Model", "There is 1 unit of Model with a serial number and accepted results"),
+    ("export phones -o x.txt", "x.txt ends in neither .parquet nor .csv."),
+    ("add phones no.json", ""),
+    ("add phones empty.json", ""),
+    ("add phones result.json --captured soon", ""),
+    ("add phones result.json --serial A --captured 9000-01-01", "lies in the future"),
+    ("export phones -o no/where.csv", ""),
+]
+"""Calls that are wrong, and words of the message."""
+
+
+def test_a_wrong_call_says_what_is_wrong_and_changes_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, said: Said
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Registry("phones", new=True).add([made(1, bells())])
+    Path("empty.json").write_text("{}")
+    Path("result.json").write_bytes(document_bytes(document()))
+    Path("refused.json").write_bytes(document_bytes(refused()))
+    Path("else").mkdir()
+    Path("else/letter.txt").write_text("dear")
+    before = sorted(str(path) for path in tmp_path.rglob("*"))
+    for call, message in CALLS:
+        assert message in said(*call.split(), status=WRONG)[1], call
+        assert sorted(str(path) for path in tmp_path.rglob("*")) == before, call

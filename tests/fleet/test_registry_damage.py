@@ -1,0 +1,337 @@
+"""The registry: every acknowledged row once, whoever writes, dies, gathers or reads."""
+
+import hashlib
+import os
+import subprocess
+from contextlib import suppress
+from dataclasses import replace
+from datetime import timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from camssf.documents.document import document_bytes
+from camssf.errors import InvalidArgument
+from camssf.files import ASIDE
+from camssf.photo.read.unit import Unit
+from camssf_fleet import record_files
+from camssf_fleet.record_files import RecordFiles
+from camssf_fleet.record_queries import connection
+from camssf_fleet.records import Origin, row
+from camssf_fleet.registry import Registry
+from camssf_fleet.verification import verify
+from tests.support.desk import until
+from tests.support.documents import document
+from tests.support.processes import SEARCH
+from tests.support.registries import START, WRITER, bells, correct, ended, keys, made, meanwhile
+
+
+@pytest.mark.requirement("R-REGISTRY")
+def test_a_writer_that_was_killed_leaves_it_readable(one: Registry) -> None:
+    """A file that is half written is hidden; records without a list are named until the next writer lists them."""
+    one.add([made(1)])
+    (one.folder / f"{ASIDE}80").mkdir()
+    (one.folder / f"{ASIDE}80" / "half").write_bytes(b"PAR1")
+    one.append([made(2)], [ended("c")])
+    assert len(keys(Registry(one.folder))) == 2
+    (fault,) = verify(one).faults
+    assert fault.startswith("2 records in no list: their writer was stopped or still writes, or the list is lost (")
+    one.add([made(3)])
+    assert verify(one).faults == ()
+    one.files.compact()
+    assert (len(keys(Registry(one.folder))), verify(one).faults) == (3, ())
+
+
+STEPS = [1, 6, *(pytest.param(n, marks=pytest.mark.full) for n in range(12) if n not in (1, 6))]
+
+
+@pytest.mark.requirement("R-REGISTRY")
+@pytest.mark.parametrize("last", STEPS)
+def test_a_compaction_may_be_killed_anywhere(one: Registry, last: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """After the step number `last`: a file written or taken away."""
+    for number in range(4):
+        one.append([made(number, serial=str(number))], [ended(str(number))])
+        one.list_records()
+    before, steps = one.query("SELECT * FROM rows ORDER BY key"), iter(range(last))
+    for name in ("_write", "_remove"):
+        real = getattr(RecordFiles, name)
+
+        def step(self: RecordFiles, *values: Any, real: Any = real) -> Any:
+            if next(steps, None) is None:
+                raise KeyboardInterrupt
+            return real(self, *values)
+
+        monkeypatch.setattr(RecordFiles, name, step)
+    with suppress(KeyboardInterrupt):
+        one.files.compact()
+    monkeypatch.undo()
+    assert (one.query("SELECT * FROM rows ORDER BY key"), verify(one).faults) == (before, ())
+    assert len(one.query("SELECT DISTINCT task FROM jobs")) == 4
+    one.files.compact()
+    assert (one.query("SELECT * FROM rows ORDER BY key"), verify(one).faults) == (before, ())
+
+
+def test_compactions_at_once_lose_nothing(one: Registry, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another process adds and compacts before each step of this one."""
+    for number in range(6):
+        one.add([made(number)])
+
+    def compact() -> None:
+        other = Registry(one.folder)
+        other.add([made(10 + len(one.files.sizes()))])
+        other.files.compact()
+        meanwhile(monkeypatch, "RecordFiles._remove", compact, before=True)
+
+    meanwhile(monkeypatch, "RecordFiles._remove", compact, before=True)
+    one.files.compact()
+    monkeypatch.undo()
+    assert len(keys(one)) > 6
+    assert len(keys(one)) == len(set(keys(one)))
+    assert verify(one).faults == ()
+
+
+def rewritten(file: Path, columns: str, to: Path) -> Path:
+    """Another program's copy of a file, with other columns."""
+    with connection() as con:
+        con.execute(f"COPY (SELECT {columns} FROM '{file}') TO '{to}' (FORMAT parquet)")
+    return to
+
+
+def files_where(one: Registry, condition: str) -> list[Path]:
+    sql = f"SELECT DISTINCT filename FROM stored WHERE {condition}"
+    return [Path(name) for (name,) in one.files.ask(lambda con: con.execute(sql).fetchall())]
+
+
+@pytest.mark.requirement("R-REGISTRY")
+def test_a_compaction_leaves_damaged_and_strange_files_alone(one: Registry, tmp_path: Path) -> None:
+    """It would give them a right name, and take the evidence away."""
+    for number in range(4):
+        one.add([made(number, serial=f"S{number}")])
+    (file,) = files_where(one, "kind = 'result' AND serial = 'S2'")
+    whole = file.read_bytes()
+    changed = rewritten(file, "* REPLACE ('WRONG' AS serial)", tmp_path / "changed").read_bytes()
+    file.write_bytes(changed)
+    one.files.compact()
+    assert file.read_bytes() == changed
+    assert any(f"{file} differs from its name" in fault for fault in verify(one).faults)
+    with pytest.raises(InvalidArgument, match="differs from its name"):
+        one.delete(Unit(serial="WRONG"))
+    file.write_bytes(whole)
+    assert one.query("SELECT serial FROM rows WHERE key LIKE '%2'") == [{"serial": "S2"}]
+    assert not [fault for fault in verify(one).faults if "still in a file" not in fault and "is missing" not in fault]
+
+
+@pytest.mark.parametrize("columns_", ["'x' AS foo", "* REPLACE ('x' AS revision)", "* REPLACE ([record] AS record)"])
+def test_a_file_of_another_program_with_a_right_name_is_named(one: Registry, tmp_path: Path, columns_: str) -> None:
+    one.add([made(1)])
+    strange = rewritten(files_where(one, "kind = 'result'")[0], columns_, tmp_path / "strange")
+    name = f"{hashlib.sha256(strange.read_bytes()).hexdigest()}.parquet"
+    strange.rename(one.folder / name)
+    (fault,) = verify(one).faults
+    assert fault.startswith(f"{one.folder / name} is no file of a registry (its columns ")
+
+
+def test_a_damaged_file_is_named(one: Registry, tmp_path: Path) -> None:
+    """Whatever DuckDB says of it: in the footer, whose length stands at the end, is what it reads first."""
+    for first in (0, 100):
+        one.add([made(n, bells()) for n in range(first, first + 50)])
+    file = max((Path(path) for path in one.files.sizes()), key=lambda path: path.stat().st_size)
+    whole = file.read_bytes()
+    footer = len(whole) - 8 - int.from_bytes(whole[-8:-4], "little")
+    spoilt = [whole[:-9], b"", b"PAR", b"x" * 99]
+    for start in range(footer, footer + 2800, 700):
+        flipped = bytes(byte ^ 0x5A for byte in whole[start : start + 400])
+        spoilt.append(whole[:start] + flipped + whole[start + 400 :])
+    for number, data in enumerate(spoilt):
+        file.write_bytes(data)
+        for attempt in (lambda: one.export(tmp_path / "all.parquet"), one.listing):
+            with pytest.raises(InvalidArgument, match=file.name) as caught:
+                attempt()
+            assert "backup" in caught.value.advice, number
+    assert not list(tmp_path.glob("*.parquet"))
+
+
+@pytest.mark.requirement("R-REGISTRY")
+@pytest.mark.parametrize("count", [8, pytest.param(200, marks=pytest.mark.full)])
+def test_every_flipped_bit_is_found(one: Registry, tmp_path: Path, count: int) -> None:
+    """In results, jobs, lists and documents."""
+    for number in range(3):
+        data = document_bytes(document()) + b" " * number
+        (tmp_path / f"{number}.json").write_bytes(data)
+        one.add([row(data, document(), Origin(place=f"../{number}.json"))])
+        one.add([made(n, bells(), model=f"M{n % 3}") for n in range(5 * number, 5 * number + 5)])
+    one.append([], [ended("x")])
+    one.list_records()
+    found = verify(one)
+    assert (found.rows, found.documents, found.documents_missing, found.faults) == (18, 3, 0, ())
+    files = [path for path in (*one.folder.rglob("*"), *tmp_path.glob("*.json")) if path.is_file()]
+    dice = np.random.default_rng(0)
+    for number in range(count):
+        path = files[number % len(files)]
+        whole = path.read_bytes()
+        at, bit = int(dice.integers(len(whole))), int(dice.integers(8))
+        path.write_bytes(whole[:at] + bytes([whole[at] ^ 1 << bit]) + whole[at + 1 :])
+        assert any(str(path) in fault for fault in verify(Registry(one.folder)).faults), (path.name, at, bit)
+        path.write_bytes(whole)
+    assert not verify(one).faults
+
+
+@pytest.mark.requirement("R-REGISTRY")
+def test_writers_that_contradict_each_other_at_once(one: Registry, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither saw the other: both records stay, `verify` names the contradiction, and a correction settles it."""
+    one.add([made(1, serial=""), made(4)])
+
+    def add() -> None:
+        Registry(one.folder).add([made(1, serial="theirs"), made(2), made(3, serial="theirs")])
+        one.files.compact()
+
+    meanwhile(monkeypatch, "Registry._held", add)
+    one.add([made(1, serial="mine"), made(2), made(3, serial="mine")])
+    assert len(keys(one)) == 4
+    (fault,) = verify(one).faults  # the same words of both
+    assert f"two writers gave the result {0:012x} two values of serial: mine and theirs" in fault
+    assert verify(one).advice == "Add the result again with what is right, and --correct."
+    for number in (1, 3):
+        (shown,) = one.query("SELECT serial FROM rows WHERE key = ?", [f"{number:064x}"])
+        (said,) = correct(one, made(number, serial=shown["serial"]))
+        assert said.changes == (f"serial settled as {shown['serial']}",)
+    assert verify(one).faults == ()
+    correct(one, made(1, serial="mine"), made(3, serial="mine"))
+    serials = one.query("SELECT DISTINCT serial FROM rows WHERE key LIKE '%1' OR key LIKE '%3'")
+    assert (serials, verify(one).faults) == ([{"serial": "mine"}], ())
+
+
+def test_two_writers_that_begin_a_registry_together(one: Registry, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The other one writes its first file between this one's two looks into the folder."""
+    meanwhile(monkeypatch, "RecordFiles.sizes", lambda: Registry(one.folder, new=True).add([made(1)]))
+    Registry(one.folder, new=True).add([made(2)])
+    assert len(keys(one)) == 2
+
+
+@pytest.mark.requirement("R-REGISTRY")
+def test_two_writers_add_the_same_at_once(one: Registry, monkeypatch: pytest.MonkeyPatch) -> None:
+    same = made(1, bells(), serial="A7")
+    meanwhile(monkeypatch, "Registry._held", lambda: Registry(one.folder, new=True).add([same, made(2)]))
+    one.add([replace(same, added=START + timedelta(days=1)), made(3)])
+    assert len(keys(one)) == 3
+    (stored,) = one.query("SELECT serial, added FROM rows WHERE key LIKE '%1'")
+    assert (stored, verify(one).faults) == ({"serial": "A7", "added": same.added}, ())
+
+
+@pytest.mark.requirement("R-REGISTRY")
+def test_a_fact_that_is_said_of_a_result_that_is_being_deleted_is_named(
+    one: Registry, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one.add([made(1, serial="A"), made(2, serial="B")])
+    meanwhile(monkeypatch, "Registry._held", lambda: Registry(one.folder).delete(Unit(serial="A")))
+    one.add([made(1, serial="A", lens="50mm")])
+    assert len(keys(one)) == 1
+    assert verify(one).faults == (f"facts are said of the result {0:012x}, which is not there",)
+    one.add([made(1, serial="A", lens="50mm")])
+    assert (len(keys(one)), verify(one).faults) == (2, ())
+
+
+def test_a_file_that_vanishes_while_it_is_read(one: Registry, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As when somebody deletes a unit between the look into the folder and the reading."""
+    one.add([made(number, serial=str(number)) for number in range(4)])
+    meanwhile(monkeypatch, "RecordFiles.sizes", lambda: Registry(one.folder).delete(Unit(serial="3")))
+    assert len(keys(one)) == 3
+
+
+@pytest.mark.requirement("R-REGISTRY")
+def test_a_clock_that_is_set_back_moves_nothing(one: Registry) -> None:
+    """What corrects counts, whatever the clock says."""
+    one.add([made(1, serial="A", added=START + timedelta(days=900))])
+    for days, serial in ((0, "B"), (-500, "C"), (3000, "D"), (-900, "A"), (-901, "B")):
+        correct(one, made(1, serial=serial, added=START + timedelta(days=days)))
+        assert one.query("SELECT serial FROM rows") == [{"serial": serial}]
+    assert len(one.history(Unit(serial="A"))) == 6
+    assert verify(one).faults == ()
+
+
+@pytest.mark.parametrize(("write", "error", "words", "rows"), [
+    (1, OSError(28, "No space left on device"), "No space", 1),
+    (2, OSError(28, "No space left on device"), "The results were added, but then: .*No space", 2),  # its list
+    (1, PermissionError(13, "Permission denied"), r"the registry cannot be used \(Permission denied", 1),
+])  # fmt: skip
+def test_a_disk_that_takes_no_more_leaves_all_or_nothing(
+    one: Registry, write: int, error: OSError, words: str, rows: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one.add([made(1)])
+    real, calls = record_files.write_place, []
+
+    def full(*values: Any) -> None:
+        calls.append(values)
+        if len(calls) == write:
+            raise error
+        real(*values)
+
+    monkeypatch.setattr(record_files, "write_place", full)
+    with pytest.raises(InvalidArgument, match=words) as caught:
+        one.add([made(2)])
+    monkeypatch.undo()
+    assert caught.value.message.startswith("The results were added") == (rows == 2)
+    assert len(keys(one)) == rows
+    one.add([made(2)])
+    assert (len(keys(one)), verify(one).faults) == (2, ())
+
+
+@pytest.mark.requirement("R-REGISTRY")
+def test_a_deletion_that_is_killed_is_finished_by_the_same_command(
+    one: Registry, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one.add([made(1, serial="A"), made(2, serial="B")])
+
+    def killed(self: RecordFiles, records: Any) -> int:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(RecordFiles, "drop", killed)
+    with pytest.raises(KeyboardInterrupt):
+        one.delete(Unit(serial="A"))
+    monkeypatch.undo()
+    assert (len(keys(one)), verify(one).faults) == (1, ("1 deleted record still in a file",))
+    one.delete(Unit(serial="A"))
+    assert (len(keys(one)), verify(one).faults) == (1, ())
+
+
+@pytest.mark.requirement("R-REGISTRY")
+@pytest.mark.full
+def test_six_writers_two_of_them_killed(one: Registry) -> None:
+    """Somebody reads and somebody gathers meanwhile. All that was acknowledged is there, once."""
+    rows = {number: 100 if number > 2 else 1_000_000 for number in range(1, 7)}  # victims never end by themselves
+    how: Any = {"bufsize": 0, "stdout": subprocess.PIPE, "env": os.environ | {"PYTHONPATH": SEARCH}}
+    writers = [
+        subprocess.Popen([*WRITER, str(one.folder), str(number), str(count), "5"], **how)
+        for number, count in rows.items()
+    ]
+    added: list[list[str]] = []
+    try:
+        until(one.files.sizes, 240)
+        reader = Registry(one.folder)
+        for victim in writers[:2]:
+            assert victim.stdout is not None
+            acknowledged_first = victim.stdout.readline().decode().strip()
+            stored = keys(reader)
+            assert acknowledged_first in stored
+            assert len(stored) == len(set(stored))
+            reader.files.compact()
+            victim.kill()
+            added.append([acknowledged_first])
+        added += [process.communicate(timeout=240)[0].decode().splitlines() for process in writers]
+    finally:
+        for process in writers:
+            process.kill()
+            process.wait()
+    assert [process.returncode != 0 for process in writers] == [True] * 2 + [False] * 4
+    assert [len(lines) for lines in added[4:]] == [100] * 4
+    stored = keys(reader)
+    assert len(stored) == len(set(stored))
+    acknowledged = {line for lines in added for line in lines}
+    assert acknowledged <= set(stored)
+    assert len(set(stored) - acknowledged) <= 10  # a task of each victim that was safe, and he did not live to say so
+    reader.files.compact()
+    assert keys(reader) == stored
+    reader.list_records()
+    assert verify(reader).faults == ()
