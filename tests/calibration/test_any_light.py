@@ -31,15 +31,8 @@ from camssf.photo.shot import Shot
 from camssf.recovery.basis import NODES, misfit_profile, read_basis, widened
 from camssf.recovery.hypotheses import FAMILIES, MAKER, NARROW, SOLVED, LampGuess, recover
 from camssf.recovery.observation import Observation
-from camssf.recovery.rows import anchor
 from camssf.recovery.sensitivity import Hypothesis, SolverSettings, half_width_of, prior_std, solve_on_basis
-from camssf.recovery.unnamed_light import (
-    NO_KIND,
-    LampPosterior,
-    lamp_posteriors,
-    temperature,
-    temperature_slope,
-)
+from camssf.recovery.unnamed_light import NO_KIND, LampPosterior, lamp_posteriors, temperature, temperature_slope
 from camssf.report.page import page
 from camssf.report.shots import shots_of
 from camssf.result import Result
@@ -132,25 +125,6 @@ def test_the_probabilities_are_evidence_times_belief() -> None:
     )
 
 
-def test_one_kind_alone_is_that_kind_told() -> None:
-    """With one guess and a given basis nothing is mixed: the curves of the narrow prior, the bands of the learned."""
-    given = observed(resolve(PHONE), "D55")
-    (guess,) = guesses(given, ("daylight",))
-    settings = SolverSettings(engine="reference")
-    ssf = recover([guess], basis="phones", settings=settings)
-    narrow = solve_on_basis(guess.observation, "phones", prior_scale=NARROW, settings=settings)
-    wide = solve_on_basis(guess.observation, "phones", settings=settings)
-    assert ssf.values == pytest.approx(narrow.values, rel=1e-12)
-    assert ssf.peak()[1] == pytest.approx(wide.peak()[1], rel=1e-9, abs=1e-15)
-    assert ssf.code_covariance == pytest.approx(wide.code_covariance)
-    basis = anchor(read_basis("phones"), guess.observation.lamp[0])
-    curves = basis.mean.T + np.einsum("cmr,rc->mc", basis.dictionary, ssf.code)  # the code is in the learned units
-    assert curves / curves.max(axis=0) == pytest.approx(ssf.peak()[0], abs=1e-9)
-    assert ssf.prior_scale == 1.0
-    assert ssf.between == pytest.approx(0.0, abs=1e-12)
-    assert ssf.kinds == ("daylight",)
-
-
 def test_guesses_that_differ_in_more_than_lamps_are_not_solved_as_one() -> None:
     """A stack takes from its first problem what it cannot vary: here the chart's tolerance, by guess."""
     first, second = guesses(observed(resolve(PHONE), "D55", patches=12, noise=0.005), ("daylight", "bulb"))
@@ -220,11 +194,6 @@ def test_mixtures_have_the_total_variance() -> None:
     assert light.power.mean() == pytest.approx(1.0)
 
 
-def test_a_basis_without_a_prior_cannot_tell_lights() -> None:
-    with pytest.raises(InvalidArgument, match="light cannot be estimated"):
-        solve(unnamed(capture(resolve(PHONE), ["D55"])), options=Options(basis="gaussian"))
-
-
 # -- the light itself ----------------------------------------------------------------------------------------------
 
 
@@ -263,18 +232,6 @@ def test_the_temperature_s_slope_is_that_of_differences() -> None:
             wave = 1e-5 * np.cos(count * np.linspace(0.0, np.pi, power.size)) * power
             rise = temperature(power + wave) - temperature(power - wave)
             assert 2.0 * wave @ temperature_slope(power) == pytest.approx(float(rise), rel=1e-6, abs=1e-7)
-
-
-def test_the_temperature_s_deviation_hangs_on_no_choice_of_modes() -> None:
-    """The same errors told by other modes: a turn of them changes nothing, so that two languages agree."""
-    power = read_lamp("FL2").values
-    rng = np.random.default_rng(5)
-    modes = (
-        0.2 * rng.normal(size=(6, 1)) * np.cos(np.arange(6)[:, None] * np.linspace(0.0, np.pi, power.size)) * power
-    )
-    turn = np.linalg.qr(rng.normal(size=(6, 6)))[0]
-    kelvin, turned = LampPosterior(power, modes).kelvin, LampPosterior(power, turn @ modes).kelvin
-    assert turned == pytest.approx(kelvin, rel=1e-12)
 
 
 # -- phones and cameras --------------------------------------------------------------------------------------------
@@ -359,29 +316,30 @@ def test_one_of_two_lamps_may_be_named() -> None:
     assert weigh_rivals(nobody, replace(done.ssf, kinds=("daylight", "bulb"))) == ()
 
 
-def test_three_lights_without_a_name_and_four_are_too_many() -> None:
+@pytest.mark.full
+def test_three_lights_without_a_name() -> None:
     done = found(("D:6500", "2700K", "LED-B3"))
     assert [kind_of(lamp) for lamp in done.ssf.kinds] == ["daylight", "bulb", "white-led"]
     assert done.ssf.half_width < found(("D:6500",)).ssf.half_width
+
+
+def test_four_lights_without_a_name_are_too_many() -> None:
     with pytest.raises(InvalidArgument, match="4 shots was not named; at most 3"):
         solve(unnamed(capture(resolve(PHONE), ["D55", "A", "FL2", "LED-B3"], make="Apple")))
 
 
-@pytest.mark.parametrize("make", ["NIKON CORPORATION", "", "Apple"])
-def test_a_camera_must_name_its_lamp(make: str) -> None:
+def test_a_camera_must_name_its_lamp() -> None:
     """Whatever maker its file names, the signals say that it is no phone; the message says which words would help."""
     try:
-        reasons = solve(unnamed(capture(measured_cameras()["Nikon D5100"], ["D55"], make=make))).verdict.reasons
+        reasons = solve(unnamed(capture(measured_cameras()["Nikon D5100"], ["D55"], make="Apple"))).verdict.reasons
     except LampUnfit as refused:
         reasons = refused.reasons
     reason = next(each for each in reasons if "spectrum was not given" in each.message)
     assert reason.advice.startswith("Name the lamp: at least its kind (daylight, bulb")
 
 
-@pytest.mark.parametrize("make", ["Apple", "A maker of whom nobody knows", ""])
-def test_a_phone_is_known_by_its_signals(make: str) -> None:
-    done = solve(unnamed(capture(resolve(PHONE), ["D55"], make=make)))
-    assert done.verdict.status == "accepted"
+def test_a_phone_is_known_by_its_signals() -> None:
+    assert solve(unnamed(capture(resolve(PHONE), ["D55"], make=""))).verdict.status == "accepted"
 
 
 def test_bounds_of_the_probability() -> None:
@@ -546,6 +504,7 @@ def test_a_name_with_a_stated_tolerance_is_taken_as_said() -> None:
 LIGHTS = ("D65", "D50", "A", "2500K", "LED-B3", "FL2", "FL3.12")
 
 
+@pytest.mark.full
 @pytest.mark.requirement("R-COLOUR")
 @pytest.mark.parametrize("other", [False, True], ids=["the chart's light", "another light"])
 def test_the_colour_after_a_calibration_in_unnamed_light_covers_the_truth(other: bool) -> None:
@@ -637,11 +596,10 @@ def test_the_combinations_of_several_lamps_are_the_most_probable_ones() -> None:
     assert all(sum(kind != "0" for kind in one) <= 4 for one in many)
 
 
-@pytest.mark.parametrize("name", ["D55", "daylight", "white-led"])
-def test_a_lamp_that_was_called_is_reported_on_the_papers_basis_too(name: str) -> None:
+def test_a_lamp_that_was_called_is_reported_on_the_papers_basis_too() -> None:
     given = capture(resolve(PHONE), ["D55"])
     result = solve(
-        replace(given, shots=(replace(given.shots[0], lamp=read_light(name)),)), options=Options(basis="gaussian")
+        replace(given, shots=(replace(given.shots[0], lamp=read_light("D55")),)), options=Options(basis="gaussian")
     )
     assert "The estimated light" not in page_of(result)
 

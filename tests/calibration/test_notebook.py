@@ -19,7 +19,6 @@ import pytest
 from camssf import Options
 from camssf.calibration import attempt, calibrate
 from camssf.documents.document import Curves, Document, Truth, document_bytes
-from camssf.documents.forms import to_plain
 from camssf.documents.scale import channel_scale
 from camssf.errors import CalibrationError, ChartUnfit, InvalidArgument, LampUnfit
 from camssf.exports import export
@@ -274,30 +273,11 @@ def test_saved_and_loaded_it_is_the_same_result(result: Result, tmp_path: Path) 
     path = result.save(tmp_path / "phone.json")
     assert path.read_bytes() == document_bytes(result) == report(result).result_json
     again = Result.load(path)
-    assert np.array_equal(again.curves, result.curves)
-    assert np.array_equal(again.std, result.std)  # type: ignore[arg-type]
-    assert again.verdict == result.verdict
-    assert again.assumptions == result.assumptions
-    assert again.scores.rmsre_percent.tolist() == result.scores.rmsre_percent.tolist()
     assert repr(again) == repr(result)
+    assert again.verdict.checks == result.verdict.checks != ()
     assert again.save(tmp_path / "again.json").read_bytes() == path.read_bytes()
-
-
-def test_a_loaded_result_tells_what_was_checked_and_its_budget(result: Result, tmp_path: Path) -> None:
-    loaded = Result.load(result.save(tmp_path / "result.json"))
-    assert loaded.verdict.checks == result.verdict.checks != ()
-    assert to_plain(loaded.uncertainty) == to_plain(result.uncertainty) != {}
     assert result == result
     assert result != replace(result)  # its document tells whether two are alike
-
-
-def test_a_loaded_result_serves_for_colour_and_exports(result: Result, tmp_path: Path) -> None:
-    again = Result.load(result.save(tmp_path / "a.json"))
-    signals = [[0.4, 0.3, 0.2], [0.1, 0.2, 0.3]]
-    assert np.array_equal(*(standard_colour(each, "A", signals).lab for each in (result, again)))
-    assert export(again, "csv") == export(result, "csv")
-    with pytest.raises(InvalidArgument, match="A str cannot be used as a camera"):
-        standard_colour("result.json", "A", signals)  # type: ignore[arg-type]
 
 
 def test_what_is_no_result_is_not_loaded(tmp_path: Path) -> None:
@@ -465,3 +445,8 @@ def test_calibrate_takes_objects_and_arrays(shot: Simulation, result: Result) ->
     assert found.scores.rmse is not None
     with pytest.raises(InvalidArgument, match="is no lamp"):
         calibrate(only.chart, ["D55", (WAVELENGTHS, lamp.values)])  # type: ignore[arg-type]
+
+
+def test_a_path_is_no_camera_of_a_colour() -> None:
+    with pytest.raises(InvalidArgument, match="A str cannot be used as a camera"):
+        standard_colour("result.json", "A", [[0.4, 0.3, 0.2]])  # type: ignore[arg-type]

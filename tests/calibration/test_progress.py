@@ -40,14 +40,18 @@ def told(reports: Reports) -> Progress:
     return lambda stage, part: reports.append((stage, part))
 
 
-def test_each_step_tells_from_0_to_1(photo: Path, tmp_path: Path) -> None:
+def test_measuring_and_solving_tell_from_0_to_1(photo: Path) -> None:
     reports: Reports = []
     capture = measure(Shot(photo, "D55"), progress=told(reports))
     check(reports)
     reports = []
     solve(capture, progress=told(reports))
     check(reports)
-    reports = []
+
+
+@pytest.mark.full
+def test_joint_calibration_and_parity_tell_from_0_to_1(photo: Path, tmp_path: Path) -> None:
+    reports: Reports = []
     first = calibrate(photo, "D55", progress=told(reports))
     check(reports)
     other = simulate("Demo phone", ["D55"], tmp_path, scene=Scene(size=(900, 675)), seed=1).shots[0].chart

@@ -6,7 +6,6 @@ import re
 import struct
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,7 @@ from camssf.photo.read.dng import Mosaic, read_dng
 from camssf.photo.read.pieces import MAX_SAMPLES
 from camssf.photo.read.raw import read_raw
 from camssf.photo.shot import Shot
-from golden.dngs import DEFLATE, JPEG, LONG, NONE, RATIONAL, SHORT, SRATIONAL, Dng, Tags, opcode, opcode_list
+from golden.dngs import DEFLATE, JPEG, LONG, RATIONAL, SHORT, SRATIONAL, Dng, Tags
 from golden.stages.mosaic import chaos, slope
 from tests.support import captures, scenes
 
@@ -40,28 +39,6 @@ def read(folder: Path, dng: Dng, **how: Any) -> Mosaic:
     path = folder / "photo.dng"
     path.write_bytes(dng.encode())
     return read_dng(path, **how)
-
-
-@pytest.mark.parametrize("compression", [NONE, JPEG, DEFLATE])
-@pytest.mark.parametrize("layout", [{"rows_per_strip": 7}, {"tile": (16, 16)}])
-@pytest.mark.parametrize("count", [0, 1, 100, 392, 10**6])
-def test_byte_counts_are_not_trusted(tmp_path: Path, compression: int, layout: dict[str, Any], count: int) -> None:
-    samples = slope(12)
-    plain = Dng(samples, bits=12, compression=compression, **layout)
-    tag = 325 if "tile" in layout else 279
-    dng = replace(plain, tags={tag: (LONG, [count] * len(plain.pieces()))})
-    np.testing.assert_array_equal(read(tmp_path, dng).samples, samples)
-
-
-@pytest.mark.parametrize(("bits", "pad"), [(16, 24), (16, 3), (12, 4), (8, 5)])
-@pytest.mark.parametrize("rows", [None, 9])
-@pytest.mark.parametrize("fill", ["zeros", "samples"])
-def test_rows_padded_to_a_stride(tmp_path: Path, bits: int, pad: int, rows: int | None, fill: str) -> None:
-    stored = slope(bits, width=56 + pad)
-    if fill == "zeros":
-        stored[:, 56:] = 0
-    dng = Dng(stored, bits=bits, rows_per_strip=rows, tags={256: (LONG, [56])})
-    np.testing.assert_array_equal(read(tmp_path, dng).samples, stored[:, :56])
 
 
 def test_dense_rows_before_other_data_are_not_padded(tmp_path: Path) -> None:
@@ -115,6 +92,7 @@ def test_the_memory_of_the_largest_photo(tmp_path: Path) -> None:
     assert int(kilobytes) * 1024 < 2 * rows * columns + 350e6
 
 
+@pytest.mark.full
 def test_of_a_large_photo_the_middle_is_searched_for_edges() -> None:
     from camssf.photo.find.pose import edge_width
 
@@ -123,21 +101,6 @@ def test_of_a_large_photo_the_middle_is_searched_for_edges() -> None:
     assert height * width < 4 * MOST
     wide = np.pad(frames.chart, [(n, n) for n in (2400 - height // 2, 2400 - width // 2)], mode="edge")
     assert edge_width(scenes.mosaic(wide)) == pytest.approx(edge_width(scenes.mosaic(frames.chart)), rel=0.1)
-
-
-@pytest.mark.parametrize(("stage", "tag"), [(1, 51008), (2, 51009), (3, 51022)])
-def test_an_opcode_that_changes_samples_may_not_be_skipped(tmp_path: Path, stage: int, tag: int) -> None:
-    def holding(number: int, *, required: bool = True) -> Dng:
-        data = opcode(number, bytes(8), required=required)
-        return Dng(chaos(16), tags={tag: opcode_list(data)})
-
-    for number, name in {7: "MapTable", 8: "MapPolynomial", 10: "DeltaPerRow", 11: "DeltaPerColumn",
-                         12: "ScalePerRow", 13: "ScalePerColumn", 99: "unknown"}.items():  # fmt: skip
-        with pytest.raises(UnsupportedRaw, match=rf"opcode {number} \({name}\) of opcode list {stage}"):
-            read(tmp_path, holding(number))
-        read(tmp_path, holding(number, required=False))
-    for number in (1, 2, 3, 4, 5, 6, 14):
-        read(tmp_path, holding(number))
 
 
 def matrices(folder: Path, matrix: list[int], light: int | None, neutral: list[int] | None) -> Mosaic:
@@ -279,7 +242,7 @@ def test_a_damaged_tile_outside_the_chart(tiled: tuple[Path, NDArray[np.float64]
     np.testing.assert_allclose(shot.means.chart.mean, framed.means.chart.mean, rtol=1e-3)
 
 
-@pytest.mark.parametrize("how", ["quad Bayer", "another order"])
+@pytest.mark.parametrize("how", [pytest.param("quad Bayer", marks=pytest.mark.full), "another order"])
 def test_wrong_colour_filters_are_named_with_corners_by_hand_too(how: str) -> None:
     frames = scenes.shoot()
     samples = frames.chart

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import subprocess
 import sys
 import tracemalloc
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -19,19 +17,7 @@ from numpy.typing import NDArray
 
 from camssf.errors import CalibrationError, NotSensorRaw, RawError, UnreadableRaw, UnsupportedRaw
 from camssf.photo.read.dng import Mosaic, read_dng
-from golden.dngs import (
-    ASCII,
-    BAD_PIXELS,
-    BYTE,
-    GAIN_MAP,
-    LONG,
-    RATIONAL,
-    SHORT,
-    SRATIONAL,
-    Dng,
-    Tags,
-    opcode_list,
-)
+from golden.dngs import BAD_PIXELS, GAIN_MAP, LONG, RATIONAL, SHORT, Dng, Tags, opcode_list
 from golden.forms import ROOT
 from tests.support.processes import SEARCH
 
@@ -87,30 +73,6 @@ def test_colours_and_active_area_are_libraws(tmp_path: Path, order: str, area: t
             np.testing.assert_array_equal(found.samples, raw.raw_image_visible)
 
 
-@pytest.mark.parametrize("order", "<>")
-@pytest.mark.parametrize("bits", [8, 10, 12, 14, 16])
-@pytest.mark.parametrize("layout", [{}, {"rows_per_strip": 10}, {"tile": (32, 48)}])
-def test_uncompressed_samples_come_back(tmp_path: Path, bits: int, order: str, layout: dict[str, Any]) -> None:
-    samples = noise(70, 100, bits)
-    found = read(tmp_path, samples=samples, bits=bits, order=order, **layout)
-    assert found.samples.dtype == np.uint16
-    assert found.samples.flags.c_contiguous
-    assert found.white == 2**bits - 1
-    np.testing.assert_array_equal(found.samples, samples)
-
-
-@pytest.mark.parametrize("compression", [1, 7, 8])
-@pytest.mark.parametrize("bits", [10, 16])
-@pytest.mark.parametrize("tile", [(16, 64), (16, 58), (48, 64), (40, 80), (3, 60)])
-def test_tiles_wider_than_the_picture_come_back(
-    tmp_path: Path, tile: tuple[int, int], bits: int, compression: int
-) -> None:
-    """LibRaw breaks the rows of such tiles at the picture's width."""
-    samples = ramp(40, 56, bits)
-    found = read(tmp_path, samples=samples, bits=bits, tile=tile, compression=compression)
-    np.testing.assert_array_equal(found.samples, samples)
-
-
 def test_a_picture_too_small_for_libraw_comes_back(tmp_path: Path) -> None:
     for width in (6, 12, 16, 24):  # of the JPEG
         samples = ramp(4, width)
@@ -123,61 +85,6 @@ def test_pieces_outside_the_active_area_are_not_decoded(tmp_path: Path) -> None:
     end = 8 + len(dng.pieces()[0])
     damaged = content[: end - 20] + bytes(20) + content[end:]
     np.testing.assert_array_equal(read_dng(write(tmp_path, damaged)).samples, ramp(64, 64)[32:])
-
-
-@pytest.mark.parametrize(
-    "layout",
-    [{}, {"tile": (32, 32)}, {"tile": (32, 32), "reverse_pieces": True}, {"tile": (48, 64), "place": "sub"}],
-)
-def test_lossless_jpeg_comes_back(tmp_path: Path, layout: dict[str, Any]) -> None:
-    samples = ramp(70, 100)
-    found = read(tmp_path, samples=samples, bits=14, compression=7, **layout)
-    np.testing.assert_array_equal(found.samples, samples)
-
-
-def test_linearization_table_is_applied(tmp_path: Path) -> None:
-    table = np.arange(256) ** 2 // 2
-    samples = noise(bits=8)
-    tags = {50712: (SHORT, table.tolist()), 50717: (LONG, [32512]), 50714: (SHORT, [128])}
-    found = read(tmp_path, samples=samples, bits=8, tags=tags)
-    np.testing.assert_array_equal(found.samples, table[samples])
-    assert found.white == 32512
-    assert (found.black == 128).all()
-
-
-BLACKS: dict[str, tuple[dict[int, tuple[int, Any] | None], list[list[float]]]] = {
-    "silent": ({}, [[0, 0], [0, 0]]),
-    "one": ({50714: (SHORT, [200])}, [[200, 200], [200, 200]]),
-    "2 x 2": ({50713: (SHORT, [2, 2]), 50714: (SHORT, [10, 20, 30, 40])}, [[10, 20], [30, 40]]),
-    "fractions": (
-        {50713: (SHORT, [2, 2]), 50714: (RATIONAL, [200, 2, 201, 2, 402, 4, 403, 4])},
-        [[100, 100.5], [100.5, 100.75]],
-    ),
-    "rows": ({50713: (SHORT, [2, 1]), 50714: (SHORT, [10, 30])}, [[10, 10], [30, 30]]),
-    "columns": ({50713: (SHORT, [1, 2]), 50714: (SHORT, [10, 30])}, [[10, 30], [10, 30]]),
-    # rows 0 and 2 hold 0, 8; columns 0 and 2 hold +0, +2: mean 4 + 1; and so on
-    "4 x 4": (
-        {50713: (SHORT, [4, 4]), 50714: (SHORT, list(range(16)))},
-        [[5, 6], [9, 10]],
-    ),
-    # an odd period visits every cell position: all of them get the mean
-    "3 x 3": ({50713: (SHORT, [3, 3]), 50714: (SHORT, list(range(9)))}, [[4, 4], [4, 4]]),
-    "deltas": (
-        {
-            50714: (SHORT, [100]),
-            50715: (SRATIONAL, [1, 1, 3, 1] * 48),
-            50716: (SRATIONAL, [-10, 1, 20, 1] * 32),
-        },
-        [[91, 93], [121, 123]],
-    ),
-}
-
-
-@pytest.mark.parametrize("name", BLACKS)
-def test_black_level_of_each_cell_position(tmp_path: Path, name: str) -> None:
-    tags, wanted = BLACKS[name]
-    found = read(tmp_path, samples=noise(), tags=tags)
-    np.testing.assert_allclose(found.black, wanted, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("order", ORDERS)
@@ -193,31 +100,6 @@ def test_black_and_white_level_are_libraws(tmp_path: Path, order: str) -> None:
 def test_black_follows_the_active_area_and_not_the_stored_corner(tmp_path: Path) -> None:
     tags = {50713: (SHORT, [2, 2]), 50714: (SHORT, [10, 20, 30, 40]), 50829: (LONG, [3, 5, 60, 90])}
     assert read(tmp_path, samples=noise(), tags=tags).black.tolist() == [[10, 20], [30, 40]]
-
-
-def test_what_the_file_says(tmp_path: Path) -> None:
-    first = {
-        271: (ASCII, b"Acme \0"),
-        272: (ASCII, b"Phone 7\0"),
-        274: (SHORT, [6]),
-        50721: (SRATIONAL, [part for value in range(1, 10) for part in (-value, 10)]),
-        50722: (SRATIONAL, [part for value in range(1, 10) for part in (value, 100)]),
-        50728: (RATIONAL, [1, 2, 1, 1, 2, 3]),
-    }
-    exif = {33434: (RATIONAL, [1, 50]), 34855: (SHORT, [400])}
-    tags = {51009: opcode_list(BAD_PIXELS, GAIN_MAP)}
-    path = write(tmp_path, Dng(noise(), order=">", place="sub", first=first, exif=exif, tags=tags))
-    found = read_dng(path)
-    assert (found.make, found.model, found.orientation) == ("Acme", "Phone 7", 6)
-    assert (found.exposure, found.iso, found.gain_map) == (0.02, 400, True)
-    assert found.color_matrix1 is not None
-    assert found.color_matrix2 is not None
-    assert found.as_shot_neutral is not None
-    np.testing.assert_allclose(found.color_matrix1, -np.arange(1, 10).reshape(3, 3) / 10)
-    np.testing.assert_allclose(found.color_matrix2, np.arange(1, 10).reshape(3, 3) / 100)
-    np.testing.assert_allclose(found.as_shot_neutral, [0.5, 1, 2 / 3])
-    assert found.path == str(path)
-    assert found.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def test_what_the_file_leaves_out(tmp_path: Path) -> None:
@@ -244,83 +126,34 @@ def tagged(*, kind: int, tag: int, value: Any) -> bytes:
 
 
 REFUSED: dict[str, tuple[bytes, type[RawError], str]] = {
-    "empty": (b"", UnreadableRaw, "empty"),
     "text": (b"not a photo at all, just words", UnreadableRaw, "not a DNG"),
     "JPEG": (b"\xff\xd8\xff\xe0\0\x10JFIF\0" + b"\0" * 90, UnreadableRaw, "not a DNG"),
     "PNG": (b"\x89PNG\r\n\x1a\n" + b"\0" * 90, UnreadableRaw, "not a DNG"),
-    "header alone": (b"II*\0", UnreadableRaw, "truncated"),
     "no directory": (b"II*\0" + b"\0" * 60, UnreadableRaw, "no directory"),
-    "circle of directories": (b"II*\0\x08\0\0\0\0\0\x08\0\0\0", UnreadableRaw, "circle"),
-    "BigTIFF": (b"II+\0\x08\0\0\0" + b"\0" * 60, UnsupportedRaw, "BigTIFF"),
     "Fujifilm": (b"FUJIFILMCCD-RAW 0201" + b"\0" * 90, UnsupportedRaw, "no DNG"),
     "Canon CR2": (b"II*\0\x10\0\0\0CR\x02\0" + b"\0" * 90, UnsupportedRaw, "no DNG"),
     "Canon CR3": (b"\0\0\0\x18ftypcrx " + b"\0" * 90, UnsupportedRaw, "no DNG"),
     "Olympus": (b"IIRO\x08\0\0\0" + b"\0" * 90, UnsupportedRaw, "no DNG"),
     "Panasonic": (b"IIU\0\x18\0\0\0" + b"\0" * 90, UnsupportedRaw, "no DNG"),
-    "raw TIFF without DNGVersion": (of(first={50706: None}), UnsupportedRaw, "no DNG"),
     "TIFF picture": (of(first={50706: None}, tags={262: (SHORT, [1])}), UnreadableRaw, "TIFF picture"),
-    "DNG 2": (of(first={50706: (BYTE, [2, 0, 0, 0])}), UnsupportedRaw, "version 2"),
-    "LinearRaw": (tagged(tag=262, kind=SHORT, value=[34892]), NotSensorRaw, "demosaiced"),
-    "JPEG XL LinearRaw": (
-        of(tags={262: (SHORT, [34892]), 259: (SHORT, [52546])}),
-        NotSensorRaw,
-        "demosaiced",
-    ),
-    "preview alone": (tagged(tag=254, kind=LONG, value=[1]), UnsupportedRaw, "no mosaic"),
-    "JPEG XL": (tagged(tag=259, kind=SHORT, value=[52546]), UnsupportedRaw, "JPEG XL"),
-    "lossy JPEG": (tagged(tag=259, kind=SHORT, value=[34892]), UnsupportedRaw, "lossy JPEG"),
+    "JPEG XL LinearRaw": (of(tags={262: (SHORT, [34892]), 259: (SHORT, [52546])}), NotSensorRaw, "demosaiced"),
     "no deflate": (tagged(tag=259, kind=SHORT, value=[8]), UnreadableRaw, "deflated"),
-    "deflate, predictor 3": (
-        of(compression=8, tags={317: (SHORT, [3])}),
-        UnsupportedRaw,
-        "predictor 3 on samples of 16 bits",
-    ),
     "deflate, differences of 12 bits": (
         of(bits=12, compression=8, tags={317: (SHORT, [2])}),
         UnsupportedRaw,
         "predictor 2 on samples of 12 bits",
     ),
-    "unknown codec": (tagged(tag=259, kind=SHORT, value=[4711]), UnsupportedRaw, "4711"),
-    "floats": (tagged(tag=339, kind=SHORT, value=[3]), UnsupportedRaw, "floating-point"),
-    "three samples": (tagged(tag=277, kind=SHORT, value=[3]), UnsupportedRaw, "3 samples"),
-    "24 bits": (tagged(tag=258, kind=SHORT, value=[24]), UnsupportedRaw, "24 bits"),
-    "complementary colours": (of(cfa=bytes((3, 1, 1, 4))), UnsupportedRaw, "colour filters"),
     "two reds": (of(cfa=bytes((0, 0, 1, 2))), UnsupportedRaw, "RRGB"),
-    "X-Trans": (
-        of(tags={33421: (SHORT, [6, 6]), 33422: (BYTE, [0, 1, 1, 1, 2, 1] * 6)}),
-        UnsupportedRaw,
-        "6 × 6",
-    ),
     "no colour filters": (of(tags={33422: None}), UnsupportedRaw, "unnamed"),
     "staggered layout": (tagged(tag=50711, kind=SHORT, value=[2]), UnsupportedRaw, "colour filters"),
-    "lowest bit first": (of(bits=12, tags={266: (SHORT, [2])}), UnsupportedRaw, "FillOrder 2"),
     "lowest bit first, 16 bit": (tagged(tag=266, kind=SHORT, value=[2]), UnsupportedRaw, "FillOrder 2"),
     "lowest bit first, JPEG": (of(compression=7, tags={266: (SHORT, [2])}), UnsupportedRaw, "FillOrder 2"),
-    "area outside": (tagged(tag=50829, kind=LONG, value=[0, 0, 65, 96]), UnreadableRaw, "active area"),
     "area inside out": (tagged(tag=50829, kind=LONG, value=[60, 0, 4, 96]), UnreadableRaw, "active area"),
     "area of three numbers": (tagged(tag=50829, kind=LONG, value=[0, 0, 9]), UnreadableRaw, "tag 50829"),
-    "huge": (of(tags={256: (LONG, [60000]), 257: (LONG, [60000])}), UnreadableRaw, "pieces of data"),
     "no width": (of(tags={256: None}), UnreadableRaw, "0 × 64"),
-    "data beyond the end": (tagged(tag=273, kind=LONG, value=[10**6]), UnreadableRaw, "end at byte"),
-    "short data": (of()[:-2000], UnreadableRaw, "wanted of"),
-    "strips that overlap": (
-        of(rows_per_strip=32, tags={273: (LONG, [8, 1000])}),
-        UnreadableRaw,
-        "too short",
-    ),
-    "strip missing": (tagged(tag=278, kind=LONG, value=[16]), UnreadableRaw, "instead of 4"),
-    "black without number": (tagged(tag=50714, kind=RATIONAL, value=[1, 0]), UnreadableRaw, "black"),
-    "black too short": (
-        of(tags={50713: (SHORT, [2, 2]), 50714: (SHORT, [1, 2, 3])}),
-        UnreadableRaw,
-        "tag 50714",
-    ),
+    "strips that overlap": (of(rows_per_strip=32, tags={273: (LONG, [8, 1000])}), UnreadableRaw, "too short"),
+    "black too short": (of(tags={50713: (SHORT, [2, 2]), 50714: (SHORT, [1, 2, 3])}), UnreadableRaw, "tag 50714"),
     "white 0": (tagged(tag=50717, kind=LONG, value=[0]), UnreadableRaw, "white level"),
-    "opcode list cut off": (
-        of(tags={51009: (7, opcode_list(GAIN_MAP)[1][:-2])}),
-        UnreadableRaw,
-        "opcode",
-    ),
     "JPEG that restarts within a line": (
         of(compression=7, jpeg={"restart_rows": 4}).replace(b"\xff\xdd\0\4\0\xc0", b"\xff\xdd\0\4\0\xc1"),
         UnreadableRaw,
@@ -418,18 +251,16 @@ def odd_ones() -> dict[str, bytes]:
         "plain": Dng(noise()),
         "packed": Dng(noise(bits=12), bits=12, rows_per_strip=10),
         "rich": Dng(noise(), order=">", place="sub", tags=rich, exif={33434: (RATIONAL, [1, 50])}),
+        "jpeg": Dng(ramp(), bits=14, compression=7, tile=(32, 32), place="sub"),
     }
-    encoded = {name: dng.encode() for name, dng in files.items()}
-    with suppress(ImportError):
-        encoded["jpeg"] = Dng(ramp(), bits=14, compression=7, tile=(32, 32), place="sub").encode()
-    return encoded
+    return {name: dng.encode() for name, dng in files.items()}
 
 
-@pytest.mark.parametrize("name", ["plain", "packed", "rich", "jpeg"])
+@pytest.mark.parametrize(
+    "name", ["rich", *(pytest.param(name, marks=pytest.mark.full) for name in ("plain", "packed", "jpeg"))]
+)
 def test_truncated_anywhere(tmp_path: Path, name: str) -> None:
-    content = odd_ones().get(name)
-    if content is None:
-        pytest.skip("imagecodecs is missing")
+    content = odd_ones()[name]
     lengths = {*range(40), *range(len(content) - 400, len(content)), *range(40, len(content), 97)}
     whole = read_dng(write(tmp_path, content))
     for length in sorted(lengths):
@@ -442,33 +273,6 @@ def test_truncated_anywhere(tmp_path: Path, name: str) -> None:
         assert length > len(content) - 20
         np.testing.assert_array_equal(found.samples, whole.samples)
         np.testing.assert_array_equal(found.black, whole.black)
-
-
-@pytest.mark.requirement("R-HOSTILE")
-@pytest.mark.full
-def test_damaged_bytes_give_typed_errors_only(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    rng = np.random.default_rng(20)
-    files = list(odd_ones().values())
-    verdicts = {"read": 0, "refused": 0}
-    for number in range(800):
-        content = bytearray(files[number % len(files)])
-        for _ in range(rng.integers(1, 6)):
-            start = max(0, len(content) - 900) if rng.random() < 0.7 else 0  # most tags lie at the end
-            value = rng.integers(256) if rng.random() < 0.5 else rng.choice([0, 1, 2, 3, 4, 7, 8, 16, 255])
-            content[rng.integers(start, len(content))] = int(value)
-        try:
-            found = read_dng(write(tmp_path, bytes(content)))
-        except RawError:
-            verdicts["refused"] += 1
-            continue
-        verdicts["read"] += 1
-        assert found.samples.dtype == np.uint16
-        assert found.samples.ndim == 2
-        assert min(found.samples.shape) >= 2
-        assert np.isfinite(found.black).all()
-        assert found.white > 0
-    capfd.readouterr()  # LibRaw's own remarks
-    assert min(verdicts.values()) > 100  # the flips do bite, and do not always
 
 
 @pytest.mark.parametrize(
@@ -525,11 +329,6 @@ def test_real_files_against_libraw_and_tifffile(
         np.testing.assert_allclose(found.as_shot_neutral, parts[:, 0] / parts[:, 1])
     assert found.exposure is None  # both files write nothing, or 0
     assert not found.gain_map
-
-
-def test_hash_of_the_real_chart() -> None:
-    wanted = "592dba160b03770752667847f60ef07e9d96c17bf841e78e2b0cb5cbc5616edd"
-    assert read_dng(REAL / "colorchart.dng").sha256 == wanted
 
 
 @pytest.mark.parametrize("cut", [0.001, 0.1, 0.5, 0.9, 0.999])

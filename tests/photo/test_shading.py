@@ -249,19 +249,6 @@ def test_the_command_line_records_it(shots: dict[str, Path], capsys: pytest.Capt
     assert "as-stored or apply" in capsys.readouterr().err
 
 
-@pytest.mark.full
-def test_a_batch_passes_it_on(shots: dict[str, Path], tmp_path: Path) -> None:
-    from camssf_fleet.batch import run_batch
-    from camssf_fleet.manifest import Manifest
-
-    manifest = tmp_path / "manifest.csv"
-    manifest.write_text(f"name,photo,lamp\nphone,{shots['shaded chart']},D55\n", "utf-8")
-    (outcome,) = run_batch(Manifest(manifest, lens_shading="apply"), tmp_path / "out", workers=1).outcomes
-    assert outcome.ok
-    document = json.loads((tmp_path / "out" / outcome.folder / "result.json").read_text("utf-8"))
-    assert document["capture"]["shots"][0]["lens_shading"] == "apply"
-
-
 def test_a_colour_applies_the_map_if_the_result_did(shots: dict[str, Path]) -> None:
     from camssf_colour.cli.regions import measure as measured
 

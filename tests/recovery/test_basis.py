@@ -12,15 +12,7 @@ import pytest
 
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS
-from camssf.recovery.basis import (
-    NODES,
-    Basis,
-    gaussian_basis,
-    interpolate,
-    misfit_profile,
-    read_basis,
-    steady_exp,
-)
+from camssf.recovery.basis import NODES, Basis, gaussian_basis, interpolate, misfit_profile, read_basis, steady_exp
 from camssf.recovery.sensitivity import prior_std
 from camssf_lab.learning.basis import _smooth_root, enlarge, learn, main, process_rows, save
 from camssf_lab.learning.training import HANDFUL, Enlargement, TrainingSet, maker_of, read_curves, training_set_of
@@ -240,15 +232,6 @@ def test_shipped_basis_comes_from_the_command(tmp_path: Path) -> None:
 
 def spread(dictionary: np.ndarray) -> np.ndarray:
     return np.einsum("cmr,cnr->cmn", dictionary, dictionary)
-
-
-def test_the_shipped_basis_extended_by_nothing_is_itself(tmp_path: Path) -> None:
-    (tmp_path / "none.csv").write_text("camera,wavelength_nm,R,G,B\n")
-    assert main([str(tmp_path / "none.csv"), "--extend", "cameras", "-o", str(tmp_path / "same.npz")]) == 0
-    same, shipped = read_basis(str(tmp_path / "same.npz")), read_basis("cameras")
-    assert same.mean == pytest.approx(shipped.mean, abs=1e-12)
-    assert spread(same.dictionary[:, ::40]) == pytest.approx(spread(shipped.dictionary[:, ::40]), abs=1e-9)
-    assert "52 measured cameras" in same.source
 
 
 def test_a_maker_s_cameras_can_be_added_later(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -25,29 +25,14 @@ from camssf.photo.capture import Capture, MeasuredShot, Photo
 from camssf.photo.patches import PatchMeans
 from camssf.recovery.basis import read_basis
 from camssf.recovery.covariance import DRIFT
-from camssf.recovery.hypotheses import (
-    CLEAR,
-    FAMILIES,
-    MAKER,
-    MAKERS_OF,
-    probabilities,
-    recover,
-)
+from camssf.recovery.hypotheses import CLEAR, FAMILIES, MAKER, MAKERS_OF, probabilities, recover
 from camssf.recovery.observation import Observation
 from camssf.recovery.prediction import predict
-from camssf.recovery.sensitivity import (
-    LARGEST_GAP,
-    FamilyTest,
-    Hypothesis,
-    SolverSettings,
-    Ssf,
-    solve_on_basis,
-)
+from camssf.recovery.sensitivity import LARGEST_GAP, FamilyTest, Hypothesis, SolverSettings, Ssf, solve_on_basis
 from camssf.recovery.unfamiliar_camera import code_length, family_test, stranger_probability
 from camssf.rules import rules
 from camssf.spectra import read_chart, read_lamp
 from camssf.spectra.lights import unnamed_light
-from camssf.verdict.judge import judge
 from camssf.verdict.lamp import RIVALS, Rival
 from camssf.verdict.rival_lamps import weigh_rivals
 from golden.forms import resolve
@@ -179,11 +164,6 @@ def test_odds_of_twenty_answer_alone() -> None:
     assert (chosen_basis(given, [first, second], FAIR).values == second.values).all()
 
 
-def test_each_family_is_known_by_its_own() -> None:
-    assert shares(recover(observed(resolve(PHONE), "D55", "A")))["phones"] > 0.95
-    assert shares(recover(observed(measured_cameras()["Nikon D5100"], "D55", "A")))["cameras"] > 0.95
-
-
 # -- a camera of no family ------------------------------------------------------------------------------------------
 
 
@@ -271,29 +251,6 @@ def test_the_lamp_residual_is_a_difference_of_evidences() -> None:
     assert half.lamp_residual == pytest.approx(0.0, abs=1e-9)
     assert half.longest == rules().number("verdict.unusual_phone_unnamed")
     assert family_test(given, own, [False, False]).lamp_residual is None
-
-
-@pytest.mark.parametrize("camera", ["phone", "between", "odd"])
-def test_the_model_chooses_as_the_reference_does(camera: str) -> None:
-    given = {
-        "phone": observed(resolve(PHONE), "D55", "A"),
-        "between": between(),
-        "odd": observed(resolve(ODD), "D55"),
-    }[camera]
-    onnx, reference = (
-        recover(given, settings=SolverSettings(engine=engine), prior={"cameras": 2.0})
-        for engine in ("onnx", "reference")
-    )
-    assert (onnx.engine, reference.engine) == ("onnx", "reference")
-    assert (onnx.basis, onnx.prior_scale) == (
-        reference.basis,
-        reference.prior_scale,
-    )
-    for ours, theirs in zip(onnx.choice, reference.choice, strict=True):
-        assert ours.log_evidence == pytest.approx(theirs.log_evidence, rel=1e-10)
-        assert ours.probability == pytest.approx(theirs.probability, abs=1e-8)
-    assert onnx.values == pytest.approx(reference.values, abs=1e-9 * reference.values.max())
-    assert onnx.std == pytest.approx(reference.std, abs=1e-9 * reference.values.max())
 
 
 def test_predictions_stand_on_the_answer_s_own_basis() -> None:
@@ -478,16 +435,6 @@ def test_a_refused_capture_asks_for_no_rivals() -> None:
     assert any(reason.key.startswith("lamp_unfit.rival") for reason in doubted.reasons)
 
 
-def test_rivals_asked_for_are_those_given() -> None:
-    scene = Scene(theory(TABLE.values, read_lamp("D55").values, measured_cameras()["Nikon D5100"]))
-    scene.rivals = (Rival(0, "A", 9.0), Rival(0, "FL2", 3.0))
-    given = scene.judged()
-    gains = scene.rivals
-    scene.rivals = lambda: gains  # type: ignore[assignment]
-    assert scene.judged() == given
-    assert judge.__kwdefaults__["rivals"] == ()
-
-
 def test_gains_are_evidence_on_the_narrow_prior() -> None:
     """Each by hand: the evidence of the same signals under the other lamp less that under the named one."""
     shot = capture(resolve(PHONE), ["D55"], ["D65"])
@@ -510,15 +457,14 @@ def test_gains_are_evidence_on_the_narrow_prior() -> None:
         assert rival.gain == pytest.approx(evidence(rival.lamp) - evidence("D65"), abs=1e-6)
 
 
-@pytest.mark.parametrize("make", ["", "Apple", "Canon"])
-def test_where_the_signals_choose_every_lamp_has_the_choice(make: str) -> None:
+def test_where_the_signals_choose_every_lamp_has_the_choice() -> None:
     """By hand: phones and cameras under each lamp, by the maker's odds; so the basis cannot follow the wrong name."""
-    shot = capture(resolve(PHONE), ["A"], ["D55"], make=make)
+    shot = capture(resolve(PHONE), ["A"], ["D55"], make="Canon")
     fit = prepare_fit(shot, Options())
     ssf = recover_fit(fit, fit.signals.used, None)
     found = weigh_rivals(fit, ssf)
     assert ssf.prior_scale > 1.0  # under a wrong lamp the camera looks unfamiliar: the learned width
-    odds = prior_odds(make, "")
+    odds = prior_odds("Canon", "")
 
     def evidence(name: str) -> float:
         other = Capture((replace(shot.shots[0], lamp=read_lamp(name)),), TABLE, None)
@@ -551,18 +497,13 @@ def test_a_wrong_lamp_that_makes_a_camera_of_a_phone() -> None:
 def test_lamps_of_a_phone() -> None:
     """Right ones stand, wrong ones are doubted, and a better one is named."""
     phone = resolve(PHONE)
-    for lamp in ("D65", "LED-B3", "FL2"):
-        assert solve(capture(phone, [lamp], make="Apple")).verdict.status == "accepted", lamp
+    assert solve(capture(phone, ["FL2"], make="Apple")).verdict.status == "accepted"
     doubted = solve(capture(phone, ["LED-B3"], ["D55"], make="Apple")).verdict
     assert doubted.status == "doubtful"
     assert doubted.reasons[0].key == "lamp_unfit.rival"
     assert "the light is another than D55" in doubted.reasons[0].message
-    for true, named in (("A", "D55"), ("A", "FL2"), ("D65", "FL2")):
-        try:
-            reasons = solve(capture(phone, [true], [named], make="Apple")).verdict.reasons
-        except LampUnfit as refused:
-            reasons = refused.reasons
-        assert any(f"another than {named}" in reason.message for reason in reasons)
+    with pytest.raises(LampUnfit, match="another than FL2"):
+        solve(capture(phone, ["A"], ["FL2"], make="Apple"))
 
 
 # -- in words -------------------------------------------------------------------------------------------------------
@@ -578,13 +519,10 @@ def answer_of(choice: tuple[Hypothesis, ...], scale: float = 1.0) -> Answer:
 
 
 def test_odds_in_words() -> None:
-    assert [odds_in_words(odds) for odds in (1.25, 9.96, 240.4, 12345.6, 1e7, np.inf)] == [
-        "1.2 : 1", "10.0 : 1", "240 : 1", "12,346 : 1", "more than a million : 1", "more than a million : 1",
-    ]  # fmt: skip
-
-
-def test_odds_below_the_clear_ones_do_not_read_as_clear() -> None:
-    assert [odds_in_words(odds) for odds in (19.97, 20.0, 19.4, 3.0)] == ["19.9 : 1", "20 : 1", "19 : 1", "3.0 : 1"]
+    """Odds below the clear ones do not read as clear."""
+    said = {1.25: "1.2", 3.0: "3.0", 9.96: "10.0", 19.4: "19", 19.97: "19.9", 20.0: "20", 240.4: "240",
+            12345.6: "12,346", 1e7: "more than a million", np.inf: "more than a million"}  # fmt: skip
+    assert [odds_in_words(odds) for odds in said] == [f"{words} : 1" for words in said.values()]
 
 
 def test_the_choice_in_words() -> None:
@@ -613,16 +551,6 @@ def test_the_choice_in_words() -> None:
     one = choice_of(weighed(("phones", 0.0, 1.0)))
     assert one is not None
     assert one.words == ()
-
-
-def test_the_words_of_a_real_choice() -> None:
-    """From `recover`: odds are those of the probabilities, the maker's word is the 20 that was given."""
-    ssf = recover(between(), prior={"cameras": 20.0})
-    found = choice_of(answer_of(ssf.choice))
-    assert found is not None
-    assert found.basis == "cameras"
-    assert found.odds == pytest.approx(shares(ssf)["cameras"] / (1.0 - shares(ssf)["cameras"]))
-    assert found.prior_odds == pytest.approx(20.0, rel=1e-6)
 
 
 def test_the_maker_s_odds_are_told_of_phones_whatever_their_sensor() -> None:

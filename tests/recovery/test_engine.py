@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from camssf.errors import InvalidArgument, NotConverged
-from camssf.grid import WAVELENGTHS
 from camssf.recovery import onnx_model
 from camssf.recovery.basis import read_basis, widened
 from camssf.recovery.inputs import basis_arrays, observation_arrays
@@ -34,37 +33,6 @@ def test_a_shipped_model_belongs_to_its_basis(name: str) -> None:
     assert len(content) <= 400_000
     assert model.metadata["basis_sha256"] == basis.sha256()
     assert model.metadata["grid"] == "380 to 720 nm every 0.5 nm"
-
-
-@pytest.mark.parametrize("basis", onnx_model.SHIPPED)
-@pytest.mark.parametrize("shots", [1, 2])
-def test_engines_give_the_same_numbers(basis: str, shots: int) -> None:
-    if basis == "gaussian" and shots > 1:
-        shots = 1
-    reflectance, day = chart_and_lamp("D55", slice(0, 24))
-    _, bulb = chart_and_lamp("A")
-    lamps = np.stack([day, bulb])[:shots]
-    y = np.stack([theory(reflectance, lamp, toy_camera()) for lamp in lamps])
-    y = y * (1 + 0.004 * np.sin(np.arange(y.size)).reshape(y.shape))
-    arguments = {
-        "standard_error": np.hypot(0.004 * y, 1e-3),
-        "lamp_tolerance": 0.02,
-        "lamp_modes": 0.01 * np.sin(WAVELENGTHS / 50) * np.ones((shots, 2, 1)),
-        "white_reflectance": 0.9 + 0.05 * np.cos(WAVELENGTHS / 80),
-        "basis": basis,
-        "frames": (512 + 9000 * y, 9512 + 0 * y, 512 + 0 * y),
-    }
-    one, other = (recovered(y, reflectance, lamps, engine=e, **arguments) for e in ("onnx", "reference"))
-    assert (one.engine, other.engine) == ("onnx", "reference")
-    for name in ("values", "code", "predicted", "std"):
-        a, b = getattr(one, name), getattr(other, name)
-        if name == "std" and basis == "gaussian":
-            assert a is None
-            assert b is None
-        else:
-            assert np.abs(a - b).max() <= 1e-10 * np.abs(b).max()
-    assert one.channel_gain == pytest.approx(other.channel_gain, rel=1e-10)
-    assert (one.proof.gap <= 1e-9).all()
 
 
 def test_another_model_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

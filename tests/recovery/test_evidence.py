@@ -65,3 +65,8 @@ def test_wrong_evidence_is_refused(change: dict[str, Any], words: str) -> None:
     with pytest.raises(InvalidArgument, match=words) as refusal:
         Observation(**arguments() | change)
     assert refusal.value.advice
+
+
+def test_modes_of_one_shot_need_no_axis_of_shots() -> None:
+    modes = np.ones((2, 24))
+    assert np.array_equal(Observation(**arguments(), gain_modes=modes).gain_modes, modes[None])

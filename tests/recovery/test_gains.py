@@ -13,7 +13,7 @@ import pytest
 from camssf.calibration import calibrate, solve
 from camssf.errors import InvalidArgument, UnevenLight
 from camssf.fit.capture_fit import BOWL, CORNER, OWN, PLANE, gain_modes, places, prepare_fit, smooth_modes
-from camssf.grid import WAVELENGTHS, Floats
+from camssf.grid import Floats
 from camssf.options import Options
 from camssf.photo.capture import Capture
 from camssf.photo.find.pose import Pose
@@ -21,7 +21,6 @@ from camssf.photo.patches import FrameMeans
 from camssf.recovery import Observation, explain, predict
 from camssf.recovery.basis import read_basis
 from camssf.recovery.covariance import SOURCES
-from camssf.recovery.rows import anchor
 from camssf.recovery.sensitivity import SolverSettings, Ssf, solve_on_basis
 from camssf.report.page import page
 from camssf.report.sections.uneven import fall_of
@@ -136,31 +135,6 @@ def test_patches_one_by_one_have_a_mode_each() -> None:
 # -- the rows -------------------------------------------------------------------------------------------------------
 
 
-def test_the_rows_are_linear_in_curves_and_gains() -> None:
-    """A x + D v = b holds to rounding for the true x and v however large the gain: nothing is neglected."""
-    basis = read_basis("cameras")
-    rho, lamp = TABLE.values[WHITE], read_lamp("D55").values
-    anchored = anchor(basis, rho * lamp)
-    rng = np.random.default_rng(1)
-    x = 0.5 * rng.normal(size=(3, basis.dictionary.shape[2]))
-    curves = (basis.mean + np.einsum("cmr,cr->cm", anchored.dictionary, x)).T
-    modes, v = smooth_modes(pose(), LAYOUTS["classic24"], WHITE), np.array([0.7, -0.5, 1.0, 0.4, -0.6, 0.5])
-    level = 1.0 - v @ modes
-    assert level.min() < 0.8
-    signals = theory(TABLE.values, lamp, curves, rho) / level[:, None]
-    given = Observation(
-        signals, TABLE.values, lamp, standard_error=np.full(signals.shape, 1e-3), white_reflectance=rho,
-        lamp_modes=np.zeros((0, WAVELENGTHS.size)), gain_modes=modes,
-    )  # fmt: skip
-    rows = linear_model(given, basis)
-    y = np.moveaxis(signals, 1, 0).reshape(-1)
-    assert rows.gains == pytest.approx(y[:, None] * np.tile(modes.T, (3, 1)))
-    # The second look scales the rows by its own estimate; the true code and gains still solve them to second order.
-    rest = rows.target[0] - rows.matrix[0] @ x.ravel() - rows.gains @ v
-    plain = rows.target[0] - rows.matrix[0] @ x.ravel()
-    assert np.abs(rest).max() < 0.02 * np.abs(plain).max()
-
-
 def test_the_answer_is_the_joint_least_squares() -> None:
     """Curves and gains beside each other, x and v ~ N(0, I): the same as gains folded into Σ, by lstsq."""
     given = observed(shaded(0.3, 0.15))
@@ -174,30 +148,6 @@ def test_the_answer_is_the_joint_least_squares() -> None:
     z = np.linalg.lstsq(stacked, np.append(both[:, -1], np.zeros(stacked.shape[1])), rcond=None)[0]
     assert found.code.T.ravel() == pytest.approx(z[: A.shape[1]], abs=1e-7 * np.abs(z).max())
     assert found.gain_code.ravel() == pytest.approx(z[A.shape[1] :], abs=1e-7 * np.abs(z).max())
-
-
-@pytest.mark.parametrize("lamps", [("D55",), ("D55", "A")])
-def test_both_engines_agree(lamps: tuple[str, ...]) -> None:
-    for modes, own in ((None, OWN), (gain_modes(uneven(np.ones(24)), 0.08)[0][0], 0.0)):
-        given = observed(shaded(0.3, 0.15), lamps, modes, gain_own=own)
-        reference, model = (
-            solve_on_basis(given, "phones", settings=SolverSettings(engine=engine))
-            for engine in ("reference", "onnx")
-        )
-        assert model.values == pytest.approx(reference.values, abs=1e-10 * reference.values.max())
-        assert model.gain_code == pytest.approx(reference.gain_code, abs=1e-10)
-        assert model.log_evidence == pytest.approx(reference.log_evidence, abs=1e-7)
-
-
-def test_modes_of_nothing_change_nothing() -> None:
-    given = observed(np.ones(24), modes=np.zeros((6, 24)))
-    without = replace(given, gain_modes=np.zeros((0, 0)))
-    for engine in ("reference", "onnx"):
-        same, bare = (
-            solve_on_basis(each, "cameras", settings=SolverSettings(engine=engine)) for each in (given, without)
-        )
-        assert same.values == pytest.approx(bare.values, rel=1e-12)
-        assert np.all(same.gain_code == 0.0)
 
 
 def test_each_patch_free_makes_any_shading_no_matter() -> None:
@@ -250,16 +200,6 @@ def test_residuals_are_those_of_even_light() -> None:
     assert np.abs(signals * level - even)[used].max() < 0.25 * np.abs(signals - even)[used].max()
 
 
-def test_the_unseen_bands_hold() -> None:
-    done = found(0.3, 0.15)
-    answer = done.answer
-    assert answer.unseen_std is not None
-    used = done.signals.used
-    apart = (done.signals.values * answer.level[:, :, None] - answer.unseen)[used]
-    size = np.hypot(answer.unseen_std, done.signals.standard_error)[used]
-    assert np.mean(np.abs(apart) <= 1.96 * size) > 0.9
-
-
 def test_the_budget_names_uneven_light() -> None:
     shares = explain(prepare_fit(uneven(shaded(0.3, 0.15)), Options(basis="phones")).given(
         found(0.3, 0.15).signals.used), basis="phones")  # fmt: skip
@@ -274,10 +214,14 @@ def test_the_budget_names_uneven_light() -> None:
 
 @pytest.mark.parametrize("depth", [0.7, 1.3])
 def test_light_that_no_bowl_can_be_is_doubted(depth: float) -> None:
-    """A shadow over half of the chart, with its edge; one that does no harm is not spoken of."""
+    """A shadow over half of the chart, with its edge."""
     half = places(pose())[:, 0] > 0.0
     done = solve(uneven(np.where(half, depth, 1.0)), options=Options(basis="phones"))
     assert "uneven_light" in {reason.code for reason in done.verdict.reasons}
+
+
+def test_a_slight_shadow_is_not_spoken_of() -> None:
+    half = places(pose())[:, 0] > 0.0
     slight = solve(uneven(np.where(half, 0.9, 1.0)), options=Options(basis="phones"))
     assert slight.verdict.status == "accepted"
     assert off(slight.ssf)[0] < 1.2 * off(found(0.0, 0.0).ssf)[0]
@@ -293,11 +237,10 @@ def test_predictions_take_other_patches_gains() -> None:
         predict(ssf, given, of=TABLE.values[:2], of_gains=np.zeros((1, 6, 3)))
 
 
-@pytest.mark.parametrize("vignetting", [0.3, 0.6])
-def test_the_bands_of_unseen_patches_hold_under_a_dark_lens(vignetting: float) -> None:
+def test_the_bands_of_unseen_patches_hold_under_a_dark_lens() -> None:
     """A patch that the fit has not seen stands in its own light: even-light values in its place made bands too narrow
     (two shots, 60 %: .78 held)."""
-    done = found(vignetting, 0.15, ("D55", "A"))
+    done = found(0.6, 0.15, ("D55", "A"))
     answer, signals = done.answer, done.signals
     assert answer.unseen_std is not None
     apart = (signals.values * answer.level[:, :, None] - answer.unseen)[signals.used]
@@ -352,6 +295,4 @@ def test_the_report_draws_the_light() -> None:
     most = f"{100.0 / done.answer.level.min() - 100.0:+.0f} %"
     assert f">{most}</text>" in text
     assert text.count("hsl(45") == 24
-    framed = solve(capture(resolve(PHONE), ("D55",)), options=Options(basis="phones"))
-    assert "Unevenness of the light" not in page(framed, shots_of(framed), [None])
     assert fall_of(replace(shown, pose=None, patches=None)) is None

@@ -13,7 +13,7 @@ import pytest
 
 from camssf.grid import Floats
 from camssf.recovery.basis import read_basis
-from camssf.recovery.elastic_net import ElasticNet, soft
+from camssf.recovery.elastic_net import ElasticNet
 from camssf.recovery.layers import DEPTH, RELAXATION, Layer, ista, splitting
 from camssf.recovery.observation import Observation
 from camssf.spectra import read_chart, read_lamp
@@ -141,18 +141,6 @@ def test_splitting_is_over_relaxed_admm(l2: float, gamma: float, nonnegative: bo
         assert layer.answer(v) == pytest.approx(z, rel=1e-9, abs=1e-11)
 
 
-@SIGNED
-@pytest.mark.parametrize("l2", [0.0, 0.4, 3.0])
-def test_the_penalty_s_step_is_a_threshold_of_the_scaled_state(l2: float, nonnegative: bool) -> None:
-    """prox(s) = β soft(s, γ / ρ) = soft(β s, θ), θ = β γ / ρ = γ / (ρ + λ₂)."""
-    problem, s = random_problem(3, l2, 0.7, nonnegative), np.linspace(-3, 3, 101)
-    rho, beta = constants(problem)
-    assert splitting(problem).theta == pytest.approx(beta * 0.7 / rho, rel=1e-15)
-    expected = penalty_step(s, problem, rho)
-    assert beta * soft(s, 0.7 / rho, nonnegative) == pytest.approx(expected, abs=1e-15)
-    assert soft(beta * s, 0.7 / (rho + l2), nonnegative) == pytest.approx(expected, abs=1e-15)
-
-
 def test_one_refinement_keeps_the_digits_of_the_pull() -> None:
     """W₁ b of the paper's rows against 80 bits: W g alone keeps only what W's condition leaves."""
     problem = ElasticNet(*capture("D55", basis="gaussian"), 0.0, 1e-2, True)
@@ -211,38 +199,6 @@ def test_a_fixed_point_is_an_optimum(l2: float, gamma: float, nonnegative: bool,
 # How fast.
 
 
-def test_with_the_l2_part_alone_a_layer_halves_the_error_whatever_the_data() -> None:
-    """γ = 0: every atom serves, v - v* is multiplied by ½ ρ W, whose eigenvalues lie in (0, 1/2], from any start."""
-    problem = replace(random_problem(6, 0.8, 0.0), gamma=0.0)
-    layer, rho = splitting(problem), 2 * 0.8
-    W, whole = np.linalg.inv(problem.H + rho * np.eye(12)), layer.W2 + layer.W3
-    assert whole == pytest.approx(0.5 * rho * W, abs=1e-14)
-    eigenvalues = np.linalg.eigvalsh(whole)
-    assert eigenvalues.min() > 0
-    assert eigenvalues.max() <= 0.5
-    best = np.linalg.solve(problem.M, problem.g)
-    for seed in range(5):
-        v = 1e3 * np.random.default_rng(seed).normal(size=12)
-        assert np.linalg.norm(layer(v) - best) <= 0.5 * np.linalg.norm(v - best) + 1e-12
-
-
-@pytest.mark.parametrize(("rho", "relaxation"), [(1.0, 2.0), (1.5, 5 / 3), (2.0, 1.5), (4.0, 1.25)])
-def test_why_three_halves(rho: float, relaxation: float) -> None:
-    """α = 1 / β = 1 + λ₂ / ρ leaves of the error (1 - λ₂ / ρ) ρ W: nothing of it where the data are strong."""
-    l2 = 1.0
-    problem = random_problem(7, l2, 0.0)
-    beta = rho / (rho + l2)
-    assert relaxation == pytest.approx(1 / beta)
-    W = np.linalg.inv(problem.H + rho * np.eye(12))
-
-    def step(s: Floats) -> Floats:
-        x = penalty_step(s, problem, rho)
-        return np.asarray(s + relaxation * (data_step(2.0 * x - s, problem, rho) - x))
-
-    start, other = np.random.default_rng(7).normal(size=(2, 12))
-    assert step(start) - step(other) == pytest.approx((1 - l2 / rho) * rho * W @ (start - other), abs=1e-9)
-
-
 def test_the_bound_of_one_layer_on_the_support() -> None:
     """K = (1 - α β) I + α (2 β - 1) ρ W: eigenvalues from -γ / (2 γ + 6 λ₂) to (2 γ + 3 λ₂) / (2 γ + 6 λ₂)."""
     for l2, gamma in ((1.0, 0.05), (0.3, 2.0), (2.0, 0.0), (1.0, 30.0)):
@@ -288,17 +244,6 @@ def test_from_the_settled_support_on_the_error_falls_by_that_bound(l2: float, ga
     assert all(now <= bound * then * (1 + 1e-6) for now, then in pairs)
 
 
-@SIGNED
-@PENALTIES
-@SHAPES
-def test_no_layer_ever_parts_two_states(l2: float, gamma: float, nonnegative: bool, rows: int, atoms: int) -> None:
-    """1 - α / 2 of the state and α / 2 of two reflections: never expansive, so that it converges without any λ₂."""
-    layer = splitting(random_problem(10, l2, gamma, nonnegative, rows, atoms))
-    for seed in range(50):
-        one, other = 10.0 ** (seed % 4 - 2) * np.random.default_rng(seed).normal(size=(2, atoms))
-        assert np.linalg.norm(layer(one) - layer(other)) <= np.linalg.norm(one - other) * (1 + 1e-12)
-
-
 @PENALTIES
 def test_a_layer_is_a_mean_of_the_state_and_two_reflections(l2: float, gamma: float) -> None:
     """W₂ S + W₃ = (1 - α / 2) I + (α / 2) (2 ρ W - I) (2 β S - I), S any atoms that serve; no factor exceeds 1."""
@@ -326,14 +271,6 @@ def test_off_the_support_the_last_bound_is_all_there_is() -> None:
         x = penalty_step(s, bare, 2.05)
         s = s + 2.0 * (data_step(2.0 * x - s, bare, 2.05) - x)
     assert s == pytest.approx([-1e-3])
-
-
-def test_what_the_data_say_nothing_of_ista_hardly_moves() -> None:
-    """K = I - M / ‖M‖ with H of less rank than atoms: its largest eigenvalue is 1 - λ₂ / ‖M‖."""
-    problem = random_problem(19, 1.0, 0.05, rows=9, atoms=14)
-    layer = ista(problem)
-    slowest = float(np.linalg.eigvalsh(layer.W2 + layer.W3).max())
-    assert slowest == pytest.approx(1.0 - 1.0 / np.linalg.norm(problem.M, 2), abs=1e-13)
 
 
 @pytest.mark.parametrize("lamps", [("D55",), ("A",), ("FL2",), ("D55", "A")], ids="+".join)
@@ -365,49 +302,6 @@ def test_ista_is_proximal_gradient_descent(l2: float, nonnegative: bool) -> None
         r = problem.b - problem.A @ x
         objective.append(0.5 * (r @ r + l2 * x @ x) + 0.7 * abs(x).sum())
     assert (np.diff(objective) <= 0).all()  # it descends, which `splitting` need not
-
-
-def test_ista_on_rows_of_norm_one_is_the_iteration_of_2004_to_the_letter() -> None:
-    """x ← S(x + Aᵀ (b - A x)), ‖A‖ = 1."""
-    problem = random_problem(12, 0.0, 0.7)
-    size = float(np.linalg.norm(problem.A, 2))
-    problem = ElasticNet(problem.A / size, problem.b / size, 0.0, 0.7 / size**2, False)
-    layer, x = ista(problem), np.zeros(12)
-    for depth in range(1, 30):
-        x = soft(x + problem.A.T @ (problem.b - problem.A @ x), 0.7 / size**2, False)
-        assert layer.unroll(depth) == pytest.approx(x, rel=1e-11, abs=1e-13)
-
-
-def test_ista_s_weights_are_those_that_lista_starts_its_training_from() -> None:
-    """Wₑ = Aᵀ / L, S = I - Aᵀ A / L, θ = γ / L."""
-    problem = random_problem(14, 0.0, 0.7)
-    layer, L = ista(problem), float(np.linalg.eigvalsh(problem.H).max())
-    assert layer.W1b == pytest.approx(problem.A.T @ problem.b / L, rel=1e-12)
-    inhibition = np.eye(12) - problem.A.T @ problem.A / L
-    assert abs(layer.W2 - inhibition).max() < 1e-13
-    assert not layer.W3.any()
-    assert layer.theta == pytest.approx(0.7 / L, rel=1e-12)
-
-
-def first_weight(problem: ElasticNet, constructor: object) -> Floats:
-    """W₁, column by column, from W₁ e_i."""
-    assert callable(constructor)
-    return np.column_stack([constructor(replace(problem, b=e)).W1b for e in np.eye(problem.b.size)])
-
-
-@PENALTIES
-def test_the_weights_are_coupled_as_those_of_a_convergent_lista_must_be(l2: float, gamma: float) -> None:
-    """W₁ A + W₂ + W₃ = I - α β λ₂ W (`splitting`), I - λ₂ / ‖M‖ (`ista`): I itself with λ₂ = 0 (Chen et al. 2018)."""
-    problem = random_problem(15, l2, gamma)
-    rho, beta = constants(problem)
-    W = np.linalg.inv(problem.H + rho * np.eye(12))
-    for constructor, expected in (
-        (splitting, np.eye(12) - RELAXATION * beta * l2 * W),
-        (ista, np.eye(12) - l2 * np.eye(12) / np.linalg.norm(problem.M, 2)),
-    ):
-        layer = constructor(problem)
-        found = first_weight(problem, constructor) @ problem.A + layer.W2 + layer.W3
-        assert found == pytest.approx(expected, abs=1e-11)
 
 
 def test_a_layer_without_the_multiplier_is_not_ista_however_large_its_step() -> None:

@@ -159,16 +159,6 @@ def test_one_s_own_statistics_hold_no_curves(tmp_path: Path) -> None:
     assert source.endswith("published in A. B., C 2020)")
 
 
-def test_own_means_are_those_of_the_devices() -> None:
-    """Equal areas, makers by the root of their number; cross-talk draws the mean of copies off, always upwards."""
-    curves = toys()
-    stack = np.stack(list(curves.values()))
-    shapes = np.moveaxis(stack, 2, 1) / stack.sum(axis=1)[..., None]
-    own = learn(stack, makers=[maker_of(name) for name in curves], size=HANDFUL)[0]
-    centre = shapes.mean(axis=0)  # two of each maker: all alike
-    assert own == pytest.approx(centre / centre.max(axis=1)[:, None], abs=1e-12)
-
-
 def test_curves_end_gently(tmp_path: Path) -> None:
     """From 400 to 700 nm, as phones are measured: half is left 10 nm further, nothing at the grid's ends."""
     lines = ["camera,wavelength_nm,R,G,B"] + [f"x,{nm},1,0.5,{0.2 + (nm == 500)}" for nm in range(400, 701, 10)]

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 
-from camssf.grid import STEP, WAVELENGTHS, Floats
+from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery.basis import NODES, interpolate, read_basis
 from camssf.recovery.covariance import CHART_CORRELATION, smooth_errors
 from camssf.recovery.evidence import STACKS, log_evidences
@@ -85,115 +84,6 @@ def test_smooth_errors_have_the_stated_correlation() -> None:
     assert factors @ factors.T == pytest.approx(stated, abs=3e-3)
 
 
-@pytest.mark.parametrize("term", ["chart", "white", "lamp", "modes", "drift"])
-def test_covariance_is_that_of_drawn_errors(term: str) -> None:
-    """First order: simulate the camera μ with a wrong chart, white or lamp, and look at the rows' residuals.
-
-    All rows at once, channel by channel, shot by shot: one white and one lamp are wrong for all three channels, and
-    of a reflectance's error they have 0.7 of the variance in common.
-    """
-    basis = read_basis("cameras")
-    reflectance, day = chart_and_lamp("D55", slice(0, 24))
-    reflectance = reflectance[::3]
-    _, bulb = chart_and_lamp("A")
-    lamps, n, size = np.stack([day, bulb]), 8, 1e-3
-    camera = basis.mean.T
-    mode = np.stack([np.sin(WAVELENGTHS / 60.0), np.cos(WAVELENGTHS / 90.0)])[:, None]
-    arguments: dict[str, object] = {
-        "chart": {"chart_tolerance": np.full(n, size)},
-        "white": {"white_tolerance": size},
-        "lamp": {"lamp_tolerance": np.full(2, size)},
-        "modes": {"lamp_modes": size * mode},
-        "drift": {},
-    }[term]
-    rng = np.random.default_rng(5)
-    wide, narrow, short = (interpolate(smooth_errors(length)) for length in (100.0, 60.0, 25.0))
-    slope = np.gradient(reflectance, STEP, axis=1)
-    clean = np.stack([theory(reflectance, lamp, camera) for lamp in lamps])
-
-    def of_wrong_charts(count: int) -> Floats:
-        """What wrong reflectances do to the signals, (count, rows): linear, so each smooth error is seen once."""
-        moved = np.zeros((count, 3, 2, n))
-        red = 1.0 + 1.6 / (1.0 + np.exp((650.0 - WAVELENGTHS) / 8.0))
-        for way, each in (
-            (0.6 * reflectance, wide),
-            (np.full_like(reflectance, 1 / 3), short),
-            (70.0 * slope, short),
-        ):
-            errors = size * (red * way)[:, None] * each.T  # (n, p, 681)
-            seen = np.stack([theory(errors.reshape(-1, 681), lamp, camera).reshape(n, -1, 3) for lamp in lamps])
-            common, own = rng.normal(size=(count, *errors.shape[:2])), rng.normal(size=(count, 3, *errors.shape[:2]))
-            u = np.sqrt(0.7) * common[:, None] + np.sqrt(0.3) * own
-            moved += np.einsum("knpc,dcnp->dckn", seen, u, optimize=True)
-        return moved.reshape(count, -1)
-
-    draws = list(-of_wrong_charts(6000)) if term == "chart" else []
-    for _ in range(0 if term == "chart" else 6000):
-        white, light = np.ones(681), lamps
-        between = np.ones(2)
-        if term == "white":
-            white = 1 + size * wide @ rng.normal(size=wide.shape[1])
-        elif term == "lamp":
-            light = lamps * (1 + size * (narrow @ rng.normal(size=(narrow.shape[1], 2))).T)
-        elif term == "modes":
-            light = lamps * (1 + size * rng.normal(size=(2, 1)) * mode[:, 0])
-        else:  # by a hundredth between the chart's frame and the white's
-            between = 1 + 0.01 * rng.normal(size=2)
-        y = [theory(reflectance, lamp, camera, white) * more for lamp, more in zip(light, between, strict=True)]
-        # With the declared chart, white and lamp the row of the true curve is off by ŷ - y.
-        draws.append(np.moveaxis(clean - np.stack(y), -1, 0).ravel())
-    drawn = np.array(draws).T @ np.array(draws) / len(draws)
-    plain, found = rows(clean, reflectance, lamps), rows(clean, reflectance, lamps, **arguments)
-    declared = found.covariance[0] - (plain.terms["noise"][0] if term == "drift" else plain.covariance[0])
-    if term == "chart":  # its independent part is a twentieth of the size
-        extra = (0.05 * size * np.moveaxis(clean, -1, 0).ravel()) ** 2
-        declared -= np.diag(np.maximum(extra, 1e-6) - 1e-6)
-    scale = np.abs(declared).max()
-    assert drawn / scale == pytest.approx(declared / scale, abs=0.07)
-    off = ~np.kron(np.eye(3, dtype=bool), np.ones((2 * n, 2 * n), dtype=bool))
-    assert np.abs(drawn[off]).max() > 0.3 * scale  # between channels there is something to compare
-
-
-@pytest.mark.parametrize("term", ["chart", "white", "lamp", "modes", "noise"])
-def test_what_channels_share(term: str) -> None:
-    """Three channels of one curve: their errors are the same but for noise, and for 0.3 of a chart's."""
-    basis = read_basis("cameras")
-    same = replace(basis, mean=basis.mean[[1, 1, 1]], dictionary=basis.dictionary[[1, 1, 1]])
-    reflectance, day = chart_and_lamp("D55", slice(0, 24))
-    lamps = np.stack([day, chart_and_lamp("A")[1]])
-    y = np.stack([theory(reflectance, lamp, same.mean.T) for lamp in lamps])
-    arguments: dict[str, dict[str, object]] = {
-        "chart": {"chart_tolerance": 0.03},
-        "white": {"white_tolerance": 0.01},
-        "lamp": {"lamp_tolerance": 0.02},
-        "modes": {"lamp_modes": 0.1 * np.stack([[WAVELENGTHS / 550 - 1]] * 2)},
-        "noise": {},
-    }
-    found = linear_model(
-        Observation(
-            y, reflectance, lamps,
-            **{"standard_error": np.full(y.shape, 1e-3), "chart_tolerance": 0.0, "white_tolerance": 0.0}
-            | arguments[term],
-        ),
-        same,
-    )  # fmt: skip
-    source = "lamp modes" if term == "modes" else term
-    blocks = found.terms[source][0].reshape(3, 48, 3, 48)
-    assert np.abs(blocks[0, :, 0]).max() > 0
-    if term == "chart":  # a twentieth of it is each signal's own, and Σ's floor
-        own = np.maximum(1e-6 + (0.05 * 0.03 * y[..., 0].ravel()) ** 2, 1e-8) - 1e-6
-        shared = 0.7 * (blocks[0, :, 0] - np.diag(own))
-    else:
-        shared = blocks[0, :, 0] * (term != "noise")
-    for c, d in ((0, 1), (0, 2), (1, 2), (2, 0)):
-        if term == "modes":  # but for the curvature, which is of each channel's own code
-            assert near(blocks[c, :, d], shared, abs=0.2 * np.abs(shared).max())
-        else:
-            assert near(blocks[c, :, d], shared, rel=1e-9, abs=1e-18)
-    total = np.sum(list(found.terms.values()), axis=0)
-    assert near(found.covariance, total, rel=1e-13)
-
-
 def test_a_scale_of_the_lamp_is_no_evidence_lost() -> None:
     """A lamp mode that is a mere factor changes no signal, so it adds no covariance."""
     reflectance, lamp = chart_and_lamp("D55")
@@ -229,14 +119,6 @@ def test_noise_under_an_uncertain_white_is_no_evidence() -> None:
     y = 0.5 + 0.01 * np.random.default_rng(2).normal(size=(1, 200, 3))
     found = rows(y, grey, lamp[None], standard_error=np.full(y.shape, 0.01))
     assert np.abs(found.matrix).max() < 1e-12
-
-
-def test_lamp_and_white_scales_leave_rows_alone() -> None:
-    reflectance, lamp = chart_and_lamp("A")
-    y = theory(reflectance, lamp, toy_camera())[None]
-    one, other = rows(y, reflectance, lamp[None]), rows(y, reflectance, 1e4 * STEP * lamp[None])
-    assert other.matrix == pytest.approx(one.matrix)
-    assert other.target == pytest.approx(one.target)
 
 
 Slopes = tuple[Floats, Floats, Floats]

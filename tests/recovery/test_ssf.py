@@ -66,14 +66,6 @@ def test_scale_is_fixed_by_the_white_of_the_first_lamp() -> None:
         assert answer.peak()[0].max(axis=0) == pytest.approx(np.ones(3))
 
 
-def test_the_lamp_s_scale_and_the_white_s_do_not_matter() -> None:
-    reflectance, lamp = chart_and_lamp("D55", slice(0, 24))
-    y = theory(reflectance, lamp, toy_camera())
-    plain = recovered(y, reflectance, lamp, basis="cameras", standard_error=0.005 * y)
-    scaled = recovered(y, reflectance, 1e3 * lamp, basis="cameras", standard_error=0.005 * y)
-    assert scaled.peak()[0] == pytest.approx(plain.peak()[0], abs=1e-9)
-
-
 def test_discrepancy_meets_the_noise() -> None:
     """The ε form: the residual of the chosen γ has the size of the noise."""
     reflectance, lamp = chart_and_lamp("D55", slice(0, 24))
@@ -251,16 +243,6 @@ def test_the_evidence_is_that_of_the_rows_and_prefers_the_true_lamp() -> None:
     paper = recovered(**declared(1) | {"basis": "gaussian", "chart_tolerance": 0.0, "gamma": 1.0})
     assert paper.code_covariance is None
     assert paper.log_evidence is None
-
-
-def test_the_product_s_answer_is_the_layers() -> None:
-    """One problem: one gap of the layers, no step of the finish, and the same proof for the three channels."""
-    answer = recovered(**declared(2))
-    assert answer.proof.layers_gap.shape == answer.proof.finish_steps.shape == (1,)
-    assert answer.proof.layers_gap[0] <= 1e-10
-    assert answer.proof.finish_steps[0] == 0
-    assert answer.proof.gap.shape == answer.gamma.shape == (3,)
-    assert (answer.proof.gap == answer.proof.layers_gap[0]).all()
 
 
 @pytest.mark.parametrize("shots", [1, 2])

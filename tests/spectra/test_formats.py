@@ -16,16 +16,7 @@ from camssf.documents.document import document_bytes
 from camssf.errors import InvalidArgument, LampUnfit
 from camssf.exports import export, exported
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.spectra import (
-    CameraLike,
-    MeasuredCurves,
-    colour_science,
-    lamp_names,
-    read_camera,
-    read_chart,
-    read_lamp,
-    shipped_cameras,
-)
+from camssf.spectra import colour_science, lamp_names, read_camera, read_chart, read_lamp, shipped_cameras
 from camssf.spectra.lamps import NAMES_FORMAT, Lamp, lamp_aliases
 from camssf.spectra.readers import CURVES, LAMPS
 from camssf.spectra.tables import read_curves, read_spectrum
@@ -603,18 +594,6 @@ def test_an_object_that_is_no_camera_is_refused(change: str) -> None:
         read_camera(mine)
 
 
-def test_a_validation_takes_an_object_as_truth() -> None:
-    import inspect
-    from typing import get_args
-
-    from camssf.calibration import calibrate, solve
-    from camssf_lab.simulation.frames import simulate
-
-    assert MeasuredCurves in get_args(CameraLike)
-    for function, name in ((calibrate, "truth"), (solve, "truth"), (simulate, "camera")):
-        assert "CameraLike" in str(inspect.signature(function).parameters[name].annotation)
-
-
 # -- what people call lamps -------------------------------------------------------------------------------------
 
 
@@ -643,15 +622,6 @@ def test_what_people_type_is_answered(each: Any) -> None:
                 with pytest.raises(InvalidArgument, match="does not say which lamp") as caught:
                     read_lamp(written)
                 assert caught.value.advice == each.advice
-
-
-@pytest.mark.parametrize("each", [alias for alias in lamp_aliases() if alias.advice], ids=lambda each: each.names[0])
-def test_an_advice_names_lamps_that_are_read(each: Any) -> None:
-    words = re.findall(r"[\w:.-]*\w", each.advice)
-    named = [word for word in words if plain(word) in {plain(name) for name in lamp_names()} or ":" in word]
-    assert named or "bulb" in each.advice
-    for word in named:
-        read_lamp(word)
 
 
 @pytest.mark.parametrize(("spec", "words"), [("5500", "D:5500 for daylight"), ("2700", "2700K for a bulb")])

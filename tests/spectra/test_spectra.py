@@ -2,8 +2,9 @@
 
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +18,6 @@ from camssf.spectra import (
     ChartTable,
     Lamp,
     camera_names,
-    chart_names,
     colour_science,
     lamp_names,
     read_camera,
@@ -44,8 +44,8 @@ def relative(spec: str) -> Floats:
     return 100 * values / at(values, 560)
 
 
-def write(path: Path, text: str, encoding: str = "utf-8") -> str:
-    path.write_bytes(text.encode(encoding))
+def write(path: Path, text: str) -> str:
+    path.write_bytes(text.encode())
     return str(path)
 
 
@@ -79,36 +79,6 @@ def test_illuminants_have_the_values_of_cie_15(spec: str, nm: float, value: floa
     assert at(relative(spec), nm) == pytest.approx(value, rel=2e-5)
 
 
-def test_illuminant_a_is_its_formula() -> None:
-    """CIE S 014-2: A is Planck's form with 1.435e7 / 2848, at the table's nodes to its six digits."""
-    node = np.arange(380.0, 721.0, 5.0)
-    formula = 100 * (560 / node) ** 5 * np.expm1(1.435e7 / (2848 * 560)) / np.expm1(1.435e7 / (2848 * node))
-    np.testing.assert_allclose(relative("A")[::10], formula, rtol=1e-5)
-
-
-def test_names_agree_with_colour_science_at_every_node() -> None:
-    tables = colour_science().SDS_ILLUMINANTS
-    for name in set(lamp_names()) - {"equal-energy", *FAMILIES}:
-        table = tables[name]
-        inside = np.isin(table.wavelengths, WAVELENGTHS)
-        expected = table.values[inside]
-        found = read_lamp(name).values[np.isin(WAVELENGTHS, table.wavelengths)]
-        np.testing.assert_allclose(found * expected.sum(), expected * found.sum(), rtol=1e-12, err_msg=name)
-
-
-def test_lines_are_interpolated_linearly() -> None:
-    """F2 jumps from 3.44 to 15.69 and back to 3.85 within 10 nm: a smooth curve would leave that range."""
-    table = colour_science().SDS_ILLUMINANTS["FL2"]
-    assert [table[nm] for nm in (400, 405, 410)] == [3.44, 15.69, 3.85]
-    values = read_lamp("FL2").values
-    scale = at(values, 405) / 15.69
-    assert at(values, 402.5) / scale == pytest.approx((3.44 + 15.69) / 2)
-    assert at(values, 409) / scale == pytest.approx(15.69 + (3.85 - 15.69) * 0.8)
-    assert values.max() / scale == pytest.approx(
-        max(v for nm, v in zip(table.wavelengths, table.values, strict=True) if nm <= 720)
-    )
-
-
 @pytest.mark.parametrize("kelvin", [1000, 2700, 2856, 3000, 6500.5, 20000])
 def test_kelvin_is_planck(kelvin: float) -> None:
     for spec in (f"{kelvin}K", f"{kelvin} k"):
@@ -136,10 +106,6 @@ def test_spelling_does_not_matter(one: str, other: str) -> None:
     assert read_lamp(one).source == read_lamp(other).source
 
 
-def test_equal_energy_is_exactly_one() -> None:
-    assert (read_lamp("Equal-Energy").values == 1.0).all()
-
-
 @pytest.mark.parametrize("nothing", ["", "  ", None])
 def test_a_missing_lamp_is_explained(nothing: str) -> None:
     with pytest.raises(InvalidArgument, match="lamp is missing") as caught:
@@ -148,25 +114,32 @@ def test_a_missing_lamp_is_explained(nothing: str) -> None:
         assert word in caught.value.advice
 
 
+WRONG: dict[Callable[[Any], Any], dict[str | None, str]] = {
+    read_lamp: {
+        "D56": "Did you mean D:5600?", "LED-B33": "Did you mean LED-B3", "daylihgt": "Lamps:", "500K": "1000K",
+        "99999K": "20000K", "D:3000": "3000K, without D", "nowhere.csv": "Check the path",
+        "no/such/lamp.spd": "Check the path", "a\0b": "Lamps:", "x" * 5000: "Lamps:", ".": "Lamps:",
+    },
+    read_chart: {
+        "clasic24": "Did you mean classic24", "": "Charts:", None: "Charts:", "classic24:olta": "Check the path",
+        "sg140": "sg140:mine.txt", "sg140:none.txt": "Check the path", r"C:\charts\mine.csv": "Check the path",
+        "x" * 5000: "Charts:",
+    },
+    read_camera: {
+        "Nikon D510": "Did you mean Nikon D5100", "": "camssf cameras", None: "camssf cameras",
+        r"C:\cameras.csv": "Check the path", r"C:\cameras.csv:Canon EOS 5D": "Check the path",
+        "x.csv:" + "y" * 5000: "Check the path",
+    },
+}  # fmt: skip
+"""Names that no reader knows, and a part of the advice."""
+
+
 @pytest.mark.parametrize(
-    ("spec", "advice"),
-    [
-        ("D56", "Did you mean D:5600?"),
-        ("LED-B33", "Did you mean LED-B3"),
-        ("daylihgt", "Lamps:"),
-        ("500K", "1000K"),
-        ("99999K", "20000K"),
-        ("D:3000", "3000K, without D"),
-        ("nowhere.csv", "Check the path"),
-        ("no/such/lamp.spd", "Check the path"),
-        ("a\0b", "Lamps:"),
-        ("x" * 5000, "Lamps:"),
-        (".", "Lamps:"),
-    ],
+    ("read", "spec", "advice"), [(read, *row) for read, rows in WRONG.items() for row in rows.items()]
 )
-def test_a_wrong_lamp_gets_advice(spec: str, advice: str) -> None:
+def test_a_wrong_name_gets_advice(read: Callable[[Any], Any], spec: str | None, advice: str) -> None:
     with pytest.raises(InvalidArgument) as caught:
-        read_lamp(spec)
+        read(spec)
     assert advice in caught.value.advice
 
 
@@ -204,9 +177,8 @@ END_DATA
         ),
     ],
 )
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "latin-1"])
-def test_lamp_files(tmp_path: Path, name: str, text: str, encoding: str) -> None:
-    lamp = read_lamp(write(tmp_path / name, text, encoding))
+def test_lamp_files(tmp_path: Path, name: str, text: str) -> None:
+    lamp = read_lamp(write(tmp_path / name, text))
     expected = WAVELENGTHS / 100 - 3
     np.testing.assert_allclose(lamp.values, expected / expected.mean(), rtol=1e-9)
     assert lamp.tolerance == 0.01
@@ -279,13 +251,8 @@ def test_noise_below_zero_is_forgiven(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "text",
     [
-        "",
-        "# nothing\n",
-        "hello world\n",
-        "380,1\n390,x\n400,1\n",
-        "380,1,2\n390,1,2\n",
-        lamp_file({}) + "380,1\n",
-        lamp_file({}) + "720,1\n",
+        *("", "# nothing\n", "hello world\n", "380,1\n390,x\n400,1\n", "380,1,2\n390,1,2\n"),
+        *(lamp_file({}) + line for line in ("380,1\n", "720,1\n")),
         "".join(f"{w / 1000},1\n" for w in range(380, 721, 10)),
         "".join(f"{w * 10},1\n" for w in range(380, 7201, 10)),
         SP.format(fields="SPEC_380 SPEC_390", values="1 2"),
@@ -343,31 +310,6 @@ def test_public_tables_are_colour_science_s(spec: str, table: str) -> None:
         np.testing.assert_allclose(values, expected, atol=1e-12)
 
 
-def test_every_chart_name_reads() -> None:
-    assert len(chart_names()) == 8
-    for name in chart_names():
-        assert read_chart(name).layout.name == name.partition(":")[0]
-
-
-@pytest.mark.parametrize(
-    ("spec", "advice"),
-    [
-        ("clasic24", "Did you mean classic24"),
-        ("", "Charts:"),
-        (None, "Charts:"),
-        ("classic24:olta", "Check the path"),
-        ("sg140", "sg140:mine.txt"),
-        ("sg140:none.txt", "Check the path"),
-        (r"C:\charts\mine.csv", "Check the path"),
-        ("x" * 5000, "Charts:"),
-    ],
-)
-def test_a_wrong_chart_gets_advice(spec: str, advice: str) -> None:
-    with pytest.raises(InvalidArgument) as caught:
-        read_chart(spec)
-    assert advice in caught.value.advice
-
-
 def babel() -> tuple[list[str], Floats]:
     """Names and (24, 36) reflectances of the BabelColor table as it is stored."""
     table = colour_science().SDS_COLOURCHECKERS["BabelColor Average"]
@@ -386,20 +328,8 @@ def cgats(names: list[str], rows: Floats, field: str, mark: str, key: str = "SAM
         mark.join([str(i), f'"{name}"', "50", *map(repr, row)])
         for i, (name, row) in enumerate(zip(names, rows.tolist(), strict=True), 1)
     ]
-    return "\n".join(
-        [
-            "CGATS.17",
-            'ORIGINATOR "test"',
-            "BEGIN_DATA_FORMAT",
-            head,
-            "END_DATA_FORMAT",
-            f"NUMBER_OF_SETS {len(names)}",
-            "BEGIN_DATA",
-            *body,
-            "END_DATA",
-            "",
-        ]
-    )
+    before = ["CGATS.17", 'ORIGINATOR "test"', "BEGIN_DATA_FORMAT", head, "END_DATA_FORMAT"]
+    return "\n".join([*before, f"NUMBER_OF_SETS {len(names)}", "BEGIN_DATA", *body, "END_DATA", ""])
 
 
 def chart_formats() -> dict[str, str]:
@@ -649,10 +579,6 @@ def test_a_camera_ends_where_its_measurement_does() -> None:
     assert (at(values, 400) > 0).any()
 
 
-def test_the_issue_s_spelling() -> None:
-    assert read_camera("Nikon D5100 (NPL)") is read_camera("nikon 5100")
-
-
 @pytest.mark.parametrize("header", ["wavelength_nm,red,green,blue", "Wavelength, R, G, B", "nm;r;g;b"])
 def test_camera_files_round_trip(tmp_path: Path, header: str) -> None:
     known = read_camera("Nikon 5100 (NPL)").values
@@ -694,46 +620,19 @@ def test_one_camera_of_many(tmp_path: Path) -> None:
     assert "Did you mean Canon EOS 5D" in caught.value.advice
 
 
-def test_rawtoaces() -> None:
-    path = DATA / "ssf" / "rawtoaces.csv"
-    rows = [
-        line.split(",") for line in path.read_text("utf-8").splitlines() if line.startswith("Canon EOS 5D Mark II,")
-    ]
-    inside = np.array([[float(v) for v in row[1:]] for row in rows if 380 <= float(row[1]) <= 720])
-    values = read_camera(f"{path}:Canon EOS 5D Mark II").values
-    np.testing.assert_allclose(values[::10], inside[:, 1:], atol=1e-12)
+HEAD = "wavelength_nm,red,green,blue\n"
 
 
-@pytest.mark.parametrize(
-    ("spec", "advice"),
-    [
-        ("Nikon D510", "Did you mean Nikon D5100"),
-        ("", "camssf cameras"),
-        (None, "camssf cameras"),
-        (r"C:\cameras.csv", "Check the path"),
-        (r"C:\cameras.csv:Canon EOS 5D", "Check the path"),
-        ("x.csv:" + "y" * 5000, "Check the path"),
-    ],
-)
-def test_a_wrong_camera_gets_advice(spec: str, advice: str) -> None:
-    with pytest.raises(InvalidArgument) as caught:
-        read_camera(spec)
-    assert advice in caught.value.advice
+def camera_file(red: str = "1", nm: Iterable[int] = range(380, 721, 5)) -> str:
+    return HEAD + "".join(f"{w},{red},1,1\n" for w in nm)
 
 
 @pytest.mark.parametrize(
     "text",
     [
-        "",
-        "wavelength_nm,red,green,blue\n",
-        "wavelength_nm,red,green\n380,1,1\n",
-        "wavelength_nm,red,green,blue\n" + "".join(f"{nm},0,1,1\n" for nm in range(380, 721, 5)),
-        "wavelength_nm,red,green,blue\n" + "".join(f"{nm},nan,1,1\n" for nm in range(380, 721, 5)),
-        "wavelength_nm,red,green,blue\n" + "".join(f"{nm},1e300,1,1\n" for nm in range(380, 721, 5)),
-        "wavelength_nm,red,green,blue\n" + "".join(f"{nm},1,1,1\n" for nm in (385, *range(380, 721, 5))),
-        "wavelength_nm,red,green,blue\n" + "".join(f"{nm},1,1,1\n" for nm in range(800, 1000, 5)),
-        "wavelength_nm,red,green,blue\n380,1,1,1\n550,1,1,1\n",
-        "wavelength_nm,red,green,blue\n380,1,1,1\n385,1,1\n",
+        *("", HEAD, "wavelength_nm,red,green\n380,1,1\n", HEAD + "380,1,1,1\n385,1,1\n"),
+        *(camera_file(red) for red in ("0", "nan", "1e300")),
+        *(camera_file(nm=nm) for nm in ((385, *range(380, 721, 5)), range(800, 1000, 5), (380, 550))),
     ],
 )
 def test_no_table_of_a_camera(tmp_path: Path, text: str) -> None:
@@ -742,41 +641,16 @@ def test_no_table_of_a_camera(tmp_path: Path, text: str) -> None:
 
 
 def test_a_name_for_a_file_without_names(tmp_path: Path) -> None:
-    text = "wavelength_nm,red,green,blue\n" + "".join(f"{nm},1,1,1\n" for nm in range(380, 721, 5))
     with pytest.raises(InvalidArgument, match="no column camera"):
-        read_camera(write(tmp_path / "c.csv", text) + ":Canon")
+        read_camera(write(tmp_path / "c.csv", camera_file()) + ":Canon")
 
 
 # Whatever comes
 
-WORDS = st.sampled_from(
-    [
-        "BEGIN_DATA_FORMAT",
-        "END_DATA_FORMAT",
-        "BEGIN_DATA",
-        "END_DATA",
-        "wavelength_nm",
-        "camera",
-        "red",
-        "green",
-        "blue",
-        "nm380",
-        "SPEC_400",
-        "A1",
-        "380",
-        "nan",
-        "1e308",
-        "-1",
-        "1e-320",
-        "0,5",
-        '"',
-        ",",
-        ";",
-        "\t",
-        "\n",
-        "#",
-    ]
-)
+WORDS = st.sampled_from([
+    "BEGIN_DATA_FORMAT", "END_DATA_FORMAT", "BEGIN_DATA", "END_DATA", "wavelength_nm", "camera", "red", "green",
+    "blue", "nm380", "SPEC_400", "A1", "380", "nan", "1e308", "-1", "1e-320", "0,5", '"', ",", ";", "\t", "\n", "#",
+])  # fmt: skip
 NUMBERS = st.floats(width=64) | st.floats(0, 1) | st.integers(380, 720)
 TABLES = st.lists(st.lists(NUMBERS, min_size=2, max_size=26), max_size=40).map(
     lambda rows: "\n".join(",".join(map(repr, row)) for row in rows)
@@ -825,7 +699,7 @@ def test_garbage_gets_a_typed_error_or_a_sound_table(
             assert values.max() > 0
 
 
-@settings(max_examples=150, derandomize=True, deadline=None)
+@settings(max_examples=60, derandomize=True, deadline=None)
 @given(spec=st.text(max_size=30) | st.lists(WORDS, max_size=4).map("".join))
 def test_any_name_gets_a_typed_error_or_an_answer(spec: str) -> None:
     for read in (read_lamp, read_chart, read_camera):

@@ -16,7 +16,7 @@ from camssf.grid import WAVELENGTHS, Floats
 from camssf.photo.find.pose import Pose
 from camssf.photo.find.search import agreement, plain_signals
 from camssf.photo.patches import FrameMeans, PatchMeans
-from camssf.photo.signals import Signals, normalise
+from camssf.photo.signals import normalise
 from camssf.recovery.basis import Basis, interpolate, read_basis
 from camssf.recovery.covariance import CHANNEL_SHARE, red_end, smooth_errors
 from camssf.recovery.hypotheses import recover
@@ -25,16 +25,15 @@ from camssf.recovery.rows import anchor
 from camssf.recovery.sensitivity import SolverSettings, Ssf
 from camssf.recovery.unfamiliar_camera import code_length
 from camssf.rules import rules
-from camssf.spectra import ChartTable, Lamp, read_chart, read_lamp
+from camssf.spectra import Lamp, read_chart, read_lamp
 from camssf.spectra.layouts import LAYOUTS
 from camssf.verdict.exposure_and_noise import FEW_PATCHES, exposure, few
 from camssf.verdict.goodness_of_fit import EXPLANATION, GoodnessOfFit, VerdictInputs, signal_covariance
 from camssf.verdict.judge import judge
 from camssf.verdict.lamp import OTHER_LAMP_REFUSES, RIVAL, Neutral, Rival
-from camssf.verdict.lamp import rival_lamp as rule_4
 from camssf.verdict.reasons import Check, Checks, Fatal, Reason, Verdict, refusal
 from golden.linear_model import linear_model
-from tests.support.problems import chart_and_lamp, measured_cameras, theory
+from tests.support.problems import measured_cameras, theory
 
 TABLE = read_chart("classic24")
 SPAN, BLACK, WELL = 12000.0, 512.0, 8000.0
@@ -133,30 +132,7 @@ def clean(lamp: str = "D55") -> Floats:
     return theory(TABLE.values, read_lamp(lamp).values, camera())
 
 
-def codes(verdict: Verdict) -> list[str]:
-    return [reason.code for reason in verdict.reasons]
-
-
-def first(verdict: Verdict) -> Reason:
-    assert verdict.reasons
-    return verdict.reasons[0]
-
-
-@pytest.mark.parametrize("white", [True, False])
-def test_a_clean_capture_is_accepted(white: bool) -> None:
-    verdict = Scene(clean() * (1.0 if white else 0.8), white=white).judged()
-    assert verdict.status == "accepted"
-    assert not verdict.reasons
-
-
-WHOLE = {
-    "goodness_of_fit",
-    "misfit_refuses",
-    "improbable_curves",
-    "lamp_residual",
-    "band_too_wide",
-    "other_makers",
-}
+WHOLE = {"goodness_of_fit", "misfit_refuses", "improbable_curves", "lamp_residual", "band_too_wide", "other_makers"}
 OF_A_SHOT = {"explanation", "dark_white", "veil", "few_patches", "dirty", "greens", "smooth", "rough", "poor_pose"}
 
 
@@ -370,190 +346,12 @@ def test_z_is_the_normal_number_of_chi_squared(total: float) -> None:
 # rule 3: explanations
 
 
-def named(y: Floats, **how: Any) -> Reason:
-    verdict = Scene(y, **how).judged()
-    assert verdict.status != "accepted"
-    return first(verdict)
-
-
-def test_one_wrong_patch_is_named() -> None:
-    y = clean()
-    y[13] *= 1.4
-    reason = named(y)
-    assert reason.code == "chart_unfit"
-    assert TABLE.patches[13] in reason.message
-
-
-def test_a_veil_is_glare_and_measured() -> None:
-    reason = named(0.97 * clean() + 0.03)
-    assert reason.code == "glare"
-    assert "2." in reason.message or "3." in reason.message  # per cent
-
-
-def test_a_bright_dark_frame() -> None:
-    y = clean()
-    reason = named((y - 0.03) / 0.97)
-    assert reason.code == "frames_differ"
-    assert "dark frame" in reason.message
-
-
-def without_dark(off: float, *, dark: bool = False) -> Verdict:
-    """A file whose black level is too high by `off` of the range; the dark frame, if any, knows better."""
-    scene = Scene(clean(), white=False)
-    range_ = 16383.0 - BLACK
-    (shot,) = scene.shots
-    chart = frame(np.array([0.4, 0.8, 0.4]) * clean())
-    scene.shots = [replace(shot, chart=chart, dark=shot.dark if dark else None, black=shot.black + off * range_)]
-    scene.signals = normalise(scene.shots, TABLE)
-    scene.ssf = scene.answer(scene.lamps)
-    return scene.judged()
-
-
-def test_a_black_level_that_is_off() -> None:
-    """The greys tell, in either direction; with a dark frame nobody asks the file."""
-    assert without_dark(0.0).status == "accepted"
-    for off in (0.008, -0.008):
-        verdict = without_dark(off)
-        (reason,) = [reason for reason in verdict.reasons if reason.code == "frames_differ"]
-        assert "black level seems wrong by 0." in reason.message
-        assert reason.threshold == rules().number("verdict.black")
-        assert verdict.status == "doubtful"
-        assert without_dark(off, dark=True).status == "accepted"
-    assert without_dark(0.0005).status == "accepted"
-    far = without_dark(0.03)
-    assert "black level" in far.reasons[0].message  # not: "as if the dark frame held ..."
-
-
-@pytest.mark.parametrize(
-    ("veil", "pedestal", "code"),
-    [(0.01, 0.0, "glare"), (0.02, 0.0, "glare"), (0.05, 0.0, "glare"),
-     (0.0, 0.01, "frames_differ"), (0.0, 0.04, "frames_differ"), (0.0, 0.11, "frames_differ")],
-)  # fmt: skip
-def test_stray_light_and_a_black_level_differ_in_colour(veil: float, pedestal: float, code: str) -> None:
-    """No dark frame: the one follows the white, 1 : 2 : 1 in its raw colours, the other is alike in all three."""
-    scene = Scene(clean(), white=False)
-    raw = np.array([0.4, 0.8, 0.4]) * ((1.0 - veil) * clean() + veil)
-    scene.shots = [replace(scene.shots[0], chart=frame(raw + pedestal * (16383.0 - BLACK) / SPAN), dark=None)]
-    scene.signals = normalise(scene.shots, TABLE)
-    scene.ssf = scene.answer(scene.lamps)
-    reason = first(scene.judged())
-    assert reason.code == code
-    assert ("Stray light or a wrong black level adds" if veil else "black level seems wrong") in reason.message
-    slight = veil == 0.01  # not enough for a explanation, but for an offset without a dark frame
-    assert reason.threshold == rules().number("verdict.explanation" if veil and not slight else "verdict.black")
-
-
-def test_a_white_frame_of_another_light() -> None:
-    reason = named(clean() * np.array([1.25, 1.0, 0.8]))
-    assert reason.code == "frames_differ"
-    assert "white frame" in reason.message
-
-
-@pytest.mark.parametrize("white", [True, False])
-def test_light_that_falls_off(white: bool) -> None:
-    place = pose().patches.mean(axis=1)
-    light = 1.0 - 0.3 * (place[:, 0] - place[:, 0].mean()) / place[:, 0].max()
-    assert named(clean() * 0.9 * light[:, None], white=white).code == "uneven_light"
-
-
-def test_a_tone_curve() -> None:
-    reason = named(clean() ** 0.9)
-    assert reason.code == "not_sensor_raw"
-    assert "tone curve" in reason.message
-
-
-def test_patches_off_all_over_are_the_chart_s() -> None:
-    reason = named(clean() * (1 + 0.3 * np.sin(5.0 * np.arange(24)))[:, None])
-    assert reason.code == "chart_unfit"
-
-
-def test_of_two_shots_the_spoilt_one_is_named() -> None:
-    spoilt = clean("A") * np.array([1.2, 1.0, 0.85])
-    for order in (0, 1):
-        y, lamps = [clean(), spoilt], ["D55", "A"]
-        scene = Scene(*(y[:: 1 - 2 * order]), lamps=tuple(lamps[:: 1 - 2 * order]))
-        assert f"shot {2 - order}: " in first(scene.judged()).message
-
-
-def test_curves_that_no_camera_has() -> None:
-    """A display's colours: each channel less parts of the others."""
-    scene = Scene(clean())
-    mix = np.array([[1.9, -0.7, -0.2], [-0.3, 1.6, -0.3], [0.0, -0.6, 1.6]])
-    cooked = Scene(clean() @ mix.T)
-    inside, outside = scene.ssf.family_test, cooked.ssf.family_test
-    assert inside is not None
-    assert outside is not None
-    assert inside.length < inside.longest == 0.6 < outside.length
-    assert "camera_unusual" in codes(cooked.judged())
-
-
 # rules 4 and 5: the lamp
-
-
-def nats(ssf: Ssf) -> float:
-    assert ssf.log_evidence is not None
-    return ssf.log_evidence
-
-
-def rivalled(stated: str, rivals: tuple[str, ...]) -> Scene:
-    """A photo under A, named otherwise; gains by the evidence of the answers themselves."""
-    scene = Scene(clean("A"), lamps=(stated,))
-    own = nats(scene.ssf)
-    lamps = [read_lamp(name) for name in rivals]
-    scene.rivals = tuple(
-        Rival(0, lamp.name, nats(scene.answer([lamp])) - own) for lamp in lamps
-    )  # fmt: skip
-    return scene
-
-
-@pytest.mark.requirement("R-WRONG-LAMP")
-def test_another_lamp_fits_far_better() -> None:
-    reasons = rivalled("D65", ("D:5000", "2856K", "FL2")).judged().reasons
-    reason = next(reason for reason in reasons if reason.key == "lamp_unfit.rival")
-    assert "the light is another than D65" in reason.message
-    assert reason.value is not None
-    assert reason.value > RIVAL
-
-
-@pytest.mark.requirement("R-WRONG-LAMP")
-def test_two_witnesses_against_a_lamp_refuse_it() -> None:
-    """A rival that alone would be doubtful, and the raw white of the same shot; of another shot it is not enough."""
-    scene = Scene(clean())
-    scene.rivals = (Rival(0, "A", RIVAL + 1.0),)
-    assert scene.judged().status == "doubtful"
-    checks = Checks()
-    found = rule_4(scene.rivals, scene.lamps, [0], checks)
-    (reason,) = found
-    assert isinstance(reason, Fatal)
-    assert reason.threshold == RIVAL
-    (check,) = checks  # a refusal's page shows the limit that refused
-    assert check.value > (check.refuses or np.inf) == RIVAL
-    assert not isinstance(rule_4(scene.rivals, scene.lamps, [1], Checks())[0], Fatal)
-    (reason,) = rule_4([Rival(0, "A", OTHER_LAMP_REFUSES + 1.0)], scene.lamps, [0], Checks())
-    assert reason.threshold == OTHER_LAMP_REFUSES
-    assert rule_4([Rival(0, "A", RIVAL)], scene.lamps, [0], Checks()) == []
-
-
-def test_the_right_lamp_has_no_rival() -> None:
-    assert rivalled("A", ("D:5000", "3500K", "FL2", "LED-B1")).judged().status == "accepted"
 
 
 def neutral(light: str) -> Neutral:
     lamp = read_lamp(light)
     return Neutral(lamp.values, lamp.values @ camera())
-
-
-def test_the_raw_white_tells_the_lamp() -> None:
-    light = read_lamp("A").values @ camera()
-    for lamp, expected in (("A", set()), ("D55", {"lamp_unfit"})):
-        scene = Scene(clean("A"), lamps=(lamp,))
-        white = scene.signals.dark + 3000.0 * light / light.max()
-        scene.signals = replace(scene.signals, white=np.broadcast_to(white, scene.signals.white.shape))
-        scene.neutrals = [[neutral("D65")]]
-        white_balance_mismatch = {r.code for r in scene.judged().reasons if "colour matrix" in r.message}
-        assert white_balance_mismatch == expected
-        scene.neutrals = [[]]
-        assert not [r for r in scene.judged().reasons if "colour matrix" in r.message]
 
 
 # rule 6: samples
@@ -573,69 +371,7 @@ def test_curves_that_foretell_no_white_are_not_held_against_the_matrix() -> None
     assert all("colour matrix" not in reason.message for reason in scene.judged().reasons)
 
 
-def with_chart(scene: Scene, **changes: Any) -> Verdict:
-    shot = scene.shots[0]
-    return scene.judged(shots=[replace(shot, chart=replace(shot.chart, **changes))])
-
-
-def test_noise_that_light_must_have() -> None:
-    scene = Scene(clean())
-    chart = scene.shots[0].chart
-    assert codes(with_chart(scene, standard_error=0.5 * chart.standard_error)) == ["not_sensor_raw"]
-    rough = np.hypot(chart.standard_error, 0.03 * (chart.mean - BLACK) / 20.0)
-    assert codes(with_chart(scene, standard_error=rough)) == ["blurred"]
-
-
-def test_greens_and_dirt() -> None:
-    scene = Scene(clean())
-    chart = scene.shots[0].chart
-    assert codes(with_chart(scene, greens=chart.greens * np.array([1.0, 1.1]))) == ["not_sensor_raw"]
-    dead = np.zeros((24, 3))
-    dead[4, 1] = 0.2
-    verdict = with_chart(scene, dead=dead)
-    assert codes(verdict) == ["chart_unfit"]
-    assert TABLE.patches[4] in first(verdict).message
-
-
 # the rest
-
-
-def test_glare_on_the_darkest_patch() -> None:
-    assert "glare" in codes(Scene(clean() * 0.85 + 0.15).judged())
-
-
-def test_dark_white() -> None:
-    scene = Scene(clean())
-    signals = scene.signals
-    dim = replace(signals, white=signals.dark + 0.05 * (signals.white - signals.dark))
-    assert codes(scene.judged(signals=dim)) == ["underexposed"]
-
-
-def test_an_unnamed_light_is_not_doubted_by_its_own_estimate() -> None:
-    """The estimate's own error is allowed for where nobody named the light; a grossly wrong white is seen."""
-    light = read_lamp("A").values @ camera()
-    for red, named, unnamed in ((1.1, False, False), (1.3, True, False), (1.6, True, True)):
-        scene = Scene(clean("A"), lamps=("A",))
-        white = scene.signals.dark + 3000.0 * light * np.array([red, 1.0, 1.0]) / light.max()
-        scene.signals = replace(scene.signals, white=np.broadcast_to(white, scene.signals.white.shape))
-        scene.neutrals = [[neutral("D65")]]
-        for doubted_too, doubted in ((False, named), (True, unnamed)):
-            verdict = scene.judged(unnamed=[doubted_too])
-            assert any("colour matrix" in reason.message for reason in verdict.reasons) == doubted
-            (check,) = (check for check in verdict.checks if check.name == "white_balance_mismatch")
-            assert kept(check) != doubted
-
-
-def test_poor_pose_and_wide_bands() -> None:
-    scene = Scene(clean())
-    values = 0.7 * scene.signals.values + 0.3 * scene.signals.values[:, ::-1]
-    mixed = replace(scene.signals, values=values)
-    verdict = scene.judged(signals=mixed, ssf=replace(scene.ssf, predicted=values))
-    assert codes(verdict) == ["chart_unfit"]
-    assert "match the chart's colours" in first(verdict).message
-    assert scene.ssf.std is not None
-    wide = replace(scene.ssf, std=scene.ssf.std * 5)
-    assert codes(scene.judged(ssf=wide)) == ["bands_too_wide"]
 
 
 @pytest.mark.parametrize("lamp", ["2000K", "D:10000"])
@@ -648,12 +384,6 @@ def test_colours_are_compared_under_the_lamp(lamp: str) -> None:
     flat = agreement(scene.signals.values[0], plain_signals(TABLE))
     assert check.value > flat if lamp == "2000K" else check.value > 0.95
     assert scene.judged().status == "accepted"
-
-
-def test_few_patches() -> None:
-    scene = Scene(clean())
-    few: Signals = replace(scene.signals, used=scene.signals.used & (np.arange(24) < 9))
-    assert codes(scene.judged(signals=few)) == ["underexposed"]
 
 
 def test_as_many_patches_as_the_limit_are_enough() -> None:
@@ -669,20 +399,6 @@ def test_stray_light_is_seen_in_any_channel() -> None:
     values[..., 2] = np.maximum(values[..., 2], 0.2)
     reasons = exposure(replace(scene.signals, values=values), 0, scene.shots[0], Checks())
     assert [reason.key for reason in reasons] == ["glare.darkest_patch"]
-
-
-def test_a_basis_without_a_prior_is_judged_by_its_residual_alone() -> None:
-    scene = Scene(clean())
-    bare = scene.goodness_of_fit(replace(scene.ssf, std=None))
-    assert bare.prior == 0.0
-    assert bare.residual == pytest.approx(scene.goodness_of_fit().residual)
-
-
-def test_the_camera_is_one_that_the_basis_has_seen() -> None:
-    """These tests are of rules, not of accuracy: `python -m benchmarks faults` leaves the maker out."""
-    _, lamp = chart_and_lamp("D55")
-    assert np.allclose(lamp, read_lamp("D55").values)
-    assert isinstance(TABLE, ChartTable)
 
 
 def test_what_refuses_is_the_first_reason() -> None:
