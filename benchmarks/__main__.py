@@ -44,10 +44,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     run = Run.of(name, module, rest)
     try:
         module.claim(run)
+        return run.end()
     except Unavailable as error:
         print(error, file=sys.stderr)
         return 2
-    return run.end()
 
 
 if __name__ == "__main__":

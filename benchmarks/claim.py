@@ -30,6 +30,7 @@ class Run:
     def __init__(self, name: str, options: argparse.Namespace) -> None:
         self.name, self.options = name, options
         self.kept: dict[str, Any] = {}
+        self.parts: dict[str, bool] = {}
         self.tables: dict[str, list[dict[str, Any]]] = {}
         self.bars: list[dict[str, Any]] = []
 
@@ -58,7 +59,8 @@ class Run:
 
     def wants(self, part: str) -> bool:
         """Whether that part is asked for."""
-        return part.startswith(self.options.only)
+        self.parts[part] = part.startswith(self.options.only)
+        return self.parts[part]
 
     def track(self, steps: Iterable[T], label: str) -> Iterator[T]:
         """The steps, with a bar of their progress on stderr."""
@@ -83,7 +85,10 @@ class Run:
         self.bars.append({"bar": name, "value": float(value), "limit": " and ".join(ends), "met": bool(met)})
 
     def end(self) -> int:
-        """Print the bars, write the results; 1 where a bar is missed."""
+        """Print the bars, write the results; 1 where a bar is missed; `Unavailable` if --only chose nothing."""
+        if self.options.only and not any(self.parts.values()):
+            parts = ", ".join(self.parts) or "it is not divided"
+            raise Unavailable(f"--only {self.options.only} is no part of {self.name}: {parts}.")
         if self.bars:
             lines = [
                 (bar["bar"], f"{bar['value']:.4g}", bar["limit"], "met" if bar["met"] else "MISSED")

@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -46,6 +46,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command; returns 0 on success, 1 if something drifted or violates a limit, 2 if cvxpy is missing."""
     parser = argparse.ArgumentParser(prog=COMMAND, description="Write the golden vectors, or check them.")
     parser.add_argument("--check", action="store_true", help="write nothing: make all anew and compare")
+    parser.add_argument("case", nargs="*", help="write nothing: print what becomes of these, as verdict/haze")
     options = parser.parse_args(arguments)
     try:
         import cvxpy  # noqa: F401
@@ -53,6 +54,9 @@ def main(arguments: list[str] | None = None) -> int:
         print("cvxpy is missing: the oracle needs it. Install the extra dev.", file=sys.stderr)
         return 2
     try:
+        if options.case:
+            print(*_outcomes(options.case), sep="\n")
+            return 0
         made = dict(_files())
     except GoldenError as error:
         print(f"golden: {error}", file=sys.stderr)
@@ -74,6 +78,19 @@ def main(arguments: list[str] | None = None) -> int:
     if options.check and changed:
         print(f"If that is meant, run `{COMMAND}`.", file=sys.stderr)
     return 1 if options.check and changed else 0
+
+
+def _outcomes(names: Sequence[str]) -> Iterable[str]:
+    """A line on each of these cases: whether its row's expectation holds, else `GoldenError` says what was found."""
+    forms.PENDING.update({f"spectra/{name}.json": _text(table) for name, table in write_tables().items()})
+    scenes = {scene["case"]: scene for stage in STAGES.values() for scene in stage.cases()}
+    if unknown := set(names) - scenes.keys():
+        raise GoldenError(f"no such case: {', '.join(sorted(unknown))}")
+    for name in names:
+        forms.PENDING.update(scenes[name]["files"])
+        made = finish(scenes[name])
+        stated = {key: (made["outputs"] or {}).get(key) for key in ("status", "codes")}
+        yield f"{name}: {made['expect']}, as its row says{'' if None in stated.values() else f': {stated}'}"
 
 
 def _change(stored: bytes | None, made: bytes | None) -> str:

@@ -68,7 +68,7 @@ def rows() -> list[Row]:
         ("modes", "Signals off by what the lamp's mode allows: Σ contains the modes.",
          capture(y * (1 + 0.03 * np.sin(np.arange(24.0)))[:, None])
          | {"lamp_modes": {"polynomials": [[[0.0, 0.05]]]}}, "accepted"),
-        # rule 3: the goodness of fit and its suspects
+        # the goodness of fit, and what explains a misfit
         ("veil", "3 % of white over the chart photo.", capture(0.97 * y + 0.03), "doubtful glare"),
         ("bright-dark", "3 % of white in the dark frame.", capture((y - 0.03) / 0.97), "doubtful frames_differ"),
         ("black-level", "No dark frame; the file's black level is too low by 0.5 % of the range.",
@@ -109,7 +109,7 @@ def rows() -> list[Row]:
         ("three-patches", "Three patches suffice to test for causes.", capture(y, used=3), "doubtful underexposed"),
         ("two-patches", "Two patches are too few: no cause is tested.", capture(y, used=2), "doubtful underexposed"),
         ("noiseless", "Standard errors have a floor of 1e-4.", capture(y * spike(3, 1.02), error=0.1), "accepted"),
-        # rule 2: the prior
+        # the prior
         ("outside-family", "Curves unlike those of a camera.", unknown(y, 22.0, 10), "doubtful camera_unusual"),
         ("outside-family-no-more", "The same code; the signals determine twice as many directions of it.",
          unknown(y, 22.0, 20), "accepted"),
@@ -138,7 +138,7 @@ def rows() -> list[Row]:
          capture(y) | tinted(1.3, second=True), "accepted"),
         ("rival-and-tint", "A lamp that fits better, and the raw white differs, too.",
          capture(y) | tinted(1.3) | rivals((0, "FL2", -12), (0, "A", 5)), "refused lamp_unfit lamp_unfit"),
-        # rule 7: another camera
+        # another camera
         ("choice-other-maker", "The maker makes cameras; P(phone) = 0.96.",
          capture(y) | chosen(0.96, 0.04, "cameras"), "doubtful camera_unusual"),
         ("choice-no-maker", "The same where the file names no maker.", capture(y) | chosen(0.96, 0.04), "accepted"),
@@ -152,7 +152,7 @@ def rows() -> list[Row]:
          capture(y) | FAMILY | test(0.04, 0.79, 0.05), "accepted"),
         ("choice-unusual-unnamed", "Unnamed light: there is no lamp residual, and the code is too long.",
          capture(y) | FAMILY | test(0.4, None, 0.3) | UNNAMED, "doubtful camera_unusual"),
-        # rule 8: unnamed light
+        # unnamed light
         ("unnamed-doubtful", "Unnamed light, P(phone) = 0.76.",
          capture(y) | chosen(0.76, 1 - 0.76) | UNNAMED, "doubtful lamp_unfit"),
         ("unnamed-refused", "Unnamed light, P(phone) = 0.19.",
@@ -165,7 +165,7 @@ def rows() -> list[Row]:
          capture(y) | band(0.046) | SURE | UNNAMED, "doubtful lamp_unfit"),
         ("band-ratio-typical", "Unnamed light and a band of ±0.122: hardly better than a typical phone.",
          capture(y) | band(0.062) | SURE | UNNAMED, "doubtful bands_too_wide lamp_unfit"),
-        # rule 10: another unit than in a previous result
+        # another unit than in a previous result
         ("drift", "The blue curve has moved by 1 nm since the previous shot.",
          capture(drifted(1.0), exact=True, moved=1.0) | SURE, "doubtful unit_differs"),
         ("drift-slight", "The blue curve has moved by 0.5 nm since the previous shot.",
@@ -174,13 +174,13 @@ def rows() -> list[Row]:
          capture(drifted(1.5, white=18), white=18, exact=True, moved=1.5) | SURE | UNNAMED, "doubtful unit_differs"),
         ("drift-by-white", "The blue curve has moved by 2 nm by the raw white, but not by the patches.",
          capture(two, exact=True, moved=2.0) | SURE, "accepted"),
-        # rule 6 and the rest: statistics of the patches
+        # statistics of the patches
         ("grain", "Half the noise that photons make.", capture(y, noise=0.5), "doubtful not_sensor_raw"),
         ("texture", "Patches that vary inside.", capture(y, texture=0.04), "doubtful blurred"),
         ("greens", "The two greens differ.", capture(y, greens=1.1), "doubtful not_sensor_raw"),
         ("dirt", "A fifth of one patch's samples are outliers.", capture(y, dead=(4, 0.2)), "doubtful chart_unfit"),
         ("dim", "A white at 5 % of the range.", capture(y, level=0.05), "doubtful underexposed"),
-        ("haze", "10 % of white over the chart photo.", capture(0.9 * y + 0.1), "refused glare glare"),
+        ("haze", "10 % of white: the misfit refuses.", capture(0.9 * y + 0.1), "refused glare glare"),
         ("veil-refuses", "30 % of white over the chart photo.", capture(0.7 * y + 0.3), "refused glare glare"),
         ("few", "Nine patches, the others clipped.", capture(y, used=9, clipped=0.5), "doubtful overexposed"),
         ("few-dark", "Nine patches, the others lost in noise.", capture(y, used=9), "doubtful underexposed"),
