@@ -107,7 +107,7 @@ AGAIN = f"It was interrupted {pools.RESUBMISSIONS + 1} times. Run the same comma
     (1, pools.Lost(), 2, ("accepted", None, 0)),
     (pools.RESUBMISSIONS, pools.Lost(), pools.RESUBMISSIONS + 1, ("accepted", None, 0)),
     (10**6, pools.Lost(), pools.RESUBMISSIONS + 1, ("failed", AGAIN, 0)),  # no job's fault: the next run tries again
-    (pools.DEATHS - 1, DIED, None, ("accepted", None, pools.DEATHS - 1)),
+    (pools.DEATHS - 1, DIED, None, ("accepted", None, 0)),
     (pools.DEATHS, DIED, None, ("failed", pools.DIED, pools.DEATHS)),
 ])  # fmt: skip
 def test_what_is_interrupted_is_submitted_again_not_for_ever(

@@ -87,6 +87,7 @@ def test_sign_verify_show(desk: Path) -> None:
     assert (done.returncode, done.stdout) == (InvalidArgument.exit_status, b"")
 
 
+@pytest.mark.full
 def test_the_private_key_is_nowhere(desk: Path) -> None:
     """In no output, no passport, no traceback; and no passphrase either."""
     (desk / "phrase").write_text("correct horse\n")

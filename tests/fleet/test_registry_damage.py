@@ -73,6 +73,7 @@ def test_a_compaction_may_be_killed_anywhere(one: Registry, last: int, monkeypat
     assert (one.query("SELECT * FROM rows ORDER BY key"), verify(one).faults) == (before, ())
 
 
+@pytest.mark.full
 def test_compactions_at_once_lose_nothing(one: Registry, monkeypatch: pytest.MonkeyPatch) -> None:
     """Another process adds and compacts before each step of this one."""
     for number in range(6):
@@ -241,6 +242,7 @@ def test_a_file_that_vanishes_while_it_is_read(one: Registry, monkeypatch: pytes
 
 
 @pytest.mark.requirement("R-REGISTRY")
+@pytest.mark.full
 def test_a_clock_that_is_set_back_moves_nothing(one: Registry) -> None:
     """What corrects counts, whatever the clock says."""
     one.add([made(1, serial="A", added=START + timedelta(days=900))])

@@ -154,7 +154,10 @@ MOVED = ("a flipped bit", "a cut file", "an empty file", "a damaged list", "a st
 """Losses after which a file is moved away, as the message says."""
 
 
-QUICK = ("the records of a batch", "row and job, by another program", "a flipped bit", "the archive")
+QUICK = (
+    "the records of a batch", "row and job, by another program", "a changed record", "a flipped bit",
+    "a strange file", "the archive",
+)  # fmt: skip
 """Losses of a run without `full`."""
 
 
@@ -270,6 +273,7 @@ FAULTS = {"gone": (Path.unlink, unreadable), "torn": (torn, unreadable), "no doc
         ("", 5, "gone"), ("", 5, "torn"), ("", 5, "no document"),
     )),
 ])  # fmt: skip
+@pytest.mark.full
 def test_a_lost_row_comes_back_without_its_photo(
     home: Path, verify: Verify, lost: str, resumed: int, fault: str
 ) -> None:
@@ -305,6 +309,7 @@ def test_a_lost_row_comes_back_without_its_photo(
     assert desk.rows(WRITTEN) == before
 
 
+@pytest.mark.full
 def test_what_was_added_to_a_changed_row_stays(home: Path, verify: Verify) -> None:
     """Of such a row the batch's words count; what it does not say is kept."""
     (result,) = [path for path in home.glob("out/*/*/result.json") if "Phone c2" in path.read_text("utf-8")]

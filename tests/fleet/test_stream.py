@@ -107,6 +107,7 @@ def test_a_correction_of_the_manifest_reaches_the_registry(desk: Desk) -> None:
     assert desk.visits() == {"cam": 1, "z": 1}
 
 
+@pytest.mark.full
 def test_a_correction_wins_against_a_clock_that_was_years_ahead(desk: Desk) -> None:
     desk.write(["cam,a,D55,,,,S1,"], {"a": "Phone"})
     desk.run()
@@ -119,6 +120,7 @@ def test_a_correction_wins_against_a_clock_that_was_years_ahead(desk: Desk) -> N
     assert desk.rows("serial") == [{"serial": "S2"}]
 
 
+@pytest.mark.full
 def test_another_basis_in_the_same_file_is_noticed(desk: Desk) -> None:
     basis = desk.home / "mine.npz"
     basis.write_bytes(b"one")
@@ -168,6 +170,7 @@ def test_a_picture_s_sidecar_is_part_of_it(desk: Desk) -> None:
     assert desk.visits() == {"cam": 3}
 
 
+@pytest.mark.full
 def test_done_is_what_lies_in_this_archive(desk: Desk) -> None:
     """A result that is gone, another archive: it is done again, for those alone."""
     desk.fill(2)
@@ -208,7 +211,6 @@ def test_a_done_run_begins_no_process(desk: Desk, monkeypatch: pytest.MonkeyPatc
     assert desk.run(processes=True).resumed == 1
 
 
-@pytest.mark.full
 def test_the_poisonous_is_put_aside(desk: Desk) -> None:
     """It takes another along once, and is tried alone; then never again until its file is another."""
     desk.write([f"{name},{name},D55,,,,," for name in "xb"], {"x": "dies", "b": "Phone b"})
