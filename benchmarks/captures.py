@@ -14,7 +14,7 @@ from camssf.calibration import solve
 from camssf.errors import CalibrationError
 from camssf.fit.capture_fit import prepare_fit
 from camssf.fit.solutions import recover_fit
-from camssf.grid import WAVELENGTHS, Floats
+from camssf.grid import BAND, WAVELENGTHS, Floats
 from camssf.options import Options
 from camssf.photo.capture import Capture, MeasuredShot, Photo
 from camssf.photo.find.pose import Pose
@@ -147,14 +147,14 @@ class Answer:
         return tuple(reason.code for reason in self.reasons) or ((self.error.code,) if self.error else ())
 
 
-def answer_to(asked: Capture) -> Answer:
+def answer_to(measured: Capture) -> Answer:
     """The verdict by the reference engine; the curves of a refused one are solved all the same."""
     try:
-        result = solve(asked, options=OPTIONS)
+        result = solve(measured, options=OPTIONS)
     except CalibrationError as error:
         if not error.reasons:
             return Answer("refused", (), tuple(error.checks), None, error)
-        fit = prepare_fit(asked, OPTIONS)
+        fit = prepare_fit(measured, OPTIONS)
         ssf = recover_fit(fit, fit.signals.used, None)
         return Answer("refused", tuple(error.reasons), tuple(error.checks), ssf, error)
     verdict = result.verdict
@@ -199,11 +199,11 @@ class Taken:
         return max(self.kinds, key=lambda kind: self.kinds[kind])
 
 
-def judged(asked: Capture, device: Device, lamps: Mapping[str, Floats]) -> Taken:
+def judged(measured: Capture, device: Device, lamps: Mapping[str, Floats]) -> Taken:
     """The answer to a capture under lamps, power (681,) by name, against the truth."""
-    answer = answer_to(asked)
+    answer = answer_to(measured)
     if answer.ssf is None:
-        fit = prepare_fit(asked, OPTIONS)
+        fit = prepare_fit(measured, OPTIONS)
         answer = replace(answer, ssf=recover_fit(fit, fit.signals.used, None))
     ssf = answer.ssf
     assert ssf is not None
@@ -215,8 +215,8 @@ def judged(asked: Capture, device: Device, lamps: Mapping[str, Floats]) -> Taken
     lamp_covered = kelvin_covered = None
     if light is not None:
         kinds = light.kinds
-        lamp_covered = float((np.abs(light.power - true)[SEEN] <= 1.96 * light.std[SEEN]).mean())
-        kelvin_covered = float(abs(light.kelvin - temperature(true)) <= 1.96 * light.kelvin_std)
+        lamp_covered = float((np.abs(light.power - true)[SEEN] <= BAND * light.std[SEEN]).mean())
+        kelvin_covered = float(abs(light.kelvin - temperature(true)) <= BAND * light.kelvin_std)
     return Taken(
         device.name, tuple(lamps), answer.status, answer.codes, float(rmse.mean()), float(covered[:, SEEN].mean()),
         float(covered[2, SEEN].mean()), no_photo(read_basis(PHONES), device.curves),

@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks.claim import Run
 from benchmarks.shared import CURVES, standing_in
-from camssf.grid import WAVELENGTHS, Floats
+from camssf.grid import BAND, WAVELENGTHS, Floats
 from camssf.recovery.basis import Basis, interpolate, read_basis
 from camssf_lab.learning.basis import learn
 from camssf_lab.learning.training import HANDFUL, Enlargement, maker_of, read_curves
@@ -126,7 +126,7 @@ def errors(curves: Floats, std: Floats | None, truth: Floats) -> tuple[Floats, F
     """RMSE (3,) of curves (681, 3) of peak 1, 400 to 700 nm, and where their 95 % bands hold the truth (3, 681)."""
     wrong = (curves - truth / truth.max(axis=0)).T
     rmse = np.sqrt(np.mean(wrong[:, SEEN] ** 2, axis=1))
-    return rmse, None if std is None else (np.abs(wrong) <= 1.96 * std.T).astype(float)
+    return rmse, None if std is None else (np.abs(wrong) <= BAND * std.T).astype(float)
 
 
 def no_photo(basis: Basis, truth: Floats) -> float:

@@ -29,7 +29,7 @@ from benchmarks.claims.spectrum import prior_without
 from benchmarks.devices import left_out
 from benchmarks.shared import command_parser, console, lamp, one_thread, save, table, versions
 from camssf.colorimetry import SRGB, adapt, delta_e00, lab, signals_of, white_of
-from camssf.grid import Floats
+from camssf.grid import BAND, Floats
 from camssf.spectra import read_chart
 from camssf_colour import Camera, LitSurfaces, View, spectrum, standard_colour
 from camssf_colour.standard import of_surfaces
@@ -105,7 +105,7 @@ def half_width(colours: Floats, covariance: Floats) -> Floats:
     """The angle's 95 % half-width (n,), of Lab's covariance (n, 3, 3), degrees."""
     height, b = colours[:, 0] - 50.0, colours[:, 2]
     slope = np.stack([b, np.zeros_like(b), -height], axis=1) / (height**2 + b**2)[:, None]
-    return np.asarray(1.96 * np.degrees(np.sqrt(np.einsum("ni,nij,nj->n", slope, covariance, slope))))
+    return np.asarray(BAND * np.degrees(np.sqrt(np.einsum("ni,nij,nj->n", slope, covariance, slope))))
 
 
 def between(labs: list[Floats]) -> float:

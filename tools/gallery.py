@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from camssf import Options, Result, calibrate
+from camssf.grid import BAND
 from camssf.recovery import predict_signals
 from camssf.report.shots import shots_of
 from camssf.spectra import read_camera, read_chart, read_lamp
@@ -51,7 +52,7 @@ def _colours(result: Result, ax: Any) -> None:
     shown = shots_of(result)[0].patches
     assert shown is not None
     assert shown.measured_srgb is not None
-    error = 1.96 * np.sqrt(np.diagonal(found.lab_covariance, axis1=1, axis2=2))
+    error = BAND * np.sqrt(np.diagonal(found.lab_covariance, axis1=1, axis2=2))
     for (_, a, b), (_, da, db), hue in zip(found.lab, error, shown.measured_srgb, strict=True):
         ax.errorbar(a, b, xerr=da, yerr=db, fmt="o", color=hue, markeredgecolor="0.3", ecolor="0.5", capsize=2)
     ax.axhline(0, color="0.8", linewidth=0.8, zorder=0)

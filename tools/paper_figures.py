@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from camssf.grid import WAVELENGTHS
+from camssf.grid import BAND, WAVELENGTHS
 from tools.pictures import RGB, legend, save_png, subplots
 
 PAPER, PRODUCT = "l1 on Gaussians (the paper)", "elastic net on cameras (camssf)"
@@ -126,7 +126,7 @@ def phones(found: dict[str, Any]) -> Any:
                 for c, shade in enumerate(RGB):
                     panel.plot(WAVELENGTHS, got[:, c], style, color=shade, linewidth=1)
                     if answer["std"] is not None:
-                        band = 1.96 * np.array(answer["std"])[:, c]
+                        band = BAND * np.array(answer["std"])[:, c]
                         panel.fill_between(
                             WAVELENGTHS, got[:, c] - band, got[:, c] + band, color=shade, alpha=0.15, linewidth=0
                         )

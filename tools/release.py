@@ -96,7 +96,7 @@ def try_python() -> None:
     (demo,) = re.findall(r"(?<=bin/camssf) (demo -o out/)$", (ROOT / "README.md").read_text("utf-8"), re.MULTILINE)
     for name, words in {"wheel": (f"camssf[{EXTRA}]",), "sdist": ("--no-binary", "camssf", "camssf")}.items():
         programs, place = environment(name), OUT / f"{name}-tried"
-        run(programs / "pip", "install", "-q", "--pre", *words, variables=alone)
+        run(programs / "pip", "install", "-q", *words, variables=alone)
         place.mkdir()
         run(programs / "camssf", *demo.split(), cwd=place)
         error = float(run(programs / "python", "-c", ERROR, cwd=place))

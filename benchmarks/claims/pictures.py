@@ -31,7 +31,7 @@ from benchmarks.claims.processed import malvar
 from benchmarks.devices import LEFT_OUT
 from benchmarks.shared import lamp
 from camssf.colorimetry import adaptation, delta_e00, lab, white_of
-from camssf.grid import WAVELENGTHS, Floats
+from camssf.grid import BAND, WAVELENGTHS, Floats
 from camssf.photo.read.dng import Mosaic
 from camssf.recovery.covariance import CHART_CORRELATION, smooth_errors
 from camssf.spectra.bundled import correlated_temperature
@@ -49,7 +49,6 @@ BLOCK, INNER = 24, slice(6, 18)
 """Pixels of a surface, and those that are judged."""
 COLUMNS = 10
 SEED = 31
-INSIDE = 1.96
 
 
 @dataclass(frozen=True)
@@ -118,7 +117,7 @@ def show(case: Case, name: str, rng: np.random.Generator) -> Shown:
     matrix, own = matrix_for(case, power), white_of(power)
     to_xyz = adaptation(own, white_xyz) @ (np.linalg.inv(matrix) * (matrix @ own))
     theirs = lab(signals @ to_xyz.T, white_xyz)
-    return Shown(ours, theirs, truth, np.abs(ours - truth) <= INSIDE * deviation)
+    return Shown(ours, theirs, truth, np.abs(ours - truth) <= BAND * deviation)
 
 
 def numbers(shown: list[Shown]) -> dict[str, float]:

@@ -38,7 +38,7 @@ from benchmarks.devices import (
 )
 from camssf.calibration import solve
 from camssf.errors import CalibrationError
-from camssf.grid import WAVELENGTHS, Floats
+from camssf.grid import BAND, WAVELENGTHS, Floats
 from camssf.photo.capture import Capture
 from camssf.photo.patches import FrameMeans
 from camssf.recovery.basis import read_basis
@@ -190,7 +190,7 @@ def light_score(found: Result, lamp: str) -> tuple[float, float]:
     assert light is not None
     level, true = light.power[SEEN].mean(), power(lamp)[SEEN]
     off = light.power[SEEN] / level - true / true.mean()
-    return float(np.sqrt(np.mean(off**2))), float((np.abs(off) <= 1.96 * light.std[SEEN] / level).mean())
+    return float(np.sqrt(np.mean(off**2))), float((np.abs(off) <= BAND * light.std[SEEN] / level).mean())
 
 
 def row(rows: Sequence[Later]) -> dict[str, Any]:

@@ -34,7 +34,7 @@ from benchmarks.shared import CURVES, standing_in
 from camssf.calibration import calibrate
 from camssf.errors import CalibrationError
 from camssf.fit.capture_fit import patch_modes
-from camssf.grid import STEP, WAVELENGTHS, Floats
+from camssf.grid import BAND, STEP, WAVELENGTHS, Floats
 from camssf.photo.signals import Signals
 from camssf.recovery.basis import interpolate
 from camssf.recovery.hypotheses import recover
@@ -174,7 +174,7 @@ def score(curves: Floats, std: Floats | None, truth: Floats) -> tuple[Floats, fl
     at = d70().at
     peak = curves[at].max(axis=0)
     wrong = curves[at] / peak - truth[at] / truth[at].max(axis=0)
-    held = None if std is None else float((np.abs(wrong) <= 1.96 * std[at] / peak).mean())
+    held = None if std is None else float((np.abs(wrong) <= BAND * std[at] / peak).mean())
     return np.sqrt(np.mean(wrong**2, axis=0)), held
 
 
@@ -217,7 +217,7 @@ def attempt(
     row["z"] = None if std is None else z_of(observation, found, name)
     row["cameras"] = sum(each.probability for each in found.choice if each.basis == SHIPPED) if found.choice else None
     at = d70().at
-    row["band"] = None if std is None else float((1.96 * std[at]).mean())
+    row["band"] = None if std is None else float((BAND * std[at]).mean())
     return row
 
 
@@ -322,7 +322,7 @@ def photograph() -> list[dict[str, Any]]:
             | {
                 "status": result.verdict.status,
                 "reasons": [[reason.code, reason.message] for reason in result.verdict.reasons],
-                "band": None if std is None else (1.96 * std[seen]).mean(axis=0).tolist(),
+                "band": None if std is None else (BAND * std[seen]).mean(axis=0).tolist(),
                 "cameras": sum(each.probability for each in result.ssf.choice if each.basis == SHIPPED),
                 "away": float(np.sqrt(np.mean((curves - first)[seen] ** 2, axis=0)).mean()),
             }

@@ -44,7 +44,7 @@ from benchmarks.claims.colour import (
 )
 from benchmarks.shared import chart, lamp
 from camssf.colorimetry import delta_e00, signals_of, white_of
-from camssf.grid import WAVELENGTHS, Floats
+from camssf.grid import BAND, WAVELENGTHS, Floats
 from camssf.recovery.covariance import CHART_CORRELATION, smooth_errors
 from camssf.recovery.hypotheses import LampGuess, recover
 from camssf.recovery.observation import Observation
@@ -278,7 +278,7 @@ class Measured:
             self.chi.setdefault((kind_of(name), way), []).append(squares)
         for name, lights, rows, answer in spectra(case, known, rng, self.every):
             off = (answer.reflectance - rows)[:, INNER]
-            held = np.abs(off) < 1.96 * answer.standard_deviation[:, INNER]
+            held = np.abs(off) < BAND * answer.standard_deviation[:, INNER]
             pairs = zip(np.sqrt(np.mean(off**2, axis=1)), held.mean(axis=1), strict=True)
             self.errors.setdefault((kind_of(name), lights), []).extend(pairs)
             for word, size in self.spread.items() if group(name)[2] else ():
@@ -329,7 +329,7 @@ def show(run: Run, title: str, measured: Measured) -> None:
     read = {}
     for key, own in measured.index.items():
         values = np.concatenate(own, axis=1)
-        read[key] = float(np.sqrt(np.mean(values[0] ** 2))), float(np.mean(np.abs(values[1]) < 1.96))
+        read[key] = float(np.sqrt(np.mean(values[0] ** 2))), float(np.mean(np.abs(values[1]) < BAND))
     columns = dict.fromkeys(("one light: error", "in the band", "two lights: error", "in their band"), ".3f")
     rows = [(word, *(value for n in PAIRS for value in read[word, n])) for word in ("erythema", "melanin")]
     run.table(f"{title}: indices, in standard deviations over people", {"": ""} | columns, rows)

@@ -13,6 +13,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from scipy import sparse
 
+from benchmarks.kernels.turns import Unavailable
 from camssf.grid import Floats
 
 Run: TypeAlias = Callable[[], Floats]
@@ -22,18 +23,14 @@ Solve: TypeAlias = Callable[[Floats, Floats], Floats]
 """One problem's rows (N, r) and target (N,) to its code (r,)."""
 
 
-class Missing(Exception):
-    """The peer is not installed; the message says how to install it."""
-
-
 def _load(module: str, package: str) -> Any:
-    """A peer's module; raises Missing."""
+    """A peer's module; raises Unavailable."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             return import_module(module)
     except ImportError as error:
-        raise Missing(f"pip install {package}") from error
+        raise Unavailable(f"pip install {package}") from error
 
 
 def _one_by_one(A: Floats, b: Floats, solve: Solve) -> Run:

@@ -30,8 +30,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.kernels.peers import PEERS, Missing
-from benchmarks.kernels.turns import clocked, in_turn
+from benchmarks.kernels.peers import PEERS
+from benchmarks.kernels.turns import Unavailable, clocked, in_turn
 from benchmarks.problems import Problem, gamma_max, gaps, make_problem, reflectances, whiten
 from benchmarks.shared import command_parser, console, lamp, one_thread, save, table, versions
 from camssf.grid import Floats
@@ -117,7 +117,7 @@ def contest(problem: Problem, rounds: int, peers: Sequence[str] = tuple(PEERS)) 
             continue  # one problem: the same as a problem a solve
         try:
             runs[name] = PEERS[name](*reduced(A, b), problem.l2, problem.gamma, problem.nonnegative)
-        except Missing as reason:
+        except Unavailable as reason:
             missing.append(f"{name} is not installed and left out ({reason})")
     runs[ROWS] = lambda: whiten(problem.sensing(book))[1]
     seconds, codes = race(runs, rounds, problem.label)
