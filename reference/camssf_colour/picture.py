@@ -38,7 +38,7 @@ T = TypeVar("T", bound=np.generic)
 Samples = NDArray[np.uint16]
 XYZ_ONE = 32768
 """Y of a perfect white diffuser in a picture of XYZ, as in ICC profiles (u1Fixed15Number)."""
-STRIP = 1 << 15
+STRIP = 1 << 16
 """Pixels that are computed at a time."""
 
 

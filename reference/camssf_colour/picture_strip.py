@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from camssf.recovery.arrays import Array, constant, namespace
 from camssf_colour.demosaic import demosaic, noise_shares
-from camssf_colour.pixel_table import PAIRS, PixelTable, lab_variances, out_of_reach, places_of, roots_of
+from camssf_colour.pixel_table import PAIRS, PixelTable, lab_variances, out_of_reach, places_of, xyz_of
 
 FULL = 65535.0
 CLIPPED, OUT_OF_REACH = FULL, FULL - 1.0
@@ -50,8 +50,8 @@ def picture_strip(inputs: StripInputs, table: PixelTable) -> tuple[Array, Array]
     xp, (h, _, w, _) = namespace(inputs.mosaic), inputs.mosaic.shape
     h, w = h - 2, w - 2
     signals, reached = demosaic(inputs.mosaic), _reached(inputs.clipped)
-    roots = roots_of(table, places_of(xp.reshape(signals, (3, 4 * h * w))))
-    numbers = FULL * _curved(inputs.matrix @ (roots * roots * roots), inputs.curved)
+    xyz = xyz_of(table, places_of(xp.reshape(signals, (3, 4 * h * w))))
+    numbers = FULL * _curved(inputs.matrix @ xyz, inputs.curved)
     numbers = xp.where(xp.reshape(reached, (4 * h * w,)) > 0.5, FULL, numbers)
 
     cells = 0.25 * sum(xp.reshape(signals[:, :, i, :, j], (3, h * w)) for i, j in PLACES)

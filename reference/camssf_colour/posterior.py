@@ -259,6 +259,41 @@ def means_of(components: Components, z: Array) -> Array:
     return each_block(of_block, z)
 
 
+def covariances_of(components: Components, z: Floats) -> tuple[Floats, Floats]:
+    """Covariances (m, 3, 3) of the last three outputs and (m, c, c) of the signals, as of `posterior_of`, for many z.
+
+    z (m, c) are exact signals of mean 1, so a surface's own covariance is the same for all of them.
+    """
+    c = z.shape[1]
+    total, inverses, log_dets = _spread(components, components.errors, c)
+    gain, own_slopes = (part[:, -3:] for part in _gain(components, total, inverses))
+    slopes, seen = np.concatenate([-gain, own_slopes], axis=2), components.expected[:, :c, None]
+    crossed, of_level = components.crossed, components.of_level[:, -3:, None] * components.expected[:, None, -3:]
+    own = np.tensordot(components.variances, components.shared[:, -3:, -3:], axes=1) - of_level - of_level.mT
+    own += components.changes[..., -3:].mT @ components.changes[..., -3:]
+    both = gain @ crossed[:, -3:, :c].mT
+    own += slopes @ total @ slopes.mT - both - both.mT + gain @ crossed[:, :c, :c] @ gain.mT
+    moves = np.concatenate([np.broadcast_to(np.eye(c), (len(seen), c, c)), seen], axis=2)
+    of_signals = moves @ total[:, : c + 1, : c + 1] @ moves.mT
+    covariances = []
+    for signals in z:
+        off = signals - components.expected[:, :c]
+        logarithms = components.log_weights - 0.5 * (log_dets + np.einsum("ni,nij,nj->n", off, inverses, off))
+        weights = np.exp(logarithms - logarithms.max())
+        kept = weights > NEGLIGIBLE
+        weights = weights[kept] / weights[kept].sum()
+        means = components.expected[kept, -3:] + (gain[kept] @ off[kept, :, None])[:, :, 0]
+        apart = means - weights @ means
+        covariances.append(
+            (
+                np.tensordot(weights, own[kept], axes=1) + (weights * apart.T) @ apart,
+                np.tensordot(weights, of_signals[kept], axes=1),
+            )
+        )
+    outputs, of_z = zip(*covariances, strict=True)
+    return np.stack(outputs), np.stack(of_z)
+
+
 def _spread(components: Components, errors: Mapping[str, Array], c: Any) -> tuple[Array, Array, Array]:
     """The sum of the errors' covariances, V_i⁻¹ (N, c, c) and ln |V_i| (N,)."""
     xp = namespace(components.expected)
