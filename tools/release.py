@@ -1,6 +1,6 @@
 """Makes a release in out/release, or without a key rehearses one: `python -m tools.release [--key FINGERPRINT]`.
 
-Sdist, wheel, SBOM, conda recipe and the signed Maven bundle go to out/release/dist. Then each is installed from a
+Sdist, wheel, SBOM and the signed Maven bundle go to out/release/dist. Then each is installed from a
 folder that plays the package index, into an empty environment or project, and runs the first page that a user reads.
 A rehearsal signs with a throwaway key, and takes Maven's artefacts of the last `mvn verify` if they are there.
 """
@@ -20,9 +20,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from camssf.files import write_file
 from camssf.version import __version__
-from tools import conda_recipe, sbom
+from tools import sbom
 from tools.tutorials import outputs
 
 ROOT = Path(__file__).parents[1]
@@ -60,7 +59,7 @@ def environment(name: str) -> Path:
 
 
 def build_python() -> None:
-    """Sdist, wheel, SBOM and conda recipe.
+    """Sdist, wheel and SBOM.
 
     Raises:
         ReleaseError: the wheel does not hold each file of the packages, and nothing else.
@@ -79,7 +78,6 @@ def build_python() -> None:
     if licences != {"LICENSE", "NOTICE"}:
         raise ReleaseError("The wheel is without LICENSE or NOTICE. Look at license-files in pyproject.toml.")
     sbom.main(["-o", str(DIST / f"camssf-{__version__}-cyclonedx.json")])
-    write_file(DIST / "meta.yaml", conda_recipe.recipe(DIST / f"camssf-{__version__}.tar.gz").encode())
 
 
 def try_python() -> None:
@@ -88,7 +86,7 @@ def try_python() -> None:
     Raises:
         ReleaseError: the demo's curves are not those of its phone.
     """
-    shutil.copytree(DIST, INDEX, ignore=shutil.ignore_patterns("*.json", "*.yaml", "*.zip"))
+    shutil.copytree(DIST, INDEX, ignore=shutil.ignore_patterns("*.json", "*.zip"))
     (wheel,) = DIST.glob("*.whl")
     pip = (OUT / "workshop" / "bin" / "pip", "download", "-q", "-d", INDEX, "-c", ROOT / "constraints.txt")
     run(*pip, f"{wheel}[{EXTRA}]", "hatchling")
@@ -150,7 +148,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--key", metavar="FINGERPRINT", help="one of gpg's secret keys; without it, a rehearsal")
     key = parser.parse_args(argv).key
     steps = {
-        "sdist, wheel, SBOM, conda recipe": build_python,
+        "sdist, wheel, SBOM": build_python,
         "both from a folder, with README's demo and the first tutorial": try_python,
         "Maven bundle": lambda: build_kotlin(key),
         "docs/jvm.md with the bundle": try_kotlin,

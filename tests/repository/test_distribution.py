@@ -1,9 +1,8 @@
-"""What is given away: what tutorials need, the container, the conda recipe, completion; the rest: tools.release."""
+"""What is given away: what tutorials need, the container, completion; the rest: tools.release."""
 
 from __future__ import annotations
 
 import ast
-import hashlib
 import os
 import re
 import shutil
@@ -12,15 +11,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import pytest
-import yaml
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 
-from camssf.version import __version__
 from tests.support.pages import PROJECT, ROOT, text_of
-from tools import conda_recipe, release
+from tools import release
 from tools.tutorials import TUTORIALS, blocks
 
 DOCKERFILE = text_of("Dockerfile")
@@ -60,7 +56,7 @@ def test_a_tutorial_needs_nothing_but_what_it_installs(page: Path) -> None:
             assert words <= {"camssf", "cat", "mkdir"}
 
 
-# -- the container and the conda recipe ------------------------------------------------------------------------------
+# -- the container ---------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.repository
@@ -79,33 +75,6 @@ def test_the_dockerfile_copies_what_is_there_and_runs_as_a_user_without_rights()
     for version in re.findall(r"^FROM python:([\d.]+)-slim", DOCKERFILE, re.MULTILINE):
         assert SpecifierSet(PROJECT["project"]["requires-python"]).contains(version)
         assert f"Programming Language :: Python :: {version}" in PROJECT["project"]["classifiers"]
-
-
-def rendered(text: str) -> dict[str, Any]:
-    """A recipe as conda reads it."""
-    return dict(yaml.safe_load(jinja2.Template(text).render(PYTHON="python")))
-
-
-@pytest.mark.repository
-def test_the_recipe_needs_what_pyproject_needs() -> None:
-    assert conda_recipe.main(["--check"]) == 0, "run python -m tools.conda_recipe"
-    found = rendered(conda_recipe.PAGE.read_text("utf-8"))
-    assert found["package"] == {"name": "camssf", "version": __version__}
-    needs = {name: bound for name, _, bound in (line.partition(" ") for line in found["requirements"]["run"])}
-    assert needs.pop("python") == PROJECT["project"]["requires-python"]
-    ours = {each.name: str(each.specifier) for each in map(Requirement, PROJECT["project"]["dependencies"])}
-    assert needs.pop("py-opencv") in ours.pop("opencv-python-headless")
-    assert needs == ours
-    (line,) = found["build"]["entry_points"]
-    assert line == f"camssf = {PROJECT['project']['scripts']['camssf']}"
-
-
-@pytest.mark.repository
-def test_the_recipe_of_a_release_names_its_file_by_hash(tmp_path: Path) -> None:
-    (tmp_path / "sdist.tar.gz").write_bytes(b"x")
-    source = rendered(conda_recipe.recipe(tmp_path / "sdist.tar.gz"))["source"]
-    assert source["sha256"] == hashlib.sha256(b"x").hexdigest()
-    assert source["url"].endswith(f"/camssf-{__version__}.tar.gz")
 
 
 # -- shell completion ------------------------------------------------------------------------------------------------

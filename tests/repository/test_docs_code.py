@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from camssf import Options, __version__, calibrate
+from camssf import Options, calibrate
 from camssf.cli import main
 from camssf.exports import export
 from camssf.grid import WAVELENGTHS
@@ -233,39 +233,6 @@ def test_a_tutorial_prints_in_an_empty_folder_what_it_shows(page: Path, tmp_path
     if page.stem == "first-phone":  # a stranger's ten minutes end well
         assert (tmp_path / "curves.png").stat().st_size > 10_000
         assert "verdict: accepted" in printed[1]
-
-
-@pytest.mark.repository
-@pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
-def test_a_notebook_holds_every_block_of_its_tutorial(page: Path) -> None:
-    """In the page's order, but the installation; so what the test above runs is what a notebook runs."""
-    jupytext = pytest.importorskip("jupytext", reason="jupytext is not here")
-    from tools.notebooks import FIRST, notebook
-
-    made = jupytext.reads(notebook(page), fmt="ipynb")
-    first, *cells = [cell.source.removeprefix("%%sh\n") for cell in made.cells if cell.cell_type == "code"]
-    assert first == FIRST.rstrip("\n")
-    assert cells == [code.rstrip("\n") for _, code, _ in tutorials.blocks(page.read_text("utf-8"))]
-    text = "".join(cell.source for cell in made.cells if cell.cell_type != "code")
-    assert not re.search(r"\]\((?!https?://)", text)  # a link to a page that is not beside it
-
-
-@pytest.mark.repository
-@pytest.mark.skipif(os.name == "nt", reason="%%sh is for a POSIX shell")
-def test_a_notebook_finds_camssf_whatever_kernel_runs_it(tmp_path: Path) -> None:
-    """Its first cell, in kernels that are this Python with what is installed and without, no PATH leading to it."""
-    pytest.importorskip("jupytext", reason="jupytext is not here")
-    from tools.notebooks import FIRST
-
-    def kernel(*options: str) -> subprocess.CompletedProcess[str]:
-        code = f"{FIRST}\nimport subprocess\nsubprocess.run(['sh', '-c', 'camssf --version'], check=True)"
-        words = [sys.executable, *options, "-c", code]
-        return subprocess.run(words, cwd=tmp_path, env={"PATH": "/usr/bin:/bin"}, capture_output=True, text=True)
-
-    assert kernel().stdout == f"camssf {__version__}\n"
-    lacking = kernel("-I", "-S")  # without site-packages, as a kernel of another environment
-    assert lacking.returncode == 1
-    assert f'run {sys.executable} -m pip install -e ".[notebook]"' in lacking.stderr
 
 
 @pytest.mark.full
