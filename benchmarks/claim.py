@@ -71,8 +71,19 @@ class Run:
         """Print rows by the formats of their columns; a tuple fills a pattern, None is left empty."""
         kept = [[_plain(cell) for cell in row] for row in rows]
         words = [[_cell(*pair) for pair in zip(row, columns.values(), strict=True)] for row in kept]
-        console().print(table(title, tuple(columns), words))
+        self.print_table(title, tuple(columns), words)
         self.tables[title] = [dict(zip(columns, row, strict=True)) for row in kept]
+
+    def print_table(self, title: str, head: Sequence[str], lines: Sequence[Sequence[str]]) -> None:
+        """Print a table of words."""
+        console().print(table(title, head, lines))
+
+    def print_bars(self) -> None:
+        """Print the bars."""
+        lines = [
+            (bar["bar"], f"{bar['value']:.4g}", bar["limit"], "met" if bar["met"] else "MISSED") for bar in self.bars
+        ]
+        self.print_table("Bars", ("bar", "value", "limit", "verdict"), lines)
 
     def say(self, words: str) -> None:
         """Print a sentence."""
@@ -90,11 +101,7 @@ class Run:
             parts = ", ".join(self.parts) or "it is not divided"
             raise Unavailable(f"--only {self.options.only} is no part of {self.name}: {parts}.")
         if self.bars:
-            lines = [
-                (bar["bar"], f"{bar['value']:.4g}", bar["limit"], "met" if bar["met"] else "MISSED")
-                for bar in self.bars
-            ]
-            console().print(table("Bars", ("bar", "value", "limit", "verdict"), lines))
+            self.print_bars()
         kept = (self.kept or {"tables": self.tables}) | {"bars": self.bars}
         console().print(save(self.name, kept | {"versions": versions("scipy", "colour-science")}))
         return int(any(not bar["met"] for bar in self.bars))

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
-from functools import partial
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from camssf.documents.document import Document
 from camssf.documents.schema import described, schema
@@ -14,7 +11,7 @@ from camssf.rules import rules
 from camssf.spectra.lamps import lamp_aliases
 from camssf_fleet.passport.claims import Claims
 from camssf_fleet.records import Row
-from tools import cli_options, error_pages, faults_table, formats, paper_page, real_page, rules_table, soup, trace
+from tools import cli_options, error_pages, formats, paper_page, results, rules_table, soup, trace
 from tools.pages import filled, markdown_table
 from tools.reference_names import with_names
 
@@ -22,13 +19,6 @@ if TYPE_CHECKING:
     from mkdocs.config.defaults import MkDocsConfig
     from mkdocs.structure.files import Files
     from mkdocs.structure.pages import Page
-
-DOCS = Path(__file__).parents[1] / "docs"
-
-
-def numbers(name: str) -> dict[str, Any]:
-    """What a benchmark's last run left in docs/<name>.json."""
-    return dict(json.loads((DOCS / f"{name}.json").read_text("utf-8")))
 
 
 def lamp_names() -> str:
@@ -48,29 +38,19 @@ def fields(kind: type) -> str:
     return markdown_table(("field", "meaning"), [(" ".join(these), meaning) for meaning, these in names.items()])
 
 
-def real_table(name: str) -> str:
-    """A table of the measurements on real cameras."""
-    return real_page.markdown(numbers("real"))[name]
-
-
 TABLES: dict[str, dict[str, Callable[[], str]]] = {
     "cli.md": {"tools.cli_options": cli_options.tables},
     "errors/index.md": {"tools.error_pages": error_pages.index},
     "formats.md": {"tools.formats": lambda: formats.tables(schema(Document))},
     "passport.md": {"camssf_fleet.passport.claims": lambda: fields(Claims)},
     "registry.md": {"camssf_fleet.records": lambda: fields(Row)},
-    "paper.md": {"tools.paper_page": lambda: paper_page.page(numbers("paper"))},
-    "real.md": {
-        f"tools.real_page: {name}": partial(real_table, name)
-        for name in ("curves", "references", "scatter", "photo", "bars")
-    },
+    "paper.md": {"tools.paper_page": lambda: paper_page.page(results.kept("paper"))},
+    "real.md": {"benchmarks real": lambda: results.markdown("real")},
     "soup.md": {"tools.soup: python": soup.python_table, "tools.soup: kotlin": soup.kotlin_table},
     "tables.md": {"data/lamp-names.json": lamp_names},
     "traceability.md": {"tools.trace": trace.table},
     "verdict.md": {
-        "tools.faults_table: causes": lambda: faults_table.causes(numbers("faults")),
-        "tools.faults_table: summary": lambda: faults_table.summary(numbers("faults")),
-        "tools.faults_table: faults": lambda: faults_table.table(numbers("faults")),
+        "benchmarks faults": lambda: results.markdown("faults"),
         "tools.rules_table": lambda: rules_table.markdown(rules()),
     },
 }

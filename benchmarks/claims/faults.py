@@ -317,9 +317,9 @@ def show(run: Run, found: dict[str, Any]) -> None:
         f"Faults, {found['cameras']} cameras",
         columns | caught | {"RMSE accepted": ".3f", "codes": ""},
         [
-            (name, FAULTS[name].degrees[at], row["refused"], row["doubtful"], row["accepted"] - row["missed"],
-             row["missed"], (row["harmful_caught"], row["harmful"]), row["rmse_accepted"],
-             ", ".join(row["codes"][:3]))
+            ("" if at else f"{name}: {FAULTS[name].what}", FAULTS[name].degrees[at], row["refused"], row["doubtful"],
+             row["accepted"] - row["missed"], row["missed"], (row["harmful_caught"], row["harmful"]),
+             row["rmse_accepted"], ", ".join(row["codes"][:3]))
             for name, own in found["faults"].items() for at, row in enumerate(own)
         ],
     )  # fmt: skip

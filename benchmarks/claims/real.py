@@ -14,7 +14,7 @@ coverage: the share of these 93 values within the 95 % band. z is the goodness o
 
 Then a real photo of a chart without a truth, data/dng/colorchart.dng: verdict, band and choice by the lamp given.
 
-Leaves benchmarks/results/real.json, of which `python -m tools.real_page` makes the page.
+Leaves benchmarks/results/real.json, which `python -m tools.results real` keeps for the page.
 """
 
 from __future__ import annotations
@@ -390,13 +390,34 @@ HEAD = (
 )  # fmt: skip
 
 
+def show(run: Run, found: Mapping[str, Any]) -> None:
+    """The tables."""
+    run.table("Nikon D70 against its monochromator", dict.fromkeys(HEAD, ""), map(line_of, found["rows"]))
+    held = [[name, *scores_of(passes)] for name, passes in found["references"].items()]
+    held += [[f"{row['basis']}, light evened out by pass 2011", *scores_of(row["passes"])] for row in found["mended"]]
+    drawn = [f"{rmse:.3f} ({100 * kept:.0f})" for rmse, kept in zip(*found["simulated"].values(), strict=True)]
+    held += [[f"{LEFT_OUT}, {DRAWS} simulated captures like it: median", drawn[1], ""]]
+    held += [["their 5th and 95th percentiles", f"{drawn[0]}; {drawn[2]}", ""]]
+    run.table("For comparison", dict.fromkeys(("", "2011", "2010"), ""), held)
+    shared = [
+        [name, each, row["shared"], tuple(row["rest"])]
+        for name, passes in found["scatter"].items()
+        for each, row in passes.items()
+    ]
+    columns = {"chart": "", "pass": "", "shared by the channels": ".1%", "left in R, G, B": "{:.1%} {:.1%} {:.1%}"}
+    run.table("How far the patches are from what the true curves give", columns, shared)
+    columns = {"lamp given": "", "verdict": "", "codes": "", "difference from `bulb`": ".3f"}
+    columns["95 % band, R, G, B"] = "±{:.2f} ±{:.2f} ±{:.2f}"
+    seen = [
+        [row["lamp"], row["status"], " ".join(dict.fromkeys(code for code, _ in row["reasons"])),
+         row.get("away") or None, tuple(row.get("band") or ())]
+        for row in found["photo"]
+    ]  # fmt: skip
+    run.table("Canon 550D, no truth", columns, seen)
+
+
 def claim(run: Run) -> None:
     """The D70, what it is held against, and the photo without a truth."""
     found = run.kept = measure() | {"photo": photograph()}
-    run.table("Nikon D70 against its monochromator", dict.fromkeys(HEAD, ""), map(line_of, found["rows"]))
-    held = [[name, *scores_of(passes)] for name, passes in found["references"].items()]
-    held += [[f"{row['basis']}, light evened out", *scores_of(row["passes"])] for row in found["mended"]]
-    run.table("beside it", dict.fromkeys(("", "2011", "2010"), ""), held)
-    seen = [[row["lamp"], row["status"], ", ".join(code for code, _ in row["reasons"])] for row in found["photo"]]
-    run.table("Canon 550D, no truth", dict.fromkeys(("told", "verdict", "why"), ""), seen)
+    show(run, found)
     check(run, found)

@@ -1,0 +1,66 @@
+"""What a benchmark found, for its page: `python -m tools.results NAME` keeps its last run as docs/NAME.json.
+
+The site shows below the page's mark `<!-- benchmarks NAME -->` what `python -m benchmarks NAME` printed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from benchmarks.claim import Run
+from benchmarks.claims import faults, real
+from benchmarks.shared import RESULTS
+from camssf.files import write_file
+from tools.pages import markdown_table
+
+DOCS = Path(__file__).parents[1] / "docs"
+SHOW: dict[str, Callable[[Run, Any], None]] = {"faults": faults.show, "real": real.show}
+"""What prints the numbers of a benchmark, by its name."""
+
+
+class Shown(Run):
+    """Takes as Markdown what a benchmark prints."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name, argparse.Namespace())
+        self.parts_of_page: list[str] = []
+
+    def print_table(self, title: str, head: Sequence[str], lines: Sequence[Sequence[str]]) -> None:
+        """Keep a table."""
+        self.parts_of_page.append(f"**{title}**\n\n{markdown_table(head, lines)}")
+
+    def say(self, words: str) -> None:
+        """Keep a sentence."""
+        self.parts_of_page.append(words.replace("  ", "- ", 1) if words.startswith("  ") else words)
+
+
+def kept(name: str) -> dict[str, Any]:
+    """The numbers in docs/NAME.json."""
+    return dict(json.loads((DOCS / f"{name}.json").read_text("utf-8")))
+
+
+def markdown(name: str) -> str:
+    """What a benchmark printed, and its bars."""
+    found, page = kept(name), Shown(name)
+    SHOW[name](page, found)
+    page.bars = found["bars"]
+    page.print_bars()
+    return "\n\n".join(page.parts_of_page)
+
+
+def main() -> None:
+    """Keep the numbers."""
+    parser = argparse.ArgumentParser(prog="python -m tools.results", description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("name", choices=SHOW)
+    name = parser.parse_args().name
+    found = json.loads((RESULTS / f"{name}.json").read_text("utf-8"))
+    del found["versions"]
+    write_file(DOCS / f"{name}.json", json.dumps(found, indent=1, ensure_ascii=False) + "\n")
+
+
+if __name__ == "__main__":
+    main()
