@@ -16,7 +16,7 @@ PAPER_SHADE, PRODUCT_SHADE = "#7d3c98", "#117a65"
 
 def draw(found: dict[str, Any], folder: Path) -> None:
     """All figures into `folder`."""
-    for make in (colours, curves, correlation, direct, phones, patches):
+    for make in (colours, phones):
         save_png(make(found), folder / f"paper-{make.__name__}.png")
 
 
@@ -37,76 +37,6 @@ def colours(found: dict[str, Any]) -> Any:
     panels[0].set_ylabel("RMSE, mean and 80 % of the runs")
     panels[0].set_ylim(0, 0.4)
     panels[0].legend(fontsize=8)
-    return figure
-
-
-def curves(found: dict[str, Any]) -> Any:
-    """Fig. 3b to e."""
-    one = found["curves_of_one"]
-    figure, panels = subplots(1, 4, (13, 3.2), sharey=True)
-    truth = np.array(one["truth"])
-    truth = truth / truth.max(axis=0)
-    for panel, (count, row) in zip(panels, one["panels"].items(), strict=True):
-        for c, shade in enumerate(RGB):
-            panel.plot(WAVELENGTHS, truth[:, c], color=shade, linewidth=1)
-            panel.plot(WAVELENGTHS, np.array(row["paper"]["curves"])[:, c], "--", color=shade, linewidth=1)
-            panel.plot(WAVELENGTHS, np.array(row["product"]["curves"])[:, c], ":", color=shade, linewidth=1.6)
-        panel.set_title(f"{count} patches", fontsize=10)
-        panel.set_xlabel("nm")
-    styles = {"measured": "-", "l1 on Gaussians": "--", "camssf": ":"}
-    looks = {word: {"linestyle": style, "color": "black"} for word, style in styles.items()}
-    panels[0].set_ylim(-0.1, 1.45)
-    legend(panels[0], looks, fontsize=7, loc="upper right", ncols=2)
-    panels[0].set_ylabel(f"{one['camera']}, peak 1")
-    return figure
-
-
-def correlation(found: dict[str, Any]) -> Any:
-    """Fig. 3f, and the coherence that the paper does not give."""
-    figure, (left, right) = subplots(1, 2, (9.5, 3.8))
-    picture = left.imshow(
-        np.abs(found["correlation"]["tables"]["BabelColor, 7 to 18"]["map"]), vmin=0, vmax=1, cmap="viridis"
-    )
-    left.set_xticks(range(12), range(7, 19), fontsize=7)
-    left.set_yticks(range(12), range(7, 19), fontsize=7)
-    left.set_xlabel("patch")
-    left.set_title("|r| of the reflectances", fontsize=10)
-    figure.colorbar(picture, ax=left, shrink=0.85)
-    coherence = found["correlation"]["coherence_below_1"]
-    right.loglog([int(n) for n in coherence], list(coherence.values()), "o-", color=PAPER_SHADE)
-    right.set_xticks([int(n) for n in coherence], list(coherence), minor=False)
-    right.minorticks_off()
-    right.set_xlabel("Gaussians in the dictionary")
-    right.set_ylabel("1 - mutual coherence of F Ψ")
-    right.grid(alpha=0.3)
-    return figure
-
-
-def direct(found: dict[str, Any]) -> Any:
-    """Sec. 4: the lines of both frames, what the dispersions are off, and the curves; one camera."""
-    one = found["direct_of_one"]
-    figure, (left, right) = subplots(1, 2, (10, 3.6))
-    for role, shade in (("rgb", PRODUCT_SHADE), ("mono", "#5d6d7e")):
-        row = one[role]
-        left.plot(*np.array(row["curves"]), color=shade, label=f"{role} frame: fitted less true")
-        lines = row["found"]
-        left.plot([e["nm"] for e in lines], [e["residual"] for e in lines], "o", color=shade, markersize=4)
-        for each in lines if role == "mono" else ():
-            left.annotate(
-                each["name"], (each["nm"], each["residual"]), fontsize=7, xytext=(3, 3), textcoords="offset points"
-            )
-    left.axhline(0, color="black", linewidth=0.6)
-    left.set_ylim(-1, 1)
-    left.set_xlabel("nm")
-    left.set_ylabel("nm; dots: the lines' residuals")
-    left.legend(fontsize=8)
-    truth, got = np.array(one["truth"]), np.array(one["curves"])
-    for c, shade in enumerate(RGB):
-        right.plot(WAVELENGTHS, got[:, c], color=shade, linewidth=1)
-    right.plot(WAVELENGTHS, truth, "--", color="black", linewidth=0.8)
-    right.set_xlabel("nm")
-    legend(right, {"measured directly": {"color": RGB[1]}, "true": {"linestyle": "--", "color": "black"}})
-    right.set_title(one["name"], fontsize=9)
     return figure
 
 
@@ -141,21 +71,4 @@ def phones(found: dict[str, Any]) -> Any:
     legend(panels[0, 0], looks, fontsize=7, loc="upper right", ncols=2)
     for panel in panels[1]:
         panel.set_xlabel("nm")
-    return figure
-
-
-def patches(found: dict[str, Any]) -> Any:
-    """Fig. 6: the 96 colours as photographed, and as the recovered curves say."""
-    rows = found["phones"]
-    figure, panels = subplots(2, len(rows), (11, 5.2))
-    for column, (name, row) in enumerate(rows.items()):
-        answer = row["worlds"]["lifelike"]["cameras"]
-        letter = "abc"[column]
-        for line, key, word in ((0, "measured_srgb", "photographed"), (1, "synthetic_srgb", "synthetic")):
-            panel = panels[line, column]
-            if key in answer:
-                panel.imshow(np.array(answer[key]).reshape(8, 12, 3), interpolation="nearest")
-            panel.set_xticks([])
-            panel.set_yticks([])
-            panel.set_title(f"({letter}-{line + 1}) {name}, {word}", fontsize=8)
     return figure

@@ -1,18 +1,13 @@
-"""One chart seen by three cameras, and the angle of skin: `python -m tools.colour_story [-o docs/images]`
+"""The angle of skin by three cameras: `python -m tools.skin_angles [-o docs/images]`
 
 Three measured cameras, each recovered with a basis that does not know its maker, from a simulated chart under D55
-and A (`benchmarks colour`: another laboratory's table, low noise). Then each photographs the chart under a lamp
-that it was not calibrated under (FL2).
-
-colour-story.png: the chart as each camera's file has it (white-balanced signals shown as sRGB), through the 3 × 3
-matrix of the D55 chart, and through the recovered curves; the small square is the true colour (Lab adapted to D65, in
-sRGB). Above each: mean ΔE00 of the 24 against the truth; at the right the median ΔE00 between the cameras.
+and A (`benchmarks colour`: another laboratory's table, low noise).
 
 colour-skin.png: the individual typology angle of two real skins (CES15 and CES18 of CIE 224:2017, whose samples are
-left out of the prior here), arctan((L* - 50) / b*), 10° observer and D65, by the same three cameras under five lamps:
-through that matrix, and through the curves with its 95 % interval, lamp named. The line is the truth. The second
-table has the angle's mean error, that through the true curves as well, how often the interval holds the truth, and
-by how much the angle differs between the cameras (largest less smallest, mean over the lamps).
+left out of the prior here), arctan((L* - 50) / b*), 10° observer and D65, by these cameras under five lamps: through
+the 3 × 3 matrix of the D55 chart, and through the curves with its 95 % interval, lamp named. The line is the truth.
+The table has the angle's mean error, that through the true curves as well, how often the interval holds the truth,
+and by how much the angle differs between the cameras (largest less smallest, mean over the lamps).
 """
 
 from __future__ import annotations
@@ -28,18 +23,14 @@ from benchmarks.claims.colour import LAMPS, SEED, SHOTS, Case, calibrate, throug
 from benchmarks.claims.spectrum import prior_without
 from benchmarks.devices import left_out
 from benchmarks.shared import command_parser, console, lamp, one_thread, save, table, versions
-from camssf.colorimetry import SRGB, adapt, delta_e00, lab, signals_of, white_of
+from camssf.colorimetry import adapt, lab, signals_of, white_of
 from camssf.grid import BAND, Floats
-from camssf.spectra import read_chart
-from camssf_colour import Camera, LitSurfaces, View, spectrum, standard_colour
+from camssf_colour import Camera, LitSurfaces, View, spectrum
 from camssf_colour.standard import of_surfaces
 from camssf_lab.learning.training import maker_of
-from tools.pictures import from_lab, legend, save_png, subplots
+from tools.pictures import legend, save_png, subplots
 
 NAMES = ("Canon EOS 5D", "Nikon D5100", "Sony ILCE-7M3")
-UNDER = "FL2"
-WAYS = ("as the file has it", "matrix of a D55 chart", "through the curves")
-D65 = View(white="D65")
 SKIN = View("1964", "D65")
 SKINS = {"CES15": 14, "CES18": 17}
 """The skins among the 99 samples, of which TM-30 takes its index of skin."""
@@ -54,26 +45,11 @@ def seen(surfaces: Floats, case: Case, power: Floats, rng: np.random.Generator) 
     return y + error * rng.normal(size=y.shape), error
 
 
-def by_matrix(y: Floats, case: Case, power: Floats, observer: str, rng: np.random.Generator) -> Floats:
+def by_matrix(y: Floats, case: Case, power: Floats, rng: np.random.Generator) -> Floats:
     """Lab (n, 3) adapted to D65 of signals (n, 3), by the matrix of the D55 chart."""
-    white, aim = white_of(power, observer), white_of(lamp("D65"), observer)
+    white, aim = white_of(power, "1964"), white_of(lamp("D65"), "1964")
     xyz = (y @ through_chart(case, lamp("D55"), rng)) / white_of(lamp("D55")) * white
     return lab(adapt(xyz, white, aim), aim)
-
-
-def story(
-    cases: list[Case], cameras: list[Camera], chart: Floats, rng: np.random.Generator
-) -> dict[str, list[Floats]]:
-    """Lab (24, 3) adapted to D65, by way and camera."""
-    power, aim = lamp(UNDER), white_of(lamp("D65"))
-    ways: dict[str, list[Floats]] = {way: [] for way in WAYS}
-    for case, camera in zip(cases, cameras, strict=True):
-        y, error = seen(chart, case, power, rng)
-        balanced = np.clip(y, 0.0, 1.0) @ np.linalg.inv(SRGB).T / np.linalg.inv(SRGB).sum(axis=1)
-        ways[WAYS[0]].append(lab(balanced * aim, aim))
-        ways[WAYS[1]].append(by_matrix(y, case, power, "1931", rng))
-        ways[WAYS[2]].append(standard_colour(camera, UNDER, y, error, view=D65).lab)
-    return ways
 
 
 def skin(cases: list[Case], cameras: list[Camera], rng: np.random.Generator) -> dict[str, Floats]:
@@ -92,7 +68,7 @@ def skin(cases: list[Case], cameras: list[Camera], rng: np.random.Generator) -> 
             )
             angles["exact"][:, j, k], angles["curves"][:, j, k] = ita(known.lab), ita(ours.lab)
             angles["half_width"][:, j, k] = half_width(ours.lab, ours.lab_covariance)
-            angles["matrix"][:, j, k] = ita(by_matrix(y, case, power, "1964", rng))
+            angles["matrix"][:, j, k] = ita(by_matrix(y, case, power, rng))
     return angles
 
 
@@ -106,30 +82,6 @@ def half_width(colours: Floats, covariance: Floats) -> Floats:
     height, b = colours[:, 0] - 50.0, colours[:, 2]
     slope = np.stack([b, np.zeros_like(b), -height], axis=1) / (height**2 + b**2)[:, None]
     return np.asarray(BAND * np.degrees(np.sqrt(np.einsum("ni,nij,nj->n", slope, covariance, slope))))
-
-
-def between(labs: list[Floats]) -> float:
-    """Median ΔE00 over pairs of cameras and patches."""
-    return float(np.median([delta_e00(labs[i], labs[j]) for i in range(len(labs)) for j in range(i)]))
-
-
-def draw_story(ways: dict[str, list[Floats]], truth: Floats) -> Any:
-    """Three ways by three cameras."""
-    from matplotlib.patches import Rectangle
-
-    figure, panels = subplots(len(WAYS), len(NAMES), (9.6, 7.2))
-    for row, way in zip(panels, WAYS, strict=True):
-        for panel, name, colours in zip(row, NAMES, ways[way], strict=True):
-            for i, (ours, theirs) in enumerate(zip(from_lab(colours), from_lab(truth), strict=True)):
-                x, y = i % 6, 3 - i // 6
-                panel.add_patch(Rectangle((x, y), 0.94, 0.94, color=tuple(ours)))
-                panel.add_patch(Rectangle((x + 0.32, y + 0.32), 0.3, 0.3, color=tuple(theirs)))
-            panel.set(xlim=(0, 5.94), ylim=(0, 3.94), aspect="equal", xticks=[], yticks=[])
-            panel.set_title(f"{name}: {delta_e00(truth, colours).mean():.1f}", fontsize=9)
-        row[0].set_ylabel(way, fontsize=9)
-        row[-1].yaxis.set_label_position("right")
-        row[-1].set_ylabel(f"between them: {between(ways[way]):.1f}", fontsize=9)
-    return figure
 
 
 def draw_skin(angles: dict[str, Floats]) -> Any:
@@ -161,25 +113,13 @@ def main(arguments: list[str] | None = None) -> int:
     curves, bases = left_out()
     cases = [Case(name, curves[name], bases[maker_of(name)]) for name in NAMES]
     cameras = [calibrate(case, SHOTS["two"], rng, off=False) for case in cases]
-    chart = read_chart("classic24:ohta").values
-    truth = of_surfaces(chart, lamp(UNDER), D65)[1]
-    ways = story(cases, cameras, chart, rng)
     angles = skin(cases, cameras, rng)
-    save_png(draw_story(ways, truth), folder / "colour-story.png", 250)
     save_png(draw_skin(angles), folder / "colour-skin.png", 250)
-    colours: dict[str, dict[str, Any]] = {
-        way: {"cameras": [float(delta_e00(truth, own).mean()) for own in labs], "between": between(labs)}
-        for way, labs in ways.items()
-    }
     error = {way: np.abs(angles[way] - angles["true"]) for way in ("matrix", "exact", "curves")}
     means = {way: values.mean(axis=(1, 2)) for way, values in error.items()}
     means["half_width"] = angles["half_width"].mean(axis=(1, 2))
     means["held"] = (error["curves"] < angles["half_width"]).mean(axis=(1, 2))
     means |= {f"range_{way}": np.ptp(angles[way], axis=2).mean(axis=1) for way in ("matrix", "curves")}
-    lines = [
-        (way, *(f"{value:.2f}" for value in row["cameras"]), f"{row['between']:.2f}") for way, row in colours.items()
-    ]
-    console().print(table(f"mean ΔE00 of the chart under {UNDER}", ("way", *NAMES, "between them"), lines))
     lines = [
         (word, *(f"{values[i]:.{2 if key == 'held' else 1}f}" for key, values in means.items()))
         for i, word in enumerate(SKINS)
@@ -187,8 +127,8 @@ def main(arguments: list[str] | None = None) -> int:
     head = ("skin", "matrix", "true curves", "curves", "95 % half-width", "held", "range, matrix", "range, curves")
     console().print(table("mean error of the individual typology angle, degrees", head, lines))
     by_skin = {word: {key: float(values[i]) for key, values in means.items()} for i, word in enumerate(SKINS)}
-    content = {"chart": colours, "ita": by_skin, "versions": versions("colour-science", "matplotlib")}
-    print(save("colour-story", content))
+    content = {"ita": by_skin, "versions": versions("colour-science", "matplotlib")}
+    print(save("colour-skin", content))
     return 0
 
 
