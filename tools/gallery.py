@@ -6,6 +6,7 @@ import tempfile
 from pathlib import Path
 
 from camssf import Options, calibrate
+from camssf.result import Kind
 from camssf_lab.simulation.frames import simulate
 from camssf_lab.simulation.scene import Scene
 from tools.pictures import save_png, subplots
@@ -21,7 +22,8 @@ def main() -> None:
         photo = simulate(CAMERA, ["D55"], folder, scene=scene).shots[0].shot
         result = calibrate(photo, options=Options(basis="cameras"), truth=CAMERA)
     figure, panels = subplots(2, 2, (11.0, 8.4))
-    for panel, kind in zip(panels.flat, ("curves", "residuals", "patches", "budget"), strict=True):
+    kinds: tuple[Kind, ...] = ("curves", "residuals", "patches", "budget")
+    for panel, kind in zip(panels.flat, kinds, strict=True):
         result.plot(kind, ax=panel)
     save_png(figure, PLACE, 250, dpi=110)
 
