@@ -49,7 +49,6 @@ COMMANDS = {
     "gpg": ("gpg",),
     "strace": ("strace",),
     "exiftool": ("exiftool",),
-    "transicc": ("transicc",),
     "rawtherapee": ("rawtherapee-cli",),
     "chromium": ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable"),
 }

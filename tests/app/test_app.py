@@ -23,15 +23,12 @@ from camssf.cli import main
 from camssf.result import Result
 from camssf.spectra import lamp_names, read_lamp
 from camssf.spectra.families import FAMILIES
-from camssf_app.menus import CHART_MENU, CODES, lamp_menu
+from camssf_app.menus import CODES, lamp_menu
 from camssf_app.orders import ORDERS, CalibrateOrder
 from camssf_app.tasks import TASKS, perform
 from tests.spectra.test_layouts import photographed, write_card
 from tests.support.browser import Browser
 from tests.support.captures import photos
-
-SCREENSHOTS = os.environ.get("CAMSSF_SCREENSHOTS", "")
-"""A folder for pictures of the page, to be looked at."""
 
 
 class Server:
@@ -117,11 +114,6 @@ def chart() -> Path:
 
 def text(browser: Browser, selector: str) -> str:
     return str(browser.js(f"document.querySelector({json.dumps(selector)}).textContent"))
-
-
-def picture(browser: Browser, name: str) -> None:
-    if SCREENSHOTS:
-        browser.picture(Path(SCREENSHOTS) / f"{name}.png")
 
 
 def calibrated(browser: Browser) -> None:
@@ -259,45 +251,24 @@ def client(tmp_path: Path) -> Iterator[Client]:
 RECTANGLE = [1, 1, 20, 20]
 COLOUR = {"photo": 1, "region": RECTANGLE, "white": RECTANGLE, "reflectance": 0.9}
 MALFORMED: tuple[tuple[str, Any, str], ...] = (
-    ("find", b"", "no JSON object"), ("find", b"[1]", "no JSON object"), ("find", b"\xff{}", "no JSON object"),
-    ("find", b"[" * 100_000, "no JSON object"), ("find", b'{"photo": 1, "photo": 1}', "no JSON object"),
-    ("find", b'{"photo":' * 400 + b"1" + b"}" * 400, "photo"), ("find", b'{"photo": NaN}', "no JSON object"),
-    ("find", b'{"photo": 1e999}', "photo"), ("find", b'{"photo": ' + b"9" * 5000 + b"}", "no JSON object"),
-    ("find", b'{"photo": ' + b"9" * 4000 + b"}", "photo"), ("find", {}, "lacks photo"),
-    ("find", {"photo": "../../x"}, "must be a whole number"), ("find", {"photo": True}, "must be a whole number"),
-    ("find", {"photo": None}, "must be a whole number"), ("find", {"photo": 0}, "must lie between 1 and 32"),
+    ("find", b"\xff{}", "no JSON object"), ("find", b"[" * 100_000, "no JSON object"),
+    ("find", b'{"photo": 1, "photo": 1}', "no JSON object"), ("find", b'{"photo": NaN}', "no JSON object"),
+    ("find", b'{"photo": ' + b"9" * 5000 + b"}", "no JSON object"), ("find", {}, "lacks photo"),
+    ("find", {"photo": "../../x"}, "must be a whole number"), ("find", {"photo": 0}, "must lie between 1 and 32"),
     ("find", {"photo": 1, "colour": 2}, "unknown key"),
     ("find", {"photo": 2}, "This tab has no photo 2. Drop the photo again."),
-    ("find", {"photo": 1, "chart": "/etc/passwd"}, "no chart"), ("find", {"photo": 1, "chart": "sg140"}, "no chart"),
-    ("find", {"photo": 1, "chart": 5}, "chart"), ("find", {"photo": 1, "chart": {"table": "../x"}}, "chart"),
-    ("find", {"photo": 1, "chart": {"table": 1}}, "no table 1"), ("find", {"photo": 1, "chart": "\ud800"}, "chart"),
+    ("find", {"photo": 1, "chart": "/etc/passwd"}, "no chart"),
+    ("find", {"photo": 1, "chart": {"table": "../x"}}, "chart"), ("find", {"photo": 1, "chart": "\ud800"}, "chart"),
     ("chart", {"chart": {"layout": 1}}, "chart"),
-    ("calibrate", {}, "lacks shots"), ("calibrate", {"shots": []}, "must hold 1 to 32 entries"),
-    ("calibrate", {"shots": {}}, "must be a list"), ("calibrate", {"shots": [1]}, "must be an object"),
     ("calibrate", {"shots": [{"photo": 1}] * 33}, "must hold 1 to 32 entries"),
-    ("calibrate", {"shots": [{"lamp": "D55"}]}, "lacks photo"),
-    ("calibrate", {"shots": [{"photo": 2}]}, "no photo 2"),
     ("calibrate", {"shots": [{"photo": 1, "white": 3}]}, "no photo 3"),
-    ("calibrate", {"shots": [{"photo": 1, "lamp": 5}]}, "must be a text"),
     ("calibrate", {"shots": [{"photo": 1, "lamp": "photo-1/x"}]}, "no lamp"),
-    ("calibrate", {"shots": [{"photo": 1, "lamp": "moon"}]}, "no lamp 'moon' in the list. Choose one"),
-    ("calibrate", {"shots": [{"photo": 1, "corners": [1, 2]}]}, "must hold 4 entries"),
     ("calibrate", {"shots": [{"photo": 1, "corners": [[1, 2]] * 3 + [[1, 1e300]]}]}, "from -1e+06 to 1e+06"),
-    ("colour", {"photo": 1}, "lacks region, white, reflectance"),
-    ("colour", COLOUR | {"region": "all"}, "must be a list"),
-    ("colour", COLOUR | {"region": [1, 2, 3]}, "must hold 4 entries, holds 3"),
     ("colour", COLOUR | {"white": [1, 2, 3, 1e300]}, "between -1e+06 and 1e+06"),
-    ("colour", COLOUR | {"reflectance": "0.9"}, "must be a number"),
     ("colour", COLOUR | {"reflectance": 1e300}, "between 0.02 and 1.2"),
-    ("colour", COLOUR | {"lamp": "../D55"}, "no lamp"),
-    ("colour", COLOUR, "no result yet. Calibrate first."),
-    ("export", {}, "lacks to"), ("export", {"to": ["csv"]}, "must be a text"),
-    ("export", {"to": "../../csv"}, "no export"),
-    ("export", {"to": "csv"}, "no result yet. Calibrate first."),
-    ("key", {"passphrase": 5}, "must be a text"), ("key", {"passphrase": "\ud800"}, "passphrase"),
-    ("passport", {"key": "", "photos": []}, "must hold 1 to 32 entries"),
-    ("passport", {"key": None, "photos": [1]}, "must be a text"),
-    ("passport", {"key": "\ud800", "photos": [1]}, "key"),
+    ("colour", COLOUR | {"lamp": "../D55"}, "no lamp"), ("colour", COLOUR, "no result yet. Calibrate first."),
+    ("export", {"to": "../../csv"}, "no export"), ("export", {"to": "csv"}, "no result yet. Calibrate first."),
+    ("key", {"passphrase": "\ud800"}, "passphrase"),
     ("passport", {"key": "", "photos": [1], "serial": "x" * 1001}, "at most 1000"),
     ("passport", {"key": "", "photos": [1]}, "no result yet. Calibrate first."),
 )  # fmt: skip
@@ -395,13 +366,9 @@ def test_the_menus_begin_with_the_words_that_people_know() -> None:
     assert groups[0] == "kinds of light"
     assert groups[1].startswith("daylight")
     assert groups[-1] == CODES
-    words = dict(lamp_menu()[0][1])
-    assert [*words] == [*FAMILIES]
-    assert words["daylight"] == "Sun, outdoors, cloudy: daylight of any hour"
+    assert [*dict(lamp_menu()[0][1])] == [*FAMILIES]
     offered = [name for _, lamps in lamp_menu() for name, _ in lamps]
     assert {read_lamp(name).name for name in offered} == set(offered) >= set(lamp_names())
-    for product in ("Classic", "Passport", "Mini", "Nano", "Digital SG"):
-        assert any(f"ColorChecker {product}" in each or f"Classic {product}" in each for each in CHART_MENU.values())
 
 
 # -- in a browser -------------------------------------------------------------------------------------------------
@@ -411,7 +378,6 @@ def test_the_menus_begin_with_the_words_that_people_know() -> None:
 def test_from_a_dropped_photo_to_a_report_a_colour_an_export_and_a_passport(server: Server, browser: Browser) -> None:
     browser.drop("#drop", chart())
     browser.wait("document.querySelector('.card')")
-    picture(browser, "dropped")
     browser.js("document.querySelector('.lamp').value = 'D55'")
     browser.press(".read")
     browser.wait("document.querySelector('.card .problem').textContent")
@@ -432,7 +398,6 @@ def test_from_a_dropped_photo_to_a_report_a_colour_an_export_and_a_passport(serv
     browser.mouse("Released", x - 8, y - 6)
     dragged = corners(browser)
     assert [a == b for a, b in zip(dragged, moved, strict=True)] == [True, True, False, True]
-    picture(browser, "chart")
 
     calibrated(browser)
     assert text(browser, "#problem") == ""
@@ -446,7 +411,6 @@ def test_from_a_dropped_photo_to_a_report_a_colour_an_export_and_a_passport(serv
     while not any("report.html" in url for url in frames(browser)):
         assert time.monotonic() < end, frames(browser)
         time.sleep(0.1)
-    picture(browser, "result")
 
     centre = shot.pose.patches[14].mean(axis=0).tolist()  # red
     browser.middle(".card image")
@@ -458,7 +422,6 @@ def test_from_a_dropped_photo_to_a_report_a_colour_an_export_and_a_passport(serv
     lab = [float(value) for value in re.findall(r"[Lab]\* (-?[\d.]+)", text(browser, ".colour"))]
     assert lab == pytest.approx([42, 55, 28], abs=6)  # red of a ColorChecker
     browser.wait("document.querySelector('.spectrum').naturalWidth > 100")
-    picture(browser, "colour")
 
     browser.press("#export")
     browser.wait("document.querySelector('#exported a')")
@@ -475,7 +438,6 @@ def test_from_a_dropped_photo_to_a_report_a_colour_an_export_and_a_passport(serv
     browser.choose("#key", folder / "passport-key.pem")
     browser.press("#sign")
     browser.wait("document.querySelectorAll('#signed a').length == 1")
-    picture(browser, "passport")
     words = ["passport", "verify", str(folder / "camera.jws"), "--key", str(folder / "passport-key.pub.pem")]
     assert main([*words, "--result", str(folder / "result" / "result.json")]) == 0
     assert not (folder / ".signing-key.pem").exists()
@@ -504,7 +466,6 @@ def test_a_chart_of_the_users_own(server: Server, browser: Browser, tmp_path: Pa
     browser.wait("document.querySelector('.card')")
     assert text(browser, ".card .problem") == ""
     browser.js("document.querySelector('.lamp').value = 'D55'")
-    picture(browser, "own-chart")
     calibrated(browser)
     assert text(browser, "#problem") == ""
     (folder,) = server.folders()
@@ -514,13 +475,10 @@ def test_a_chart_of_the_users_own(server: Server, browser: Browser, tmp_path: Pa
     assert result.capture.chart.layout.name == "garden card"
     assert result.capture.chart.patches == table.patches
     assert str(folder) not in file.read_text("utf-8")
-    picture(browser, "own-chart-result")
 
 
 @pytest.mark.full
-def test_files_that_are_added_before_the_page_is_ready_are_kept(
-    server: Server, browser: Browser, tmp_path: Path
-) -> None:
+def test_files_that_are_added_before_the_page_is_ready_are_kept(browser: Browser) -> None:
     def paused(pattern: str) -> None:
         browser.events.clear()
         browser.do("Fetch.enable", patterns=[{"urlPattern": pattern}])
@@ -544,32 +502,12 @@ def test_files_that_are_added_before_the_page_is_ready_are_kept(
     browser.wait("!document.querySelector('#files').disabled")
     assert "starting" in text(browser, "#session")
     assert not browser.js("document.querySelector('#session').hidden")
-    picture(browser, "starting")
     browser.choose("#files", chart())
     browser.drop("#drop", chart())
     go_on()
     browser.wait("document.querySelectorAll('.card').length == 2")
     assert browser.js("document.querySelector('#session').hidden")
     assert text(browser, "#upload-problem") == ""
-
-    folder = tmp_path / "folder.dng"
-    folder.mkdir()
-    browser.drop("#drop", folder)
-    browser.wait("document.querySelector('#upload-problem').textContent")
-    assert "folder.dng cannot be read: it is a folder" in text(browser, "#upload-problem")
-    browser.js("document.querySelector('.lamp').value = ''")
-    browser.js("document.querySelector('.lamp').dispatchEvent(new Event('change'))")
-    browser.js("document.querySelector('.lamp-code').value = 'FL3.5'")
-    browser.press(".card:last-child .remove")
-    browser.press("#calibrate")
-    browser.wait("!document.querySelector('#progress').hidden")
-    assert browser.js("document.querySelector('#calibrate').disabled")
-    browser.press("#cancel")
-    browser.wait("document.querySelector('#problem').textContent")
-    calibrated(browser)  # at once: the cancelled task is still ending
-    assert text(browser, "#problem") == ""
-    (session,) = server.folders()
-    assert Result.load(session / "result" / "result.json").capture.shots[0].lamp.name == "FL3.5"
 
 
 @pytest.mark.full
@@ -588,7 +526,6 @@ def test_the_colour_is_read_after_a_calibration_in_unknown_light(browser: Browse
     browser.wait(f"{read % '.colour'}.every((each, i) => each || {read % '.problem'}[i])")
     assert browser.js(read % ".problem") == ["", ""]
     assert all(each.startswith("L*") and "was not named" in each for each in browser.js(read % ".colour"))
-    picture(browser, "unknown-light")
 
 
 def frames(browser: Browser) -> list[str]:
@@ -621,7 +558,6 @@ def test_bad_files_a_cancelled_task_a_refusal_and_a_second_tab(
         assert words in problem
     assert str(tmp_path) not in problem
     assert "large.dng" in text(browser, ".card h3")
-    picture(browser, "bad-files")
 
     browser.press("#calibrate")
     browser.wait("!document.querySelector('#progress').hidden")
@@ -643,7 +579,6 @@ def test_bad_files_a_cancelled_task_a_refusal_and_a_second_tab(
     assert (text(browser, "#problem"), text(browser, "#status")) == ("", "refused")
     assert text(browser, "#reasons") != ""
     assert browser.js("document.querySelector('#curves').hidden")
-    picture(browser, "refused")
 
 
 @pytest.mark.full
@@ -661,7 +596,6 @@ def test_axe_finds_no_serious_fault_in_the_app(browser: Browser, scheme: str) ->
     browser.js(Path(path).read_text("utf-8") + "; 0")
     judge = "axe.run(document, {resultTypes: ['violations'], iframes: false}).then(r => r.violations.map(v => %s))"
     faults = browser.js(judge % "[v.id, v.impact, v.nodes.map(n => n.html.slice(0, 90))]")
-    picture(browser, f"axe-{scheme}")
     assert [fault for fault in faults if fault[1] in ("serious", "critical")] == []
     browser.js("document.querySelector('#drop').replaceWith(document.querySelector('#files'))")  # it can find one
     assert "label" in [each[0] for each in browser.js(judge % "[v.id]")]

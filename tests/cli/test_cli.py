@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
-import sys
-import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -23,7 +20,6 @@ from camssf.photo.shot import Shot
 from camssf.recovery.basis import read_basis
 from camssf.spectra import read_camera
 from camssf_fleet import batch
-from camssf_fleet.outcome import Summary
 from camssf_fleet.passport.keys import key_name, read_public
 from tests.cli.conftest import FILES, raising, state
 
@@ -165,38 +161,6 @@ def test_simulate_says_what_it_wrote_and_replaces_its_own_alone(tmp_path: Path, 
     assert (out / "white-D55.dng").read_bytes() == b"mine"
 
 
-def test_the_corners_that_simulate_wrote_are_taken(shots: Path, capsys: Capture) -> None:
-    """As they stand: the capture is that of the same four points written out, and the pose lies on the truth."""
-    photo, stored = str(shots / "chart.dng"), shots / "corners.json"
-    true = json.loads(stored.read_text("utf-8"))["photos"]["chart.dng"]
-    assert true["layout"] == "classic24"
-    captures = []
-    for corners in (str(stored), " ".join(f"{x!r},{y!r}" for x, y in true["corners"])):
-        assert cli.main(["patches", photo, "--lamp", "D55", "--corners", corners]) == 0
-        captures.append(json.loads(capsys.readouterr().out)["capture"])
-    assert captures[0] == captures[1]
-    pose = captures[0]["shots"][0]["pose"]
-    assert pose["method"] == "by hand"
-    np.testing.assert_allclose(pose["corners"], true["corners"], atol=1.0)  # moved to the printed borders
-
-
-@pytest.mark.full
-def test_batch_end_to_end(triple: list[str], tmp_path: Path, capsys: Capture) -> None:
-    manifest, out = tmp_path / "manifest.csv", tmp_path / "out"
-    chart, _, _, _, white, _, dark = triple
-    rows = ["name,photo,lamp,white,dark,chart", f"good,{chart},D55,{white},{dark},", f"bad,{chart},no-such-lamp,,,"]
-    manifest.write_text("\n".join([*rows, ""]), "utf-8")
-    times = set()
-    for words in ("1 of 2 calibrated", "(unchanged)"):
-        assert cli.main(["batch", str(manifest), "-o", str(out), "--workers", "1"]) == cli.BATCH_FAILED
-        stdout, err = capsys.readouterr()
-        assert stdout == ""
-        assert words in err
-        assert sorted(path.name for path in (out / "good").iterdir()) == sorted([*FILES, "batch.json"])
-        times.add((out / "good" / "result.json").stat().st_mtime_ns)
-    assert len(times) == 1
-
-
 # -- refusals ---------------------------------------------------------------------------------------------------
 
 
@@ -251,44 +215,6 @@ def test_a_refusal_goes_down_the_pipe(shots: Path, tmp_path: Path, feed: Feed, c
     assert json.loads(capsys.readouterr().out) == refused
 
 
-@pytest.mark.requirement("R-REFUSAL")
-def test_a_refusal_replaces_no_result(result: Path, shots: Path, tmp_path: Path, capsys: Capture) -> None:
-    good = Path(shutil.copytree(result, tmp_path / "good"))
-    before = state(good)
-
-    def check(call: list[str]) -> None:
-        assert cli.main([*call, "-o", str(good)]) == errors.ChartNotFound.exit_status
-        _, err = capsys.readouterr()
-        assert f"The result in {good} was kept as it is." in err
-        assert str(good / "refused" / "report.html") in err
-        left = state(good)
-        assert sorted(left.keys() - before.keys()) == ["refused", "refused/report.html", "refused/result.json"]
-        assert {name: left[name] for name in before} == before
-
-    for _ in range(2):
-        check(["calibrate", str(shots / "white.dng"), "--lamp", "D55"])
-    (good / "refused").rename(tmp_path / "alone")
-    check(["report", str(tmp_path / "alone" / "result.json")])
-
-
-def test_a_url_in_a_manifest_is_its_row_s_fault(tmp_path: Path, capsys: Capture) -> None:
-    manifest, url = tmp_path / "m.csv", "https://bucket/x"
-    rows = ["URL,D55,,,", "x.dng,URL,,,", "x.dng,D55,URL,,", "x.dng,D55,,URL,", "x.dng,D55,,,nano24:URL"]
-    lines = ["name,photo,lamp,white,dark,chart", *(f"n{i},{row}" for i, row in enumerate(rows)), ""]
-    manifest.write_text("\n".join(lines).replace("URL", url), "utf-8")
-    assert cli.main(["batch", str(manifest), "-o", str(tmp_path / "out"), "--workers", "1"]) == cli.BATCH_FAILED
-    assert "run the same command again: what is done is not done again" in capsys.readouterr().err
-    summary = (tmp_path / "out" / "summary.csv").read_text("utf-8")
-    assert summary.count(f"{url} is a URL; camssf reads and writes local files only.") == len(rows)
-    assert [path.name for path in (tmp_path / "out").iterdir()] == ["summary.csv"]
-
-
-def test_patches_need_no_lamp(triple: list[str], capsys: Capture) -> None:
-    assert cli.main(["patches", triple[0]]) == 0
-    lamp = json.loads(capsys.readouterr().out)["capture"]["shots"][0]["lamp"]
-    assert lamp == {"kind": "unnamed", "name": "auto"}
-
-
 def test_an_unknown_exception_is_one_line_and_a_request(swap: Callable[[Any], None], capsys: Capture) -> None:
     swap(RuntimeError("odd [/] thing\nsecond line"))
     call = ["calibrate", "x.dng", "--lamp", "D55"]
@@ -313,25 +239,6 @@ def test_ctrl_c_is_130_and_a_batch_says_how_to_resume(
     monkeypatch.setattr(batch, "run_batch", raising(KeyboardInterrupt()))
     assert cli.main(["batch", str(tmp_path / "m.csv"), "-o", str(tmp_path / "out"), "--workers", "1"]) == 130
     assert "Run the same command again to resume" in capsys.readouterr().err
-
-
-def test_the_reasons_of_a_batch_are_those_of_jobs_without_curves(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
-) -> None:
-    """An accepted result needs no reason; a failed one has no code, but is named."""
-    pytest.importorskip("duckdb", reason="duckdb is not here")
-    summary = Summary()
-    for status, code, count in (("accepted", "", 10), ("refused", "overexposed", 2), ("failed", "", 1)):
-        for _ in range(count):
-            summary.count(status, code, "Phone" if status == "accepted" else "")
-    monkeypatch.setattr(batch, "run_batch", lambda *_, **__: summary)
-    (tmp_path / "m.csv").write_text("name,photo,lamp\na,typo.dng,D55\n")
-    call = ["batch", str(tmp_path / "m.csv"), "-o", str(tmp_path / "out"), "--registry", str(tmp_path / "r")]
-    assert cli.main(call) == cli.BATCH_FAILED
-    assert [line.strip() for line in capsys.readouterr().err.splitlines()][:4] == [
-        "10 Phone: 10 accepted", "3 of an unknown model: 2 refused, 1 failed", "2 overexposed",
-        "1 failed: a process died, or a fault of camssf",
-    ]  # fmt: skip
 
 
 # -- arguments, lists and progress ------------------------------------------------------------------------------
@@ -376,38 +283,3 @@ def test_help_and_version(capsys: Capture) -> None:
 def test_lists_are_one_name_a_line(command: str, name: str, capsys: Capture) -> None:
     assert cli.main([command]) == 0
     assert name in [line.partition("\t")[0] for line in capsys.readouterr().out.splitlines()]
-
-
-def test_progress_shows_itself_on_long_work_only(
-    swap: Callable[[Any], None], monkeypatch: pytest.MonkeyPatch, capsys: Capture
-) -> None:
-    def work(*_: Any, progress: Callable[[str, float], None], **__: Any) -> Any:
-        progress("looking for the chart", 0.5)
-        for timer in threading.enumerate():
-            if isinstance(timer, threading.Timer) and cli.terminal.PROGRESS_AFTER == 0.0:
-                timer.join()
-        raise InvalidArgument("enough.", "")
-
-    assert cli.terminal.PROGRESS_AFTER == 2.0
-    swap(work)
-    monkeypatch.setenv("TERM", "xterm-256color")
-    for forced, after, shown in (("1", 0.0, True), ("1", 3600.0, False), ("", 0.0, False)):
-        monkeypatch.setenv("FORCE_COLOR", forced)  # rich then takes stderr for a terminal
-        monkeypatch.setattr(cli.terminal, "PROGRESS_AFTER", after)
-        assert cli.main(["calibrate", "x.dng", "--lamp", "D55"]) == 2
-        out, err = capsys.readouterr()
-        assert ("looking for the chart" in err) is shown
-        assert out == ""
-    assert err == "invalid_argument: enough.\n  \n"
-
-
-@pytest.mark.repository
-def test_main_is_the_console_script(monkeypatch: pytest.MonkeyPatch) -> None:
-    import tomllib
-
-    from camssf.__main__ import main
-
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
-    assert project["scripts"]["camssf"] == "camssf.__main__:main"
-    monkeypatch.setattr(sys, "argv", ["camssf", "nosuch"])
-    assert main() == 2

@@ -61,18 +61,12 @@ def alike(status: int, object_: str, step: str, *words: str) -> list[Wrong]:
 
 RAW = "Give the camera's RAW photo as DNG, not a picture."
 AGAIN = "Copy the file from the camera again"
-SEARCH = "Let the chart fill more of the frame"
 SHOT = "calibrate chart.dng --lamp D55 -o out"
 AREA = "--region 190,170,40,40 --white-region 190,450,40,40"
 ANOTHER = "Give another file for one of them"
-NO_CHART = ("dark.dng", "half.dng", "small.dng")
 NO_DNG = ("photo.jpg", "photo.heic", "video.mp4", "photos.zip", "png.dng", "note.dng")
 PHOTO = '{"format": "camssf-corners/1", "photos": {"chart.dng": %s}}'
-NO_CORNERS = [
-    "{", "[" * 100_000, "7", " " * (1 << 20) + "{}", '{"format": "camssf-corners/2", "photos": {}}',
-    '{"format": "camssf-corners/1", "photos": []}', PHOTO % '{"corners": [[1, 2]]}', PHOTO % '{"corners": "1234"}',
-    PHOTO % "[4]",
-]  # fmt: skip
+NO_CORNERS = ["[" * 100_000, '{"format": "camssf-corners/2", "photos": {}}', PHOTO % '{"corners": [[1, 2]]}']
 
 INPUTS = [
     *calls(
@@ -80,16 +74,10 @@ INPUTS = [
         ("chart.dgn", 3, "no file chart.dgn", "Check the path."),
         ("''", 2, "PHOTO is empty", "Give the path"),
         ("folder", 3, "folder is a folder", "Name a file, not a folder."),
-        ("*.nef", 3, "no file *.nef", "Check the path."),
-        (r"'C:\Users\me\chart.dng'", 3, r"no file C:\Users\me\chart.dng", "Check the path."),
         ("https://a.org/b.dng", 2, "https://a.org/b.dng is a URL", "Copy it here first"),
-        ("a" * 300 + ".dng", 3, "File name too long", "Check the path"),
         ("ch art.dng", 2, "2 photo(s) (ch, art.dng)", "quote a name with spaces"),
-        ("-chart.dng", 2, "No such option: -c", "--help"),
         *((name, 3, f"{name} is not a DNG file", RAW) for name in NO_DNG),
         ("photo.png", 3, "photo.png is a picture", "write that sidecar"),
-        ("head.dng", 3, "head.dng"),
-        ("empty.dng", 3, "empty.dng is empty", AGAIN),
         ("cut.dng", 3, "cut.dng is truncated", AGAIN),
         ("linear.dng", 3, "linear.dng is a linear DNG", "plain RAW (DNG) mode"),
         ("chart.dng --white chart.dng", 2, "The chart's photo and the white frame are the same photo", ANOTHER),
@@ -105,24 +93,17 @@ INPUTS = [
         ("--dark ' '", 2, "--dark is empty", "Give the path"),
     ),
     Wrong("solve none.json", 2, "none.json: No such file", "Check the path."),
-    Wrong("report none.json -o out", 2, "none.json: No such file", "Check the path."),
-    Wrong("batch none.csv -o out", 2, "none.csv cannot be read (No such file", "Check the path."),
     Wrong("batch truth.csv -o out", 2, "truth.csv lacks the column name", "Its first line is name,photo"),
-    Wrong("registry list none", 2, "no folder none", "Name the folder that `camssf registry add`"),
-    Wrong("registry list folder", 2, "folder is no registry", "Name the folder that `camssf registry add`"),
 ]
 """Files that are missing, or are no photo."""
 
 CAPTURES = [
     *calls(
         "calibrate {} -o out",
-        *((f"{name} --lamp D55", 4, f"{name}: no chart", SEARCH, "out") for name in NO_CHART),
+        ("dark.dng --lamp D55", 4, "dark.dng: no chart", "Let the chart fill more of the frame", "out"),
         ("over.dng --lamp D55", 5, "Shot 1: up to 100.0%", "with less exposure", "out"),
-        ("under.dng --lamp D55", 5, "Shot 1: in one channel the white patch", "Expose longer", "out"),
-        ("chart.dng --lamp A", 6, "another than A", "Look for tinted glass", "out"),
         ("chart.dng", 6, "spectrum was not given", "daylight, bulb", "out"),
         ("chart.dng --white dark.dng --dark white.dng --lamp D55", 5, "swapped", "Give the bright frame", "out"),
-        ("chart.dng --white other.dng --lamp D55", 5, "white frame other.dng differs", "with one camera", "out"),
         ("chart.dng other.dng --lamp D55 --lamp D55", 5, "different cameras", "one camera at a time", "out"),
     )
 ]
@@ -132,10 +113,7 @@ CORNERS = calls(
     f"{SHOT} --corners {{}}",
     ("'1179,158 1719,158 1719,515 1179,515'", 2, "outside the photo of 900 × 675", "Give four points x,y in pixels"),
     ("'179,158 719,515 719,158 179,515'", 2, "convex quadrilateral", "Give four points x,y in pixels"),
-    ("'5,5 5,5 5,5 5,5'", 2, "convex quadrilateral", "Give four points x,y in pixels"),
     ("'1,2 3,4'", 2, "'1,2 3,4' is not four points", "top left, top right"),
-    ("'1,2 3,4 5,6 7,eight'", 2, "not four points", "top left, top right"),
-    ("'nan,2 30,4 50,60 7,80'", 2, "not finite", "Give four points"),
     ("none.json", 2, "Cannot read the corners"),
     ("other-photo.json", 2, "names no photo chart.dng"),
     *((f"corners-{i}.json", 2, "holds no corners") for i in range(len(NO_CORNERS))),
@@ -147,29 +125,16 @@ TABLES = [
         "calibrate chart.dng --lamp {} -o out",
         ("tungstn", 2, "No lamp is called 'tungstn'", "Did you mean tungsten"),
         ("5500", 2, "'5500' is ambiguous", "D:5500 for daylight"),
-        ("28560K", 2, "28560 K is not possible", "1000K to 20000K"),
-        ("D:90", 2, "not defined at 90 K", "Give D:4000"),
-        ("um.csv", 2, "wavelengths in um.csv are not in nm", "Write 550 for green"),
-        ("mixed.csv", 2, "wavelengths in mixed.csv do not increase", "Sort them"),
-        ("minus.csv", 6, "lamp in minus.csv has no power", "Measure it again"),
-        ("hole.csv", 6, "lamp in hole.csv has a power that is not", "Measure it"),
         ("short.csv", 6, "short.csv covers only 455 to 595", "cover 400 to 700"),
         ("photos.zip", 2, "photos.zip is an archive", "Save the table"),
-        ("counts.csv", 2, "counts.csv, line 8: '1,045'", "thousands separators"),
-        ("inks.csv", 2, "inks.csv is not a table of one spectrum", "Write a line"),
     ),
     *calls(
         f"{SHOT} --chart {{}}",
-        ("none.csv", 2, "no file none.csv", "Check the path."),
         ("classic42", 2, "No chart is called 'classic42'", "Did you mean classic24"),
         ("lamp.csv", 2, "lamp.csv is not a table of reflectances", "a line for each patch"),
-        ("inks23.csv", 2, "inks23.csv holds 23 patches", "one spectrum for each patch"),
         ("card.json", 2, "card.json holds a layout, my card, and no reflectances", "as in card.json:mine"),
         ("card.json:inks.csv", 2, "inks.csv holds 24 patches, my card has 35", "one spectrum for each"),
-        ("card.json:none.csv", 2, "no file none.csv", "Check the path."),
-        ("gone.json:inks.csv", 2, "no file gone.json", "Check the path."),
         ("wide.json:inks.csv", 2, "wide.json: the gaps are too wide", "docs/tables.md shows a layout."),
-        ("cut.json:inks.csv", 2, "cut.json is not JSON", "A layout is a JSON object."),
     ),
     Wrong(f"{SHOT} --truth lamp.csv", 2, "lamp.csv is not a table of a camera's curves", "Its first line must read"),
     Wrong(f"{SHOT} --truth nobody", 2, "No measured camera is called 'nobody'", "`camssf cameras` lists"),
@@ -185,42 +150,32 @@ OPTIONS = [
         f"{SHOT} {{}}",
         ("--lamp A", 2, "1 photo(s) (chart.dng) but 2 lamp(s) (D55, A)", "Give one --lamp a photo"),
         ("--chart nano24 --chart mini24", 2, "--chart was given 2 times", "Give it once."),
-        ("--out other", 2, "--out was given 2 times", "Give it once."),
         ("--basis phone", 2, "'phone' is neither a basis", "Name one of these"),
-        ("--basis empty.npz", 2, "no .npz"),
         ("--engine torch", 2, "no engine 'torch'", "onnx, reference"),
-        ("--lens-shading yes", 2, "Lens shading 'yes'", "as-stored or apply"),
         ("--gamma much", 2, "--gamma", "--help"),
         ("--gamma=-1", 2, "gamma", "Leave them out"),
-        ("--gamma nan", 2, "`gamma` holds NaN", "Give finite numbers"),
         ("--white white.dng --white-reflectance 95", 2, "got 95", "Write 95 % as 0.95."),
-        ("--white white.dng --white-reflectance nan", 2, "got nan", "Write 95 % as 0.95."),
-        ("--white white.dng --white-reflectance 95%", 2, "'95%' is not a number", "0.95"),
         ("--white-reflectance 0.9", 2, "but no white frame", "Give the white frame"),
         ("--lamp-tolerance 2", 2, "'2' is not a lamp tolerance", "Write 2%, 300K"),
         ("--chart-tolerance 3", 2, "tolerance is 3", "Write 1 % as 1%"),
         ("--light-per-patch 8", 2, "got 8.0", "Write 8 % as 0.08."),
         ("--fit 0-24", 2, "numbered 1 to 24", "Give some of these numbers"),
-        ("--fit 7-", 2, "'7-' is not a list of patches", "Write 7-18"),
-        ("--fit seven", 2, "'seven' is not a list of patches", "Write 7-18"),
         *(
             (f"--fit {many}", 2, "not a list of patches", "Write 7-18")
             for many in ("1-9999999999", "9" * 5000, "1-8,9-7")
         ),
     ),
-    Wrong("registry list none --model A --model B", 2, "--model was given 2 times", "Give it once."),
     Wrong("simulate -o out", 2, "A simulation needs a lamp", "Name one"),
     *calls(
         "simulate {} -o out",
-        ("--lamp D55 --size big", 2, "'big' is not a size", "4000x3000"),
         (f"--lamp D55 --size {'9' * 5000}x9", 2, "not a size", "4000x3000"),
         ("--lamp D55 --size 30000x30000", 2, "megapixels"),
-        ("--camera iPhone99 --lamp D55", 2, "'iPhone99'", "`camssf cameras` lists"),
         ("--lamp auto", 2, "A light that is not named has no spectrum", "Lamps:"),
     ),
+    Wrong("batch manifest.csv --workers tcp://127.0.0.1:9", 2, "", "--registry"),
+    Wrong("batch manifest.csv -o chart.dng", 2, "chart.dng is a file", "Name a folder."),
     Wrong("batch manifest.csv --workers 0", 2, "--workers '0'", "Give 1 or more"),
     Wrong("app --port 99999", 2, "--port", "65535"),
-    Wrong("explain overexposure", 2, "no error code 'overexposure'", "overexposed"),
 ]
 """Names, numbers and units."""
 
@@ -228,7 +183,6 @@ OUTPUTS = [
     Wrong("calibrate chart.dng --lamp D55 -o chart.dng", 2, "chart.dng is a file", "Name a folder."),
     Wrong("calibrate note.dng --lamp D55 -o own", 2, "own/report.html belongs to no sound result", "Move it away"),
     Wrong("report result.json -o own", 2, "own/report.html belongs to no sound result", "Move it away"),
-    Wrong(f"report result.json -o {'a' * 300}", 2, "File name too long", "Choose a place"),
     Wrong("report result.json -o out --photo white.dng", 2, "white.dng"),
     Wrong("demo -o good", 2, "good holds a result that is not from a demo", "Choose another folder"),
     Wrong("simulate --lamp D55 --size 480x360 -o .", 2, "truth.csv is not a simulated file", "Name another folder"),
@@ -238,7 +192,6 @@ OUTPUTS = [
         ("", 2, "No output file", "Add -o FILE."),
         *((f"-o good/{name}", 2, "belongs to the result in") for name in ("result.json", "ssf.csv", "report.html")),
         ("-o result.json", 2, "result.json belongs to the result", "Name another file."),
-        ("-o chart.dng", 2, "chart.dng is a photo", "Name another file."),
         ("-o folder", 2, "folder cannot be written (it is a folder)", "Name a file"),
         ("-o pipe", 2, "pipe cannot be written (it is a device or a pipe)", "Name a file"),
         ("-o none/x.csv", 2, "none/x.csv cannot be written", "Make its folder first"),
@@ -249,12 +202,10 @@ OUTPUTS = [
 
 RESULTS = [
     Wrong("export newer.json -o x.csv", 2, "is camssf/3, not camssf/2; another version", "`camssf calibrate`"),
-    Wrong("report older.json -o out", 2, "never released, so measure", "`camssf calibrate`"),
     Wrong("solve changed.json", 2, "changed.json: sha256 is not the hash of the rest", "as it was written"),
     Wrong("export curveless.json -o x.csv", 2, "answer is missing, but the verdict", "`camssf calibrate`"),
     Wrong("export refused.json -o x.csv", 2, "was refused"),
     Wrong("export cut.json -o x.csv", 2, "cut.json is not valid JSON", "Give the result.json"),
-    Wrong("export truth.csv -o x.csv", 2, "truth.csv is not valid JSON", "Give the result.json"),
     Wrong("export passport.jws -o x.csv", 2, "passport.jws is a passport", "`camssf passport verify`"),
     Wrong("passport show result.json", 10, "holds no passport", "Give the passport"),
     Wrong("passport sign result.json --key truth.csv -o x.jws", 2, "truth.csv is not a private key", "passport key"),
@@ -271,7 +222,6 @@ RESULTS = [
         "calibrate other.dng --previous {}",
         ("curveless.json", 2, "curveless.json: answer", "Give the result.json"),
         ("other.dng", 2, "other.dng is a photo", "Measure it first"),
-        ("cut.json", 2, "cut.json", "Give the result.json"),
         ("result.json", 5, "of another camera than", "Give the result of this unit"),
     ),
     Wrong("calibrate chart.dng --previous result.json", 2, "is already in the previous result", "Take a new photo."),
@@ -343,12 +293,11 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
         shutil.copy(getattr(made, role), folder / f"{role}.dng")
     shutil.copy(made.chart, folder / "twin.dng")
     shutil.copy(photos(camera="Demo phone").shots[0].chart, folder / "other.dng")
-    shutil.copy(photos(fill=0.08).shots[0].chart, folder / "small.dng")
     shutil.copy(photos().truth, folder / "truth.csv")
     chart = folder / "chart.dng"
     data = chart.read_bytes()
     for name, content in {
-        "cut.dng": data[: len(data) // 2], "head.dng": data[:8], "empty.dng": b"", "note.dng": b"hello",
+        "cut.dng": data[: len(data) // 2], "note.dng": b"hello",
         "photo.heic": b"\0\0\0\x18ftypheic" + bytes(500), "video.mp4": b"\0\0\0\x18ftypmp42" + bytes(500),
         "passport.jws": b"eyJh.eyJi.c2ln", "manifest.csv": b"name,photo,lamp\na,chart.dng,D55\n",
     }.items():  # fmt: skip
@@ -362,27 +311,19 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copy(chart, folder / "linear.dng")
     with tifffile.TiffFile(folder / "linear.dng", mode="r+") as file:
         file.pages[0].tags["PhotometricInterpretation"].overwrite(34892)
-    resampled(folder / "half.dng", chart, lambda a: np.hstack([a[:, 440:], np.tile(a[:, :2], 220)]))
     resampled(folder / "over.dng", chart, lambda a: np.minimum(4 * a, 16383))
-    resampled(folder / "under.dng", chart, lambda a: 512 + (a - 512) // 200)
     nm = np.arange(380.0, 731.0, 5.0)
     lamp = np.interp(nm, WAVELENGTHS, read_lamp("D55").values)
-    for name, x, power in (
-        ("lamp", nm, lamp), ("um", nm / 1000, lamp), ("mixed", np.roll(nm, 9), np.roll(lamp, 9)),
-        ("minus", nm, -lamp), ("hole", nm, np.where(nm == 500, np.nan, lamp)), ("short", nm[15:44], lamp[15:44]),
-    ):  # fmt: skip
-        spectra(folder / f"{name}.csv", x, power)
-    (folder / "counts.csv").write_text("".join(f'{w:g},"{100 + 27 * (w - 380):,.0f}"\n' for w in nm), "utf-8")
+    spectra(folder / "lamp.csv", nm, lamp)
+    spectra(folder / "short.csv", nm[15:44], lamp[15:44])
     inks = np.array([np.interp(nm, WAVELENGTHS, value) for value in read_chart("classic24").values]).T
     spectra(folder / "inks.csv", nm, inks)
-    spectra(folder / "inks23.csv", nm, inks[:, 1:])
     card = {"format": "camssf-layout/1", "name": "my card", "columns": 7, "rows": 5, "patch": 18, "gap": 3}
     (folder / "card.json").write_text(json.dumps(card), "utf-8")
     (folder / "wide.json").write_text(json.dumps(card | {"gap": 30}), "utf-8")
     for i, content in enumerate(NO_CORNERS):
         (folder / f"corners-{i}.json").write_text(content, "utf-8")
     (folder / "other-photo.json").write_text(PHOTO.replace("chart", "other") % "{}", "utf-8")
-    (folder / "empty.npz").touch()
     data = document_bytes(calibrated())
     result = json.loads(data)
     report(changed(calibrated(), capture__shots__all__photo__make="Canon")).save(folder / "good")
@@ -390,7 +331,6 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "result.json").write_bytes(data)
     (folder / "cut.json").write_bytes(data[:5000])
     (folder / "newer.json").write_text(json.dumps(result | {"format": "camssf/3"}), "utf-8")
-    (folder / "older.json").write_text(json.dumps(result | {"format": "camssf-result/1"}), "utf-8")
     (folder / "changed.json").write_bytes(data.replace(b'"iso": 100.0', b'"iso": 200.0'))
     del result["answer"], result["sha256"]
     (folder / "curveless.json").write_text(json.dumps(result), "utf-8")

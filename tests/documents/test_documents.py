@@ -1,26 +1,20 @@
 """The reader and the writer of documents, "camssf/2": nothing is lost, and every fault is named by its place."""
 
-import copy
 import json
-import re
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
-import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from camssf.documents import forms
-from camssf.documents.document import ADVICE, answer_in, document_bytes, read_document
+from camssf.documents.document import ADVICE, document_bytes, read_document
 from camssf.documents.schema import described, schema
 from camssf.errors import InvalidArgument
-from camssf.report.build import report
 from camssf.result import Result
-from tests.support.documents import covariance, document, refused, unnamed, unplaced
+from tests.support.documents import document, refused, unnamed, unplaced
 
 SYNTHETIC: dict[str, Callable[[], Result]] = {
     "one shot": document,
@@ -67,28 +61,6 @@ def test_what_is_written_is_read_back_and_written_to_the_same_bytes(
     assert data.endswith(b"}\n")
 
 
-def test_a_result_that_was_read_gives_the_same_report() -> None:
-    assert report(read(plain(document()))) == report(document())
-
-
-def test_arrays_of_numbers_stand_on_one_line() -> None:
-    lines = document_bytes(document()).decode().splitlines()
-    # curves, std, truth: 3 lines each; covariance; lamp; chart
-    assert sum(line.count(",") >= 680 for line in lines) == 12
-    assert len(lines) < 400
-
-
-def test_every_digit_of_the_covariance_is_kept() -> None:
-    """Entry (i, j), j <= i, is number i (i + 1) / 2 + j."""
-    found = plain(document())["answer"]["code_covariance"]
-    i, j = np.tril_indices(72)
-    assert np.array_equal(np.array(found)[i * (i + 1) // 2 + j], covariance()[i, j])
-    assert len(found) == 72 * 73 // 2
-    again = answer_in(document()).covariance
-    assert np.array_equal(again[i, j], covariance()[i, j])
-    assert np.array_equal(again, again.T)
-
-
 # -- faults -----------------------------------------------------------------------------------------------------
 
 SHOT = "capture.shots.0."
@@ -97,25 +69,15 @@ TAKE_OUT = object()
 FAULTS: list[tuple[str, Any, str]] = [
     ("answer.x\n" + "y" * 200, 1, 'answer has the unknown key "x\\n' + "y" * 76 + "."),
     ("version", TAKE_OUT, "the document lacks version"),
-    ("answer.l2", 10**5000, "answer.l2 must be a number, is too large"),
-    ("answer.evidence", 1e13, "answer.evidence must lie between -1e+12 and 1e+12"),
     (MEAN + ".3.1", 10**400, "capture.shots[0].means.chart.mean[3][1] must be a number"),
-    (MEAN + ".3", {}, "capture.shots[0].means.chart.mean[3] must be a list, is an object"),
-    (SHOT + "means.white", TAKE_OUT, "capture.shots[0].means lacks white"),
     ("answer.proof.finish_steps.0", 1.5, "answer.proof.finish_steps[0] must be a whole number from 0 to 1e+12"),
     ("answer.proof.finish_steps", [0, 0, 0], "answer.proof must hold one number a problem, 1 or 3 of them"),
     ("answer.code_covariance", [1.0] * 10, "answer.code_covariance must be the triangle of a matrix of 3 r rows"),
-    ("answer.used.0.3", 1, "answer.used[0][3] must be true or false, is 1"),
-    ("answer.unseen.0.7", [1.0, None, 1.0], "answer.unseen[0][7][1] must be a number from -1e+12 to 1e+12, is null"),
-    ("answer.engine", "mine", 'answer.engine must be "onnx" or "reference", is "mine"'),
     ("verdict.status", "refused", "answer is there, but the verdict is refused"),
     ("capture.unfinished", {"lamp": {"kind": "unnamed", "name": "auto"}}, "capture must hold all its shots unless"),
-    (SHOT + "photo.name", "x" * 5000, "capture.shots[0].photo.name must have at most 4096 characters"),
     (SHOT + "photo.sha256", "0" * 64 + "\n", "capture.shots[0].photo.sha256 must be 64 hex digits"),
-    ("capture.chart.layout", 7, "capture.chart.layout is no such form"),
     (SHOT + "lamp.values", [0.0] * 681, "capture.shots[0].lamp.values must not be 0 at all wavelengths"),
     ("capture.chart.reflectance", [[0.0] * 36] * 24, "capture.chart.reflectance must be above 0 for the white patch"),
-    ("answer.std.red", [-1.0] * 681, "answer.std must not be negative"),
     ("format", 2, 'the document is not camssf/2: it has no "format": "camssf/2"'),
 ]
 """A place, what is put there, and what is said; broken_documents.json has more, which Kotlin refuses too."""
@@ -210,60 +172,3 @@ def test_what_is_written_is_what_the_schema_says() -> None:
     judge = pytest.importorskip("jsonschema_rs").validator_for(schema(Result))
     for make in SYNTHETIC.values():
         judge.validate(json.loads(written(make())))
-
-
-ODD = st.sampled_from(
-    [
-        *(None, True, False, 0, 1, -1, 4.0, 0.5, 7, 1e13, -1e13, 10**400),
-        *("", "x", "refused", "accepted", "a" * 64, "A" * 64, "x" * 5000),
-        *([], [0, 0, 0], [0.1, 0.2, 1.5], [None] * 3, [[0, 0]] * 4, {}, {"name": "x"}),
-    ]
-)
-
-
-def places(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
-    inside = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
-    return [path, *(place for key, entry in inside for place in places(entry, (*path, key)))]
-
-
-@cache
-def small() -> Any:
-    """A refused capture, with few of its many numbers' places."""
-    made = plain(refused(shots=True))
-    return made, [way for way in places(made)[1:] if not any(type(key) is int and key > 1 for key in way)]
-
-
-ACROSS = "lacks capture|must be there|does not fit together|no such form|, one a patch|must hold the|the chart's"
-ACROSS += r"|must lie above black|must be a number from 0 to 23|must hold \d+ entries|must hold 24 rows|not camssf/2"
-ACROSS += "|must be a whole number|is missing, but|is there, but|was not solved"
-"""What a schema cannot say: how fields and rows fit to each other, and that 4.0 is not written as a whole number."""
-
-
-@pytest.mark.full
-@settings(max_examples=300, deadline=None, derandomize=True)
-@given(data=st.data())
-def test_reader_and_schema_agree(data: st.DataObject) -> None:
-    """One field replaced, removed or added: jsonschema-rs refuses by the schema what the reader refuses."""
-    judge = pytest.importorskip("jsonschema_rs")
-    made, ways = small()
-    made = copy.deepcopy(made)
-    *way, last = data.draw(st.sampled_from(ways))
-    parent = made
-    for key in way:
-        parent = parent[key]
-    deed = data.draw(st.sampled_from(["replace", "replace", "replace", "remove", "add"]))
-    if deed == "replace":
-        parent[last] = data.draw(ODD)
-    elif deed == "remove":
-        del parent[last]
-    elif isinstance(parent, dict):
-        parent[data.draw(st.sampled_from(["other", "answer", "std", "truth"]))] = data.draw(ODD)
-    else:
-        parent.append(data.draw(ODD))
-    valid = judge.validator_for(schema(Result)).is_valid(made)
-    try:
-        read(made)
-        fault = ""
-    except InvalidArgument as error:
-        fault = error.message
-    assert valid == (not fault) or re.search(ACROSS, fault), fault

@@ -9,10 +9,7 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
-
-from camssf.grid import Floats
 
 
 def run(*words: str | Path, stdin: str | None = None, home: Path | None = None) -> str:
@@ -23,13 +20,6 @@ def run(*words: str | Path, stdin: str | None = None, home: Path | None = None) 
     return subprocess.run(
         words, input=stdin, capture_output=True, text=True, timeout=300, check=True, env=env
     ).stdout  # fmt: skip
-
-
-def transicc(profile: Path, rgb: Floats) -> Floats:
-    """XYZ (n, 3) of RGB by littleCMS in floating point."""
-    rows = "".join(f"{r * 255:.6f}\n{g * 255:.6f}\n{b * 255:.6f}\n" for r, g, b in rgb)
-    printed = run("transicc", "-n", f"-i{profile}", "-o*XYZ", "-t1", "-c0", stdin=rows)
-    return np.array([float(word) for word in printed.split()]).reshape(-1, 3)[: len(rgb)] / 100
 
 
 def pyspectacle(script: str, folder: Path, curves: bytes, stdin: Any = None) -> Any:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from camssf.errors import ChartNotFound, InvalidArgument
+from camssf.errors import ChartNotFound
 from camssf.files import ASIDE, NEW
 from camssf.report.build import NAMES
 from camssf.result import refused
@@ -65,6 +65,9 @@ def test_it_resumes(desk: Desk) -> None:
         return [outcome.resumed for outcome in desk.run_pages(options=options)]
 
     assert again() == [False, False, False]
+    left = desk.out / "one" / f"{ASIDE}00000000" / NEW  # by a run that was killed
+    left.mkdir(parents=True)
+    (left / "report.html").write_text("half")
     assert again() == [True, True, False]  # what was refused is tried again
     assert len(visits(desk, "one")) == len(visits(desk, "two")) == 1
     mark = json.loads((desk.out / "one" / MARK).read_text("utf-8"))
@@ -130,25 +133,6 @@ def test_a_result_that_is_not_whole_is_done_again(desk: Desk, name: str, text: s
     assert file.read_bytes() == whole
 
 
-def test_what_a_killed_run_left_in_a_finished_folder_goes(desk: Desk) -> None:
-    desk.write(ONE, {"a": "1"})
-    desk.run_pages()
-    left = desk.out / "one" / f"{ASIDE}00000000" / NEW
-    left.mkdir(parents=True)
-    (left / "report.html").write_text("half")
-    assert [outcome.resumed for outcome in desk.run_pages()] == [True]
-    assert not list(desk.out.rglob(".camssf-*"))
-
-
-def test_a_wrong_call_writes_nothing(desk: Desk) -> None:
-    with pytest.raises(InvalidArgument, match="cannot be read"):
-        desk.run_pages()
-    desk.write(ONE, {"a": "1"})
-    with pytest.raises(InvalidArgument, match="a is a file"):
-        desk.run_pages(out="a")
-    assert sorted(path.name for path in desk.home.iterdir()) == ["a", "manifest.csv"]
-
-
 FORMULAS = ("=1", "\n=1", "-1", "@SUM(A1)", "+1", "\uff1dcmd|' /C calc'!A0")
 
 
@@ -179,18 +163,6 @@ def test_a_script_that_guards_no_call_is_an_error_in_words(desk: Desk) -> None:
     assert 'below a line `if __name__ == "__main__":`' in ended.stderr
     assert ended.stderr.count("Traceback") == 1
     assert list(desk.out.iterdir()) == []
-
-
-@pytest.mark.full
-@pytest.mark.parametrize("workers", [1, 2])
-def test_it_uses_so_many_processes(desk: Desk, workers: int) -> None:
-    """Two sleepers at once are in two processes, each with one thread for its algebra."""
-    desk.write(["one,a,D55,,,", "two,b,D55,,,"], {"a": "1", "b": "2"})
-    desk.run_pages(processes=True, workers=workers, work=slow_pages)
-    seen = [visits(desk, name)[0] for name in ("one", "two")]
-    assert len({process for process, *_ in seen}) == workers
-    assert os.environ.get("OMP_NUM_THREADS", "1") == seen[0][1]
-    assert str(os.getpid()) not in {process for process, *_ in seen}
 
 
 def alive(process: int) -> bool:

@@ -60,22 +60,6 @@ def test_the_interval_of_a_spread_covers() -> None:
     assert 0.93 <= inside / 1200 <= 0.97
 
 
-def test_units_that_are_equal_spread_by_nothing(one: Registry) -> None:
-    """What repeats explain is not the units'."""
-    fleet(one, units=30, repeats=4, between=0.0, within=0.02)
-    found = spread(one, MODEL)
-    assert (found.low == 0).all()
-    assert (found.high < rms(0.015)).all()
-    assert all((np.asarray(number) == 0).all() for number in between_units([np.ones((2, 3, 5))] * 3))
-
-
-def test_too_few_units(one: Registry) -> None:
-    one.add([made(1, bells()), made(2, bells())])
-    for model, words in (("Model", "1 unit of Model"), ("Nothing", "no unit of Nothing")):
-        with pytest.raises(InvalidArgument, match=words):
-            spread(one, Unit(model=model))
-
-
 @pytest.mark.parametrize("wrong", [float("nan"), float("inf"), -1e30, 7.0])
 def test_curves_that_cannot_be_are_named(one: Registry, wrong: float) -> None:
     curves = bells()
@@ -86,12 +70,6 @@ def test_curves_that_cannot_be_are_named(one: Registry, wrong: float) -> None:
     for attempt in attempts if wrong == 7.0 else attempts[:1]:
         with pytest.raises(InvalidArgument, match=f"{Path(file['filename']).name} is damaged: of the result 0000000"):
             attempt()
-
-
-def test_curves_of_another_length_are_named(one: Registry) -> None:
-    one.add([made(1, bells()), made(2, bells()[:, :60], serial="B2")])
-    with pytest.raises(InvalidArgument, match="the curves cannot be right"):
-        spread(one, MODEL)
 
 
 @pytest.mark.parametrize(("drift", "step", "alarm"), [(0, 0, ""), (6, 0, "trend"), (-6, 0, "trend"), (0, 5, "step")])

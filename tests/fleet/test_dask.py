@@ -1,9 +1,7 @@
 """A manifest over a Dask cluster: as over processes here, whoever dies, and whatever the cluster lacks."""
 
-import asyncio
 import json
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -11,14 +9,14 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Iterator
-from concurrent.futures import CancelledError, Future
+from concurrent.futures import Future
 from contextlib import nullcontext
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from camssf import cli
 from camssf.errors import InvalidArgument
 from camssf.places import write_place
 from camssf_fleet import cluster as cluster_module
@@ -53,50 +51,6 @@ def cluster() -> Iterator[Any]:
         os.environ.pop("PYTHONPATH") if before is None else os.environ.update(PYTHONPATH=before)
 
 
-class Ends:
-    """A recorder of what became of the jobs."""
-
-    def __init__(self) -> None:
-        self.outcomes: list[tuple[str, str, str, int]] = []
-
-    def add(self, job: Job, outcome: Outcome) -> None:
-        self.outcomes.append((job.name, outcome.status, outcome.reason, outcome.deaths))
-
-    def update(self) -> None:
-        pass
-
-
-class Interrupting:
-    """A pool that interrupts each job so many times, after it has begun, before it does it."""
-
-    def __init__(self, interruptions: int, error: Exception) -> None:
-        self.interruptions, self.error = interruptions, error
-        self.submitted: Counter[str] = Counter()
-
-    def submit(self, do: Any, job: Job, work: Any, marks: Path, version: str) -> Future[Outcome]:
-        future: Future[Outcome] = Future()
-        self.submitted[job.name] += 1
-        if self.submitted[job.name] > self.interruptions:
-            future.set_result(do(job, work, marks, version))
-        else:
-            write_place(marks / str(self.submitted[job.name]), b"")  # by a worker
-            future.set_exception(self.error)
-        return future
-
-
-def done_at_once(job: Job) -> Outcome:
-    return Outcome(job.name, "accepted", reason=job.name)
-
-
-def run_interrupted(tmp_path: Path, interruptions: int, error: Exception, workers: int = 1) -> Any:
-    (tmp_path / "m.csv").write_text("name,photo,lamp\na,x,D55\nb,y,D55\n")
-    pool, ends = Interrupting(interruptions, error), Ends()
-    start = nullcontext(pools.Pool(pool.submit, lambda: workers, distributed.KilledWorker))
-    pools.run_jobs(iter(Manifest(tmp_path / "m.csv")), done_at_once, start, tmp_path / "marks", ends)
-    shutil.rmtree(tmp_path / "marks", ignore_errors=True)
-    return pool, sorted(ends.outcomes)
-
-
 DIED = distributed.KilledWorker("key", "worker", 3)
 
 
@@ -104,78 +58,45 @@ AGAIN = f"It was interrupted {pools.RESUBMISSIONS + 1} times. Run the same comma
 
 
 @pytest.mark.parametrize(("interruptions", "error", "submitted", "end"), [
-    (1, pools.Lost(), 2, ("accepted", None, 0)),
-    (pools.RESUBMISSIONS, pools.Lost(), pools.RESUBMISSIONS + 1, ("accepted", None, 0)),
+    (1, pools.Lost(), 2, ("accepted", "", 0)),
+    (pools.RESUBMISSIONS, pools.Lost(), pools.RESUBMISSIONS + 1, ("accepted", "", 0)),
     (10**6, pools.Lost(), pools.RESUBMISSIONS + 1, ("failed", AGAIN, 0)),  # no job's fault: the next run tries again
-    (pools.DEATHS - 1, DIED, None, ("accepted", None, 0)),
+    (pools.DEATHS - 1, DIED, None, ("accepted", "", 0)),
     (pools.DEATHS, DIED, None, ("failed", pools.DIED, pools.DEATHS)),
 ])  # fmt: skip
 def test_what_is_interrupted_is_submitted_again_not_for_ever(
     interruptions: int, error: Exception, submitted: int | None, end: Any, tmp_path: Path
 ) -> None:
-    pool, ends = run_interrupted(tmp_path, interruptions, error)
-    status, reason, deaths = end
-    assert ends == [(name, status, reason or name, deaths) for name in "ab"]
-    assert submitted is None or pool.submitted == dict.fromkeys("ab", submitted)
+    asked, ends = Counter[str](), list[tuple[str, str, int]]()
 
+    def submit(do: Any, job: Job, work: Any, marks: Path, version: str) -> Future[Outcome]:
+        """Interrupts a job so many times, after it has begun, before it does it."""
+        future: Future[Outcome] = Future()
+        asked[job.name] += 1
+        if asked[job.name] > interruptions:
+            future.set_result(do(job, work, marks, version))
+        else:
+            write_place(marks / str(asked[job.name]), b"")  # by a worker
+            future.set_exception(error)
+        return future
 
-class Client:
-    """A client whose futures are awaitables of the test, in an event loop of their own."""
+    def add(job: Job, outcome: Outcome) -> None:
+        ends.append((outcome.status, outcome.reason, outcome.deaths))
 
-    def __init__(self, answer: Any) -> None:
-        self.answer, self.loop = answer, self
-        self.asyncio_loop = asyncio.new_event_loop()
-
-    def as_current(self) -> Any:
-        return nullcontext()
-
-    def submit(self, *call: Any, key: str, pure: bool) -> Any:
-        return self.answer()
-
-
-async def lost() -> None:
-    await asyncio.sleep(60)
-
-
-async def cancelled() -> None:
-    raise CancelledError("key")
-
-
-@pytest.mark.parametrize("answer", [lost, cancelled])
-def test_the_future_of_a_lost_job_ends(answer: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    async def wait(futures: list[Any]) -> None:
-        pass
-
-    monkeypatch.setattr(distributed, "wait", wait)
-    monkeypatch.setattr(cluster_module, "SCHEDULER_TIMEOUT", 0.1)
-    client = Client(answer)
-    thread = threading.Thread(target=client.asyncio_loop.run_forever)
-    thread.start()
-    try:
-        with pytest.raises(pools.Lost):
-            cluster_module._submit(client, print).result(timeout=10)
-    finally:
-        client.asyncio_loop.call_soon_threadsafe(client.asyncio_loop.stop)
-        thread.join()
-        client.asyncio_loop.close()
+    (tmp_path / "m.csv").write_text("name,photo,lamp\na,x,D55\n")
+    pool = nullcontext(pools.Pool(submit, lambda: 1, distributed.KilledWorker))
+    recorder: Any = SimpleNamespace(add=add, update=lambda: None)
+    jobs = iter(Manifest(tmp_path / "m.csv"))
+    pools.run_jobs(jobs, lambda job: Outcome(job.name, "accepted"), pool, tmp_path / "marks", recorder)
+    assert ends == [end]
+    assert submitted is None or asked == {"a": submitted}
 
 
 def test_a_cluster_that_lost_all_workers_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster_module, "WORKERLESS_TIMEOUT", 0.0)
-    monkeypatch.setattr(Client, "nthreads", lambda self: {}, raising=False)
+    client: Any = SimpleNamespace(nthreads=dict)
     with pytest.raises(InvalidArgument, match="has had no worker for 0 s"):
-        cluster_module._workers(Client(None), [time.monotonic() - 1.0])
-
-
-def test_a_client_that_closed_is_said(desk: Desk, cluster: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    def closed(*_: Any, **__: Any) -> None:
-        raise distributed.client.ClosedClientError("Can't perform action on a closed client")
-
-    monkeypatch.setattr(distributed.Client, "submit", closed)
-    desk.fill(1)
-    with pytest.raises(InvalidArgument, match="The Dask cluster was lost") as caught:
-        desk.run(dask=cluster.scheduler_address)
-    assert "the same command" in caught.value.advice
+        cluster_module._workers(client, [time.monotonic() - 1.0])
 
 
 def test_it_does_what_processes_here_do(desk: Desk, cluster: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -225,26 +146,29 @@ def test_a_scheduler_that_is_lost_is_told_and_the_next_goes_on(
     """The scheduler is killed in the middle; another one, with another address, does the rest."""
     monkeypatch.setattr(cluster_module, "WORKERLESS_TIMEOUT", 10.0)
     names = desk.fill(12)
+    processes: list[subprocess.Popen[bytes]] = []
 
-    def begin(number: int) -> tuple[str, subprocess.Popen[bytes], list[subprocess.Popen[bytes]]]:
+    def begin(number: int) -> str:
+        """The address of a new scheduler with a worker."""
         file = tmp_path / f"scheduler-{number}.json"
-        quiet: dict[str, Any] = dict.fromkeys(("stdout", "stderr"), subprocess.DEVNULL)
-        quiet["env"] = os.environ | {"PYTHONPATH": SEARCH}
-        run = [sys.executable, "-m", "dask"]
         place = ["--scheduler-file", str(file), "--no-dashboard"]
-        scheduler = subprocess.Popen([*run, "scheduler", "--port", "0", "--host", "127.0.0.1", *place], **quiet)
-        worker = subprocess.Popen([*run, "worker", *place, "--nthreads", "1", "--no-nanny"], **quiet)
-        until(lambda: file.exists(), 60)
-        return json.loads(file.read_text())["address"], scheduler, [scheduler, worker]
-
-    address, scheduler, processes = begin(0)
+        for words in (
+            ["scheduler", "--port", "0", "--host", "127.0.0.1"],
+            ["worker", "--nthreads", "1", "--no-nanny"],
+        ):
+            how: Any = dict.fromkeys(("stdout", "stderr"), subprocess.DEVNULL)
+            how["env"] = os.environ | {"PYTHONPATH": SEARCH}
+            processes.append(subprocess.Popen([sys.executable, "-m", "dask", *words, *place], **how))
+        until(file.exists)
+        return str(json.loads(file.read_text())["address"])
 
     def kill() -> None:
-        until(lambda: desk.visits().total() >= 4, 60)
-        scheduler.kill()
+        until(lambda: desk.visits().total() >= 4)
+        processes[0].kill()
 
     killer = threading.Thread(target=kill)
     try:
+        address = begin(0)
         killer.start()
         with pytest.raises(InvalidArgument, match=r"Dask cluster (was lost|has had no worker)") as caught:
             desk.run(dask=address, work=slow)
@@ -252,9 +176,7 @@ def test_a_scheduler_that_is_lost_is_told_and_the_next_goes_on(
         killer.join()
         before = desk.visits().total()
         assert 4 <= before < 12
-        address, _, more = begin(1)
-        processes += more
-        summary = desk.run(dask=address)
+        summary = desk.run(dask=begin(1))
     finally:
         for process in processes:
             process.kill()
@@ -336,11 +258,3 @@ def test_without_the_library_it_says_what_to_install(desk: Desk, monkeypatch: py
     with pytest.raises(InvalidArgument, match="distributed") as caught:
         desk.run(dask="tcp://127.0.0.1:9")
     assert '".[dask]"' in caught.value.advice
-
-
-@pytest.mark.parametrize("words", [["--workers", "tcp://127.0.0.1:9"], ["--workers", "0", "--registry", "r"]])
-def test_calls_that_are_wrong(words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("m.csv").write_text("name,photo,lamp\na,x,D55\n")
-    assert cli.main(["batch", "m.csv", *words]) == InvalidArgument.exit_status
-    assert [path.name for path in tmp_path.iterdir()] == ["m.csv"]

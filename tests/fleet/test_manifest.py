@@ -2,10 +2,8 @@
 
 import csv
 import os
-import subprocess
 import sys
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
@@ -13,10 +11,8 @@ import pytest
 from camssf.errors import InvalidArgument
 from camssf.photo.read.unit import Unit
 from camssf_fleet.archive import task_of
-from camssf_fleet.batch import inputs_hash
 from camssf_fleet.manifest import Manifest
 from camssf_fleet.record_queries import connection
-from tests.support.processes import SEARCH
 
 WHOLE = "name,photo,lamp,white,dark,chart\n"
 FORMS = {
@@ -116,11 +112,6 @@ def test_faults_are_their_rows_own(tmp_path: Path) -> None:
             assert (words in job.fault) if words else not job.fault, job
 
 
-def test_a_further_column_needs_a_registry(tmp_path: Path) -> None:
-    with pytest.raises(InvalidArgument, match="an unknown column"):
-        written(tmp_path, "name,photo,lamp,lens\na,x,D55,50mm\n").read_all()
-
-
 def test_parquet_reads_as_its_csv_with_further_columns(tmp_path: Path) -> None:
     text = "cam,a.dng,D55,S1,2026-01-02,lab,1\ncam,b.dng,A,S1,2026-01-02,lab,1\nother,c.dng,A,,,,\n"
     rows = list(written(tmp_path, "name,photo,lamp,serial,captured,site,n\n" + text))
@@ -131,21 +122,6 @@ def test_parquet_reads_as_its_csv_with_further_columns(tmp_path: Path) -> None:
     assert (cam.unit, cam.captured, len(cam.photos)) == (Unit(serial="S1"), "2026-01-02", 2)
     assert cam.extra == (("site", "lab"), ("n", "1"))
     assert (other.unit, other.captured, other.extra) == (Unit(), "", ())
-
-
-def test_parquet_of_any_types_and_in_capitals(tmp_path: Path) -> None:
-    """Times with a zone need no further library; whole numbers and truths are as their text."""
-    file = tmp_path / "P.PARQUET"
-    with connection() as con:
-        con.execute(
-            "COPY (SELECT 'cam' AS Name, 'a.dng' AS photo, NULL AS lamp, TIMESTAMPTZ '2026-01-02 10:00:00+01' AS "
-            f"captured, DATE '2026-01-02' AS day, 7 AS serial, true AS tripod) TO '{file}' (FORMAT parquet)"
-        )
-    (job,) = Manifest(file)
-    assert not job.fault
-    assert datetime.fromisoformat(job.captured) == datetime(2026, 1, 2, 9, tzinfo=UTC)
-    assert (job.unit.serial, job.lamps) == ("7", ("auto",))
-    assert dict(job.extra) == {"day": "2026-01-02", "tripod": "true"}
 
 
 def test_parquet_needs_its_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -171,36 +147,3 @@ def test_a_task_is_known_by_what_it_would_be_made_from(tmp_path: Path) -> None:
     os.utime(tmp_path / "lamp.csv", (1, 1))
     tasks += [task(), task(f"{head}\ncam,a,lamp.csv,\n"), task(f"{head},serial\n{row},9\n")]
     assert len(set(tasks)) == len(tasks)
-
-
-def test_a_cluster_is_told_where_the_basis_lies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A worker may stand elsewhere; what a result is named after is the same."""
-    monkeypatch.chdir(tmp_path)
-    for name in ("mine.npz", "p"):
-        Path(name).write_bytes(b"one")
-    Path("m.csv").write_text("name,photo,lamp\ncam,p,D55\n")
-    (job,), (sent,) = Manifest("m.csv", basis="mine.npz"), Manifest("m.csv", basis="mine.npz").absolute()
-    assert (sent.photos, sent.basis) == ((str(tmp_path / "p"),), str(tmp_path / "mine.npz"))
-    assert inputs_hash(sent) == inputs_hash(job)
-    (job,) = Manifest("m.csv").absolute()
-    assert job.basis == "auto"
-
-
-@pytest.mark.full
-@pytest.mark.skipif(sys.platform != "linux", reason="in other units elsewhere")
-def test_many_rows_are_streamed(tmp_path: Path) -> None:
-    """The first job at once; the names alone are remembered."""
-    manifest = written(tmp_path, "name,photo,lamp\n" + "".join(f"cam{i},p{i}.dng,D55\n" for i in range(200_000)))
-    next(iter(manifest))
-    assert manifest.done < 1e-4
-    code = (
-        "import resource\nfrom itertools import islice\nfrom camssf_fleet.manifest import Manifest\n"
-        "def kilobytes(): return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
-        f"rows = iter(Manifest({str(manifest.path)!r}))\n"
-        "next(rows); before = kilobytes(); n = sum(1 for _ in islice(rows, 20_000)); print(n, kilobytes() - before)"
-    )
-    environment = os.environ | {"PYTHONPATH": SEARCH}
-    said = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
-    count, held = map(int, said.stdout.split())
-    assert count == 20_000
-    assert held < 4_000  # kB: 200 MB for a million names

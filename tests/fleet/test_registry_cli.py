@@ -2,7 +2,6 @@
 
 import csv
 import json
-from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -84,19 +83,6 @@ def test_add_list_export(tmp_path: Path, said: Said) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["all.csv", "all.parquet", "out", "phones"]
 
 
-@pytest.mark.parametrize(("data", "word"), [
-    (b"II*\0" + bytes(99), "DNG"), (b"\x89PNG\r\n", "PNG"), (b"name,photo\nx,y\n", "text"),
-    (bytes(9) + b"..", "binary"),
-])  # fmt: skip
-def test_what_is_added_is_called_what_it_is(data: bytes, word: str, tmp_path: Path, said: Said) -> None:
-    (tmp_path / "chart.dng").write_bytes(data)
-    for more in ((), ("--serial", "x")):
-        _, message = said("add", tmp_path / "phones", tmp_path / "chart.dng", *more, status=WRONG)
-        assert word in message
-        assert "no passport" in message
-    assert not (tmp_path / "phones").exists()
-
-
 def test_add_a_passport(tmp_path: Path, said: Said) -> None:
     """And its whole result, and what `passport verify` printed: the same row, and nothing of it is lost."""
     pytest.importorskip("cryptography", reason="cryptography is not here")
@@ -156,21 +142,6 @@ def test_upkeep(one: Registry, said: Said) -> None:
     file.write_bytes(file.read_bytes()[:100] + b"!" + file.read_bytes()[101:])
     assert said.document("verify", one.folder, status=cli.PARTED)["faults"]
     assert "damaged" in said("verify", one.folder, status=cli.PARTED)[1]
-
-
-def test_compare(one: Registry, said: Said) -> None:
-    """The status tells an alarm; a unit is named by its number, a model's spread counts what it leaves out."""
-    others = [replace(row, key=f"b{row.key[1:]}", serial="B2") for row in history(13, 0)]
-    one.add(
-        [*history(13, 6), *others, far_off(serial="r"), far_off(key="a" * 64, status="refused", red=(), serial="")]
-    )
-    drift = ("compare", one.folder, "--serial", "A1")
-    assert said.document(*drift, status=cli.PARTED)["alarm"] is True
-    assert "red centre" in said(*drift, status=cli.PARTED)[1]
-    assert said.document("compare", one.folder, "--serial", "B2")["alarm"] is False
-    found = said.document("compare", one.folder, "--model", "Model")
-    assert (found["units"], found["left_out"]) == (2, {"doubtful": 1, "refused": 1})
-    assert "left out: 1 doubtful, 1 refused" in said("compare", one.folder, "--model", "Model")[1]
 
 
 def test_a_newest_result_that_was_left_out_is_not_no_drift(one: Registry, said: Said) -> None:

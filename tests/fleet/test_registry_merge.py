@@ -83,34 +83,6 @@ def test_in_any_order_it_is_the_same(clinic: Clinic) -> None:
         assert other | {name: row[name] for name in ("added", "place")} == row
 
 
-def test_the_command_says_what_became_of_it(clinic: Clinic, capsys: pytest.CaptureFixture[str]) -> None:
-    def said(*words: object, status: int = 0) -> str:
-        capsys.readouterr()
-        assert clinic.add(*words) == status
-        return " ".join(capsys.readouterr().err.split())
-
-    result, phones, wrong = clinic.result, clinic.home / "phones", InvalidArgument.exit_status
-    passport = (clinic.passport, "--key", clinic.home / PUBLIC)
-    assert said(result) == f"1 result added to {phones}"
-    assert said(result, "--serial", "A1B2").endswith(f"result.json: serial set to A1B2 1 result changed in {phones}")
-    before = clinic.row()
-    text = said(result, "--serial", "TYPO99", "--lens", "50mm", status=wrong)
-    what = "serial A1B2 in the registry, TYPO99 given."
-    assert f"{result}: What is given of the result {before['key'][:12]} contradicts the registry: {what}" in text
-    assert "--correct" in text
-    assert "Python" not in text
-    assert clinic.row() == before
-    text = said(*passport)
-    time = "time set to 2026-11-20T09:00:00Z"
-    assert f"camera.jws: camera id set to 2, {time}, passport set to {clinic.drawn.id} 1 result changed" in text
-    for words in (passport, (result, "--captured", TIME)):
-        assert said(*words) == f"1 result known already in {phones}"
-    text = said(result, "--captured", "2026-11-20T11:00:00+01:00", "--serial", "B2", "--correct")
-    assert "serial changed from A1B2 to B2, time changed from 2026-11-20T09:00:00Z to 2026-11-20T10:00:00Z" in text
-    assert (clinic.row()["serial"], clinic.row()["lens"]) == ("B2", "")
-    assert "serial B2 in the registry, A1B2 given" in said(*passport, status=wrong)
-
-
 def test_what_is_silent_empties_nothing_and_what_contradicts_is_refused(one: Registry) -> None:
     full = made(1, bells(), captured=START, lens="50mm", focal_length=24.0, extra='{"site": "lab"}')
     empty = replace(full, serial="", captured=None, lens="", focal_length=None, extra="", make="", model="", red=())
@@ -149,20 +121,4 @@ def test_what_is_silent_empties_nothing_and_what_contradicts_is_refused(one: Reg
     one.add([replace(full, passport="new", passport_ends=START + timedelta(days=1)), old])
     assert one.query("SELECT passport FROM rows") == [{"passport": "new"}]
     one.list_records()  # of `append`
-    assert verify(one).faults == ()
-
-
-def test_an_empty_field_of_a_whole_result_empties_nothing(one: Registry) -> None:
-    """An excerpt with a serial number, the whole result without, another serial number: all in one call."""
-    covariance = (1.0, 2.0)
-    rows = [
-        made(1, bells(), serial="A1", passport="p", passport_ends=START),
-        made(1, bells(), serial="", code_covariance=covariance),
-        made(1, bells(), serial="B9", code_covariance=covariance),
-    ]
-    with pytest.raises(InvalidArgument, match="serial A1 in the registry, B9 given"):
-        one.add(rows)
-    one.add(rows[:2])
-    correct(one, *rows[2:])
-    assert one.history(Unit(serial="B9"))[-1].what == "serial changed from A1 to B9"
     assert verify(one).faults == ()

@@ -11,7 +11,7 @@ import pytest
 from camssf import cli
 from camssf.documents.document import document_bytes
 from camssf.errors import InvalidArgument
-from tests.support.desk import HEADER, in_this_process, stub
+from tests.support.desk import HEADER, stub
 from tests.support.documents import document
 from tests.support.processes import SEARCH
 from tests.support.registries import WRITER, bells, keys, made
@@ -25,7 +25,6 @@ from camssf.places import files_below, join, place, relative
 from camssf_fleet import batch
 from camssf_fleet.manifest import Manifest
 from camssf_fleet.outcome import Summary
-from camssf_fleet.record_queries import connection
 from camssf_fleet.registry import Deleted, Deletion, Registry
 from camssf_fleet.verification import verify
 
@@ -163,22 +162,6 @@ def test_a_batch_from_a_bucket_to_a_bucket(bucket: str, logged: Logged) -> None:
     assert not [path for path in files_below(place(f"{bucket}/out")) if path.name not in ("result.json",)]
 
 
-def test_from_parquet_and_from_here_to_there(bucket: str, logged: Logged, tmp_path: Path) -> None:
-    """A local manifest names photos in a bucket; the results stay here."""
-    written(bucket)
-    rows = "\n".join(f"{name},{bucket}/photos/{name},D55" for name in NAMES)
-    (tmp_path / "m.csv").write_text(f"name,photo,lamp\n{rows}\n")
-    with connection() as con:
-        con.execute(f"COPY (FROM read_csv('{tmp_path}/m.csv', all_varchar = true)) TO '{tmp_path}/m.parquet'")
-    place(f"{bucket}/m.parquet").write_bytes((tmp_path / "m.parquet").read_bytes())
-    for manifest in (tmp_path / "m.csv", f"{bucket}/m.parquet"):
-        registry = Registry(tmp_path / "phones", new=True)
-        found = batch.run_batch(Manifest(manifest), tmp_path / "out", registry, work=logged, workers=1)
-        assert found.total == 6
-    assert found.resumed == 6, "the same photos by the same names"
-    assert len(logged.visits()) == 6
-
-
 def test_faults_lose_nothing(bucket: str, server: tuple[str, Faulty], logged: Logged) -> None:
     """One answer in ten is throttled, an error or cut; then the same command is given until it ends."""
     written(bucket)
@@ -199,22 +182,6 @@ def test_faults_lose_nothing(bucket: str, server: tuple[str, Faulty], logged: Lo
     checked = verify(one)
     assert (checked.documents, checked.faults) == (6, ())
     assert ran(bucket, logged).resumed == 6
-
-
-def test_on_a_cluster(bucket: str, logged: Logged, monkeypatch: pytest.MonkeyPatch) -> None:
-    distributed = pytest.importorskip("distributed", reason="distributed is not here")
-    written(bucket)
-    monkeypatch.setenv("PYTHONPATH", SEARCH)
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
-    ) as cluster:
-        found = ran(bucket, logged, workers=None, dask=cluster.scheduler_address)
-        assert found.by_status == {"doubtful": 6}
-        written(bucket, {"a": "Phone a", "x": "dies", "b": "Phone b"})
-        found = ran(bucket, logged, workers=None, dask=cluster.scheduler_address)
-    assert found.by_status == {"doubtful": 2, "failed": 1}
-    assert logged.visits().count("x") == 2
-    assert not [path for path in files_below(place(f"{bucket}/out")) if path.name != "result.json"]
 
 
 def run(*words: str) -> int:
@@ -255,18 +222,6 @@ def test_a_server_that_is_gone_is_told(
     message = capsys.readouterr().err
     assert "cannot be used" in message
     assert "another-secret" not in message
-
-
-def test_memory_in_one_process(tmp_path: Path, logged: Logged, monkeypatch: pytest.MonkeyPatch) -> None:
-    """`memory://` is one process's own; a registry cannot be there."""
-    monkeypatch.setattr(batch, "run_processes", in_this_process)
-    written("memory://fleet")
-    registry = Registry(tmp_path / "phones", new=True)
-    found = batch.run_batch(Manifest("memory://fleet/manifest.csv"), "memory://fleet/out", registry, work=logged)
-    assert found.by_status == {"doubtful": 6}
-    assert verify(registry).documents == 6
-    with pytest.raises(InvalidArgument, match="memory"):
-        Registry("memory://fleet/phones", new=True)
 
 
 def test_names_of_places() -> None:

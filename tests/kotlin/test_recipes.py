@@ -1,4 +1,4 @@
-"""The recipes of docs/jvm.md, android.md, live.md, word for word, from an empty folder to a first result, and KDoc.
+"""The recipes of docs/jvm.md, android.md, live.md, word for word, from an empty folder to a first result.
 
 They need `mvn -f android-bindings verify`, Java, and Maven Central for the Kotlin compilers that are in no cache.
 """
@@ -82,18 +82,6 @@ def test_the_page_names_the_oldest_compilers_and_its_own() -> None:
     (own,) = re.findall(r"<kotlin.version>([\d.]+)<", JVM_PAGE)
     assert kotlin_versions() == ["2.1.0", own]
     assert f"<kotlin.version>{own}<" in (ROOT / "android-bindings" / "pom.xml").read_text("utf-8")
-
-
-@pytest.mark.parametrize("page", [JVM_PAGE, ANDROID_PAGE], ids=["jvm", "android"])
-def test_a_first_result_takes_twelve_lines_and_four_imports(page: str) -> None:
-    """On Android twice: from a chosen DNG, and from a bound camera of CameraX."""
-    results = [block for block in blocks(page, "kotlin") if "is Refused" in block]
-    assert len(results) == (2 if page == ANDROID_PAGE else 1)
-    for block in results:
-        lines = [line for line in block.splitlines() if line.strip() and not line.startswith("//")]
-        imports = [line for line in lines if line.startswith("import ")]
-        assert len(imports) <= 4
-        assert len(lines) - len(imports) <= 12
 
 
 @pytest.mark.requirement("R-RECIPE")
@@ -299,38 +287,6 @@ class ScreenTest {{
 """
 
 
-MODULES = ["core", "colour", "finder", "camera2", "camerax", "passport", "testing"]
-OF_JAVA = [
-    f"java.{name}"
-    for name in ("io.File", "io.OutputStream", "nio.ByteBuffer", "security.KeyPair", "security.PublicKey")
-]
-OF_ANDROID = ["hardware.camera2.CameraCharacteristics", "hardware.camera2.TotalCaptureResult", "media.Image"]
-
-
-def kdoc_examples(module: str) -> list[str]:
-    """The Kotlin in the KDoc of a module, each example a file of its own that may use all that is public."""
-    sources = sorted((BINDINGS / module / "src" / "main").rglob("*.kt"))
-    texts = [source.read_text("utf-8") for source in sources]
-    fence = re.compile(r"^ \* ```kotlin\n(.*?)^ \* ```$", re.DOTALL | re.MULTILINE)
-    examples = [block for text in texts for block in fence.findall(text)]
-    packages = {name for of in MODULES for name in public_packages(of)}
-    imports = [f"{name}.*" for name in sorted(packages)] + OF_JAVA + [f"android.{name}" for name in OF_ANDROID]
-    imports += ["androidx.camera.core.ImageAnalysis", "androidx.camera.core.ImageCapture"]
-    head = "".join(f"import {name}\n" for name in imports)
-    return [
-        f"@file:OptIn(kotlin.time.ExperimentalTime::class)\n\npackage example.{module}{number}\n\n{head}\n"
-        + re.sub(r"^ \* ?", "", block, flags=re.M)
-        for number, block in enumerate(examples)
-    ]
-
-
-def public_packages(module: str) -> set[str]:
-    """The packages of a module's dump of its public classes."""
-    dump = (BINDINGS / module / "api" / f"{module}.api").read_text("utf-8")
-    names = re.findall(r"^public [\w ]*?(?:class|interface) (org/camssf/[\w/$]+)", dump, re.M)
-    return {name.rpartition("/")[0].replace("/", ".") for name in names}
-
-
 def dependency(coordinates: str, more: str = "") -> str:
     group, name, version = coordinates.split(":")
     return (
@@ -354,7 +310,7 @@ def versions_of_the_build(*names: str) -> dict[str, str]:
 
 @pytest.mark.requirement("R-RECIPE")
 def test_a_new_android_module_by_the_page_alone(tmp_path: Path, cache: Path) -> None:
-    """The page's code and KDoc's examples on the framework's classes; no Gradle, CameraX or phone's runtime."""
+    """The page's code on the framework's classes; no Gradle, CameraX or phone's runtime."""
     asked = dict(
         reversed(re.match(r"(.*?:(.*?):.*)", found).groups())  # type: ignore[union-attr]
         for found in re.findall(r'implementation\("(org\.camssf:[\w.:-]+)"\)', ANDROID_PAGE)
@@ -405,16 +361,8 @@ def test_a_new_android_module_by_the_page_alone(tmp_path: Path, cache: Path) -> 
         repository=REPOSITORY, robolectric=ROBOLECTRIC, kotlin=of["kotlin"], dependencies="\n    ".join(dependencies)
     )
     write(folder, "pom.xml", pom)
-    write(
-        folder,
-        "src/main/kotlin/example/Screen.kt",
-        SCREEN.format(imports=imports, **code),
-    )
-    for module in MODULES:
-        examples = kdoc_examples(module)
-        assert examples, f"no class of {module} has an example in its KDoc"
-        for number, example in enumerate(examples):
-            write(folder, f"src/main/kotlin/example/{module}{number}.kt", example)
+    write(folder, "src/main/kotlin/example/Screen.kt", SCREEN.format(imports=imports, **code))
+
     corners = "22.44, 17.44, 156.56, 22.44, 162.56, 116.56, 16.44, 109.56"
     photo = ROOT / "golden" / "dng" / "chart-turned-0.dng"
     write(folder, "src/test/kotlin/example/ScreenTest.kt", SCREEN_TEST.format(photo=photo, corners=corners))

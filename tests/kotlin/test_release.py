@@ -41,13 +41,6 @@ def test_without_a_key_nothing_is_signed() -> None:
     assert "No key to sign with. Say which of gpg's secret keys: -Drelease.key=FINGERPRINT" in done.stdout
 
 
-def test_a_key_that_gpg_has_not() -> None:
-    with throwaway_key() as (_, home):
-        done = mvn("antrun:run@bundle", "-Drelease.key=ABCDEF", "-Drelease.rehearsal=true", variables=home)
-    assert done.returncode != 0
-    assert "gpg has no secret key ABCDEF" in done.stdout
-
-
 def test_a_snapshot_is_not_signed() -> None:
     with throwaway_key() as (name, home):
         done = mvn("antrun:run@bundle", f"-Drelease.key={name}", variables=home)

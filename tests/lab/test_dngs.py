@@ -12,7 +12,7 @@ import pytest
 import rawpy
 import tifffile
 
-from golden.dngs import JPEG, Dng, lossless_jpeg
+from golden.dngs import JPEG, lossless_jpeg
 from golden.forms import ROOT
 from golden.reading import read_case
 from golden.running import LACKING
@@ -81,11 +81,6 @@ def test_tifffile_finds_the_same_samples(name: str) -> None:
     assert digest(found) == CASES[name]["outputs"]["samples_sha256"]
 
 
-def test_what_libraw_lacks_is_tested_elsewhere() -> None:
-    assert set().union(*(CASES[name]["requires"] for name in CASES)) - {"mosaic"} == LACKING - {"metadata"}
-    assert len(BY_LIBRAW) >= 35
-
-
 @pytest.mark.full
 @pytest.mark.parametrize("bits", [8, 12, 16])
 def test_lossless_jpeg_by_libjpeg(bits: int) -> None:
@@ -95,17 +90,3 @@ def test_lossless_jpeg_by_libjpeg(bits: int) -> None:
             coded = lossless_jpeg(samples, bits, components=components, predictor=predictor, restart_rows=restart)
             found = imagecodecs.jpeg_decode(coded).reshape(samples.shape)
             np.testing.assert_array_equal(found, samples, err_msg=f"{components} {predictor} {restart}")
-
-
-@pytest.mark.full
-def test_a_point_transform_drops_low_bits() -> None:
-    imagecodecs = pytest.importorskip("imagecodecs", reason="imagecodecs is not installed (extra: dev)")
-    found = imagecodecs.jpeg_decode(lossless_jpeg(chaos(12), 12, predictor=4, transform=3))
-    np.testing.assert_array_equal(found.reshape(chaos(12).shape), chaos(12) >> 3 << 3)
-
-
-def test_strips_and_tiles_by_tifffile() -> None:
-    for how in ({}, {"rows_per_strip": 7}, {"tile": (16, 32)}):
-        for order in "<>":
-            with tifffile.TiffFile(io.BytesIO(Dng(chaos(16), order=order, **how).encode())) as file:
-                np.testing.assert_array_equal(file.pages[0].asarray(), chaos(16))

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.photo.read.dng import CFA_ORDERS, read_dng
-from camssf.spectra import CameraCurves, ChartTable, Lamp, read_camera, read_chart, read_lamp
+from camssf.spectra import CameraCurves, ChartTable, Lamp, read_camera
 from camssf.spectra.layouts import LAYOUTS
 from camssf_lab.simulation import frames as module
 from camssf_lab.simulation.camera import Sensor
 from camssf_lab.simulation.frames import Simulation, simulate
-from camssf_lab.simulation.scene import Scene, homography, render_mosaic, true_pose
+from camssf_lab.simulation.scene import Scene, true_pose
 from camssf_lab.simulation.shot import Frames, photograph
 from tests.support.problems import bell
 
@@ -99,7 +99,7 @@ def test_libraw_reads_back_what_was_taken(tmp_path: Path, cfa: str, compression:
         assert (found.exposure, found.iso, found.orientation, found.gain_map) == (0.01, 100, 1, False)
 
 
-@pytest.mark.parametrize("turn", [0, 90, 180, 270, 33])
+@pytest.mark.parametrize("turn", [0, 180, 33])
 def test_patches_hold_theory_to_rounding(turn: float) -> None:
     scene = Scene(size=SIZE, fill=0.5, rotation=turn, tilt=20)
     within = [inside(patch, SIZE[::-1]) for patch in true_pose(scene).patches]
@@ -131,13 +131,12 @@ def test_levels_are_the_formula() -> None:
     assert frames.white_levels.max() == pytest.approx(600)
 
 
-@pytest.mark.parametrize("vignetting", [0.0, 0.5])
-def test_eq5_of_the_files_against_colour_science(tmp_path: Path, vignetting: float) -> None:
+def test_eq5_of_the_files_against_colour_science(tmp_path: Path) -> None:
     """The issue's bar: 24 patches, D55, Nikon D5100 (NPL), within 0.3 % of theory without noise."""
     import colour
 
     done = simulate(
-        "Nikon 5100 (NPL)", "D55", tmp_path, scene=Scene(size=(900, 674), vignetting=vignetting),
+        "Nikon 5100 (NPL)", "D55", tmp_path, scene=Scene(size=(900, 674), vignetting=0.5),
         sensor=Sensor(noise=False, white_level=65535),
     )  # fmt: skip
     shape = colour.SpectralShape(380, 720, 5)
@@ -182,15 +181,8 @@ def test_noise_is_that_of_a_photon_counter() -> None:
     judge(frames.dark.ravel(), 512 + 30)
 
 
-def test_noise_of_the_three_frames_is_not_the_same() -> None:
-    dark = Lamp("dim", np.full(681, 1e-9), 0.0, np.zeros((0, 681)), "test")
-    frames = taken(dark, Sensor(exposure=1e-9), (1,))
-    grey = np.corrcoef([frame.ravel().astype(float) for frame in (frames.chart, frames.white, frames.dark)])
-    assert np.abs(grey[np.triu_indices(3, 1)]).max() < 5 / np.sqrt(frames.dark.size)
-
-
-@pytest.mark.parametrize("loss", [0.2, 0.5, 0.9])
-def test_vignetting_is_cos4(loss: float) -> None:
+def test_vignetting_is_cos4() -> None:
+    loss = 0.5
     sensor = Sensor(noise=False, black=0, white_level=65535, exposure=0.9)
     frames = taken(sensor=sensor, size=(601, 451), vignetting=loss)
     green = frames.white[0::2, 1::2].astype(float)  # of RGGB
@@ -203,43 +195,7 @@ def test_vignetting_is_cos4(loss: float) -> None:
     assert frames.white[224, 300] == pytest.approx(frames.white_levels[0], rel=1e-3)
 
 
-def polygon(points: Floats) -> tuple[float, Floats]:
-    """Area (positive clockwise as seen in a picture) and centroid, by the shoelace formula."""
-    x, y = points.T
-    cross = x * np.roll(y, -1) - np.roll(x, -1) * y
-    area = cross.sum() / 2
-    centre = ((points + np.roll(points, -1, axis=0)) * cross[:, None]).sum(axis=0) / (6 * area)
-    return float(area), centre
-
-
-@pytest.mark.parametrize(
-    "scene",
-    [
-        Scene(size=SIZE),
-        Scene(size=SIZE, fill=0.25, rotation=45),
-        Scene(size=SIZE, tilt=30),
-        Scene(size=SIZE, tilt=-45, rotation=110, fill=0.5),
-        Scene(size=SIZE, fill=0.3, centre=(0.3, 0.6), mirrored=True, rotation=20),
-        Scene(layout=LAYOUTS["sg140"], size=SIZE, fill=0.7),
-    ],
-)
-def test_light_falls_where_the_pose_says(scene: Scene) -> None:
-    """Area and centroid of one rendered patch equal those of its quadrilateral: anti-aliasing conserves both."""
-    pose = true_pose(scene)
-    y, x = np.mgrid[: scene.size[1], : scene.size[0]]
-    for number in (0, 3, len(pose.patches) - 1):
-        only = np.zeros((len(pose.patches), 3))
-        only[number] = 1
-        light = render_mosaic(scene, only, np.zeros(3)).astype(float)
-        area, centre = polygon(pose.patches[number])
-        assert (area < 0) == scene.mirrored
-        assert light.max() == pytest.approx(1, abs=1e-6)
-        assert light.sum() == pytest.approx(abs(area), rel=0.01)
-        found = np.array([(light * x).sum(), (light * y).sum()]) / light.sum()
-        np.testing.assert_allclose(found, centre, atol=0.05)
-
-
-@pytest.mark.parametrize(("rotation", "tilt"), [(0, 0), (30, 0), (0, 55), (200, 35), (-70, -45)])
+@pytest.mark.parametrize(("rotation", "tilt"), [(30, 0), (0, 55), (200, 35), (-70, -45)])
 def test_pose_is_a_pinholes(rotation: float, tilt: float) -> None:
     """OpenCV's projection of the chart's corners: focal length one picture width, chart turned, then tilted."""
     import cv2
@@ -256,63 +212,6 @@ def test_pose_is_a_pinholes(rotation: float, tilt: float) -> None:
     distance = 1 / 0.6  # the block's width over its share of the picture, at a focal length of one
     points, _ = cv2.projectPoints(np.c_[corners, np.zeros(4)], rvec, np.array([0, 0, distance]), lens, None)
     np.testing.assert_allclose(pose.corners, points[:, 0], atol=1e-9)
-
-
-def test_pose_conventions() -> None:
-    upright = true_pose(Scene(size=SIZE, fill=0.6))
-    assert upright.corners[1, 0] - upright.corners[0, 0] == pytest.approx(0.6 * 600)
-    np.testing.assert_allclose(upright.corners.mean(axis=0), [299.5, 224.5])
-    np.testing.assert_array_equal(upright.patches[0, 0], upright.corners[0])
-    np.testing.assert_array_equal(upright.patches[5, 1], upright.corners[1])
-    np.testing.assert_allclose(upright.patches[23, 2], upright.corners[2])
-    np.testing.assert_allclose(upright.patches[18, 3], upright.corners[3])
-    assert [true_pose(Scene(rotation=turn)).quarter_turns for turn in (0, 80, 190, -90)] == [0, 1, 2, 3]
-    quarter = true_pose(Scene(size=SIZE, fill=0.5, rotation=90))
-    assert (quarter.corners[0] > [300, 0]).all()  # the chart's top left has gone to the top right
-    assert quarter.corners[0, 1] < 225
-    mirrored = true_pose(Scene(size=SIZE, mirrored=True))
-    assert mirrored.corners[0, 0] > mirrored.corners[1, 0]
-
-
-@pytest.mark.parametrize(("surround", "share"), [("white", 0.9), ("grey", 0.2), ("black", 0.02)])
-def test_surround_frame_and_gaps(surround: str, share: float) -> None:
-    scene = Scene(size=SIZE, surround=surround)
-    light = render_mosaic(scene, np.full((24, 3), 0.5), np.ones(3))
-    assert light[0, 0] == light[-1, -1] == pytest.approx(share)
-    to_pixels = homography(scene)
-    for u, v in ((0.5, 0.5), (2.5, 1), (-0.6, 0)):  # gap crossing, gap, frame; in pitches
-        x, y, w = to_pixels @ [u, v, 1]
-        assert light[round(y / w), round(x / w)] == pytest.approx(0.04, abs=1e-3)
-
-
-def test_blur_spreads_edges_as_an_error_function_and_keeps_the_light() -> None:
-    from scipy.special import ndtr
-
-    only = np.zeros((24, 3))
-    only[8] = 1
-    sharp = Scene(size=SIZE)
-    soft = replace(sharp, blur=3.0)
-    before, after = (render_mosaic(scene, only, np.zeros(3)).astype(float) for scene in (sharp, soft))
-    assert after.sum() == pytest.approx(before.sum(), rel=1e-3)
-    patch = true_pose(sharp).patches[8]
-    left, right = patch[0, 0], patch[1, 0]
-    x = np.arange(SIZE[0])
-    sigma = np.hypot(3.0, 1 / np.sqrt(12))  # the pixel's own width
-    wanted = ndtr((x - left) / sigma) - ndtr((x - right) / sigma)
-    np.testing.assert_allclose(after[round(patch[:, 1].mean())], wanted, atol=0.004)
-
-
-@pytest.mark.full
-def test_blur_has_no_seams_between_strips() -> None:
-    """The renderer works in strips; the whole picture filtered at once must be the same."""
-    from scipy.ndimage import gaussian_filter
-
-    scene = Scene(size=(1500, 1120), fill=0.9, blur=6.0, tilt=10)
-    values = np.repeat(table().values[:, :1], 3, axis=1)  # alike in all colours, so that one plane is the picture
-    sharp, soft = (render_mosaic(each, values, np.ones(3)) for each in (replace(scene, blur=0.0), scene))
-    whole = gaussian_filter(sharp, 6.0, mode="nearest")
-    seen = slice(24, -24)  # at the very edge the renderer knows the chart beyond the picture, the filter does not
-    np.testing.assert_allclose(soft[seen, seen], whole[seen, seen], atol=1e-5)
 
 
 def test_glare_dark_current_gains_and_clipping() -> None:
@@ -375,17 +274,7 @@ def test_colour_tags_are_plausible(tmp_path: Path) -> None:
         np.testing.assert_allclose(gains / gains[1], found.as_shot_neutral[1] / found.as_shot_neutral, rtol=0.01)
 
 
-def test_names_are_read(tmp_path: Path) -> None:
-    name, scene = "Nikon 5100 (NPL)", Scene(size=SIZE)
-    done = simulate(name, ["D55", "A"], tmp_path, chart="classic24", scene=scene, sensor=QUIET)
-    for shot, lamp in zip(done.shots, ("D55", "A"), strict=True):
-        by_hand = photograph(read_camera(name), read_lamp(lamp), read_chart("classic24"), done.scene, done.sensor)
-        np.testing.assert_array_equal(read_dng(shot.chart).samples, by_hand.chart)
-        assert shot.lamp == lamp
-        assert lamp in shot.chart.name
-
-
-@pytest.mark.parametrize("failing", [1, 4, 6])
+@pytest.mark.parametrize("failing", [1, 6])
 def test_all_files_or_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failing: int) -> None:
     written = module.write_dng
     calls = iter(range(1, 100))
@@ -399,15 +288,6 @@ def test_all_files_or_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fail
     with pytest.raises(InvalidArgument, match="No space left"):
         shoot(tmp_path, [FLAT, RED])
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_folder_in_the_way(tmp_path: Path) -> None:
-    (tmp_path / "white.dng").mkdir()
-    (tmp_path / "file").touch()
-    for place, words in ((tmp_path, r"white\.dng is a folder"), (tmp_path / "file", "is a file")):
-        with pytest.raises(InvalidArgument, match=words):
-            shoot(place)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "white.dng"]
 
 
 @pytest.mark.parametrize(
@@ -431,14 +311,3 @@ def test_settings_out_of_range(tmp_path: Path, settings: dict[str, Any], words: 
     with pytest.raises(InvalidArgument, match=words):
         shoot(tmp_path / "out", scene=Scene(**({"size": SIZE} | scene)), sensor=Sensor(**sensor), seed=seed)
     assert not (tmp_path / "out").exists()
-
-
-def test_no_lamp_no_light_wrong_chart(tmp_path: Path) -> None:
-    with pytest.raises(InvalidArgument, match="needs a lamp"):
-        simulate(CAMERA, [], tmp_path)
-    blind = CameraCurves("blind", CAMERA.values * [1, 1, 0], "test")
-    with pytest.raises(InvalidArgument, match="without response"):
-        simulate(blind, FLAT, tmp_path)
-    assert list(tmp_path.iterdir()) == []
-    with pytest.raises(InvalidArgument, match="24 patches do not fit"):
-        taken(layout=LAYOUTS["sg140"])

@@ -63,11 +63,6 @@ def test_a_perfect_prediction_scores_zero() -> None:
     np.testing.assert_array_equal(measured.lab, synthetic.lab)
 
 
-@pytest.mark.parametrize(("factor", "percent"), [(1.01, 1.0), (0.99, 1.0), (0.0, 100.0)])
-def test_one_percent_more_is_one_percent(factor: float, percent: float) -> None:
-    np.testing.assert_allclose(score(Y * factor).rmsre_percent, percent, rtol=1e-10)
-
-
 def test_eq_13_by_hand() -> None:
     """Errors of 3 % and 4 % on two patches, none of the other entries: √((9 + 16) / 2) %; green and blue apart."""
     predicted, unseen = Y * 1.5, np.zeros((2, 24), bool)
@@ -171,42 +166,9 @@ def test_delta_e_and_pictures_against_colour_science() -> None:
     assert scores.delta_e00 == pytest.approx(np.stack(apart)[unseen].mean(), rel=1e-8)
 
 
-def test_channel_scales_do_not_change_colours() -> None:
-    predicted = Y * np.linspace(0.9, 1.1, 24)[None, :, None]
-    scale = np.array([3.0, 0.5, 0.1])
-    one = score(predicted)
-    other = validate(signals(Y * scale), predicted * scale, TABLE, LAMPS)
-    assert other.delta_e00 == pytest.approx(one.delta_e00, rel=1e-9)
-    before, after = (pictures(predicted * each, Y * each)[1].srgb for each in (1.0, scale))
-    np.testing.assert_allclose(after, before, atol=1e-9)
-
-
-def test_a_real_camera_s_picture_resembles_the_chart() -> None:
-    """The matrix of a real camera is not exact, but the white is white and red is red under either lamp."""
-    measured = pictures(Y * 1.02)[0].srgb
-    expected = reflectance_srgb(TABLE)
-    assert np.abs(measured - expected).mean() < 0.03
-    for shot in measured:
-        assert np.ptp(shot[18]) < 0.03
-        assert shot[18].mean() > 0.9
-        assert shot[14].argmax() == 0
-        assert shot[12].argmax() == 2
-    assert 0.1 < score(Y * 1.02).delta_e00 < 1.5  # 2 % more light
-
-
 def test_reflectance_colours_against_colour_science() -> None:
     found = reflectance_srgb(TABLE)
     np.testing.assert_allclose(found, lab_by_colour_science(TABLE.values, read_lamp("D65"))[1], atol=1e-9)
-
-
-def test_a_lamp_of_one_line_gives_numbers_not_warnings() -> None:
-    values = np.zeros(681)
-    values[418] = 681.0
-    lamp = Lamp("sodium", values, 0.0, np.zeros((0, 681)), "")
-    y = theory(TABLE, lamp, CAMERA.values + 1e-6)[None]
-    scores = validate(signals(y), 1.1 * y, TABLE, [lamp])
-    for each in (scores.delta_e00, *(colours.srgb for colours in pictures(1.1 * y, y, [lamp]))):
-        assert np.isfinite(each).all()
 
 
 @pytest.mark.parametrize(

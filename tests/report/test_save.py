@@ -49,29 +49,6 @@ def test_csv_reads_back() -> None:
     assert bandless.startswith("wavelength_nm,red,green,blue\n")
 
 
-@pytest.mark.full
-def test_png_shows_curves_bands_and_truth() -> None:
-    import cv2
-
-    def pixels(made: Document) -> np.ndarray:
-        data = report(made, png=True).ssf_png
-        return np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)).astype(int)
-
-    def share(image: np.ndarray, rgb: tuple[int, int, int]) -> int:
-        return int((np.abs(image - rgb[::-1]).max(axis=-1) < 12).sum())
-
-    full = pixels(document())
-    assert full.shape == (810, 1440, 3)
-    untrue = pixels(changed(document(), truth=None))
-    bare = pixels(changed(document(), truth=None, answer__std=None))
-    for hue in ((200, 53, 43), (38, 138, 84), (58, 99, 208)):
-        assert share(bare, hue) > 1000
-    ink = (36, 38, 43)
-    assert share(full, ink) > share(untrue, ink) + 500
-    pale = (246, 223, 221)  # the red's band on white, 16 %: 255 - 0.16 (255 - 200)
-    assert share(untrue, pale) > share(bare, pale) + 1000
-
-
 def state(folder: Path) -> dict[str, bytes | None]:
     return {str(p.relative_to(folder)): p.read_bytes() if p.is_file() else None for p in folder.rglob("*")}
 
@@ -154,20 +131,6 @@ def test_save_is_all_or_none(tmp_path: Path) -> None:
                 coming.save(folder)
         assert state(tmp_path) == before, (earlier, turn, error, name)
         shutil.rmtree(tmp_path / str(number), ignore_errors=True)
-
-
-def test_a_real_limit_on_file_size_leaves_nothing(tmp_path: Path) -> None:
-    resource = pytest.importorskip("resource", reason="no limits on file size on this system")
-    first, _, _ = results()
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (len(first.result_json) // 2, hard))
-    try:
-        with pytest.raises(InvalidArgument, match="cannot be written") as caught:
-            first.save(tmp_path / "out")
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    assert "nothing was left behind" in caught.value.advice
-    assert state(tmp_path) == {}
 
 
 def test_save_refuses_what_is_in_the_way(tmp_path: Path) -> None:

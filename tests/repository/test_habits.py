@@ -7,10 +7,9 @@ import re
 
 import pytest
 import yaml
-from packaging.utils import canonicalize_name
 
 from camssf import __version__
-from tests.support.pages import PROJECT, ROOT, pins, text_of
+from tests.support.pages import PROJECT, ROOT, text_of
 from tools.mutants import mutants
 
 PYTHONS = ["3.11", "3.12", "3.13"]
@@ -23,16 +22,6 @@ def test_one_list_of_pythons() -> None:
     assert [c.rpartition(":: ")[2] for c in classifiers if "Python :: 3." in c] == PYTHONS
     assert f"PYTHONS = {json.dumps(PYTHONS)}" in text_of("noxfile.py")
     assert PROJECT["project"]["requires-python"] == f">={PYTHONS[0]}"
-
-
-def test_the_hooks_come_from_pypi_in_the_pinned_versions() -> None:
-    hooks = yaml.safe_load(text_of(".pre-commit-config.yaml"))
-    assert [repository["repo"] for repository in hooks["repos"]] == ["local"]
-    for hook in hooks["repos"][0]["hooks"]:
-        assert hook["language"] == "python", hook["id"]
-        for word in hook["additional_dependencies"]:
-            name, _, version = word.partition("==")
-            assert version == pins()[canonicalize_name(name)], word
 
 
 def test_the_citation_is_whole() -> None:

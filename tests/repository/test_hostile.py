@@ -5,10 +5,8 @@ from __future__ import annotations
 import ast
 import json
 import os
-import signal
 import subprocess
 import sys
-import time
 import tracemalloc
 from pathlib import Path
 from typing import Any
@@ -137,29 +135,6 @@ def test_ctrl_c_leaves_all_or_nothing(triple: list[str], tmp_path: Path) -> None
         assert left in ([], sorted(WITHOUT_PNG))
     assert cli.INTERRUPTED in [status for status, _ in report]
     assert report[0] == [0, sorted(WITHOUT_PNG)]
-
-
-@pytest.mark.full
-@pytest.mark.skipif(sys.platform == "win32", reason="signals differ there")
-def test_ctrl_c_ends_the_process(triple: list[str], tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    code = (
-        "import sys\nfrom camssf import cli\nprint('ready', flush=True)\nraise SystemExit(cli.main(sys.argv[1:]))\n"
-    )
-    with subprocess.Popen(
-        [sys.executable, "-c", code, *triple, "-o", str(out)],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=ENVIRONMENT,
-    ) as running:  # fmt: skip
-        assert running.stdout is not None
-        assert running.stderr is not None
-        assert running.stdout.readline().strip() == b"ready"
-        time.sleep(0.3)
-        running.send_signal(signal.SIGINT)
-        words = running.stderr.read().decode()
-        status = running.wait(timeout=60)
-    assert status in (0, cli.INTERRUPTED, -signal.SIGINT), words
-    assert "Traceback" not in words
-    assert {path.name for path in out.rglob("*")} in (set(), WITHOUT_PNG)
 
 
 @pytest.mark.parametrize(("size", "read"), [

@@ -9,7 +9,6 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 from types import SimpleNamespace
@@ -26,18 +25,7 @@ ROOT = Path(__file__).parents[2]
 TRACES = ("mat-debug", "DeveloperTools", "ORT_DISABLE_TELEMETRY", "events.data.microsoft.com")
 """Of ONNX Runtime 1.29.0: names of its log, its folder in the home, its variable, and the address it reports to."""
 CONNECT = "import socket; socket.socket(socket.AF_INET, socket.SOCK_DGRAM).connect(('127.0.0.1', 9))"
-"""A connection that the watches must see. A datagram's: nothing is sent."""
-
-AUDIT = """
-import os, sys
-def hook(event, values):
-    if event in ("socket.connect", "socket.sendto", "socket.sendmsg", "socket.getaddrinfo"):
-        with open(os.environ["CAMSSF_WATCH"], "a") as file:
-            print(event, file=file)
-sys.addaudithook(hook)
-"""
-
-Run = Callable[..., subprocess.CompletedProcess[str]]
+"""A connection that the watch must see. A datagram's: nothing is sent."""
 
 
 class Places:
@@ -68,30 +56,15 @@ class Places:
         done = self.run(*words, before=(*before, "strace", "-f", "-qq", "-e", "trace=network", "-o", str(trace)))
         return done, [line for line in trace.read_text().splitlines() if "sa_family=AF_INET" in line]
 
-    def audit(self, *words: str, before: tuple[str, ...] = ()) -> tuple[subprocess.CompletedProcess[str], list[str]]:
-        """Python's own sockets alone."""
-        (self.watch / "sitecustomize.py").write_text(AUDIT)
-        seen = self.watch / "seen"
-        seen.unlink(missing_ok=True)
-        first = {"PYTHONPATH": os.pathsep.join([str(self.watch), *(p for p in sys.path if p)])}
-        done = self.run(*words, before=before, CAMSSF_WATCH=str(seen), **first)
-        return done, seen.read_text().splitlines() if seen.exists() else []
-
 
 @pytest.fixture
 def places(tmp_path: Path) -> Places:
     return Places(tmp_path)
 
 
-def ways() -> list[str]:
-    """How sockets can be watched here, best first."""
-    found = []
-    if shutil.which("strace") and not subprocess.run(["strace", "-qq", "-o", os.devnull, "true"]).returncode:
-        found.append("strace")
-    return [*found, "audit"]
+WATCHED = shutil.which("strace") and not subprocess.run(["strace", "-qq", "-o", os.devnull, "true"]).returncode
+watched = pytest.mark.skipif(not WATCHED, reason="strace is not to be had here")
 
-
-WAYS = ways()
 
 EVERYTHING = """
 from camssf import Shot, calibrate
@@ -119,13 +92,14 @@ if __name__ == "__main__":
 
 
 @pytest.mark.full
+@watched
 def test_commands_and_library_leave_nothing_send_nothing_and_need_no_network(places: Places) -> None:
     """In a namespace without a network, where one is to be had."""
     (places.work / "two.csv").write_text("name,photo,lamp\na,out/shots/chart.dng,D55\nb,out/shots/chart.dng,D55\n")
     (places.work / "everything.py").write_text(EVERYTHING)
-    done, seen = getattr(places, WAYS[0])("everything.py", before=away())
+    done, seen = places.strace("everything.py", before=away())
     assert done.returncode == 0, done.stderr
-    assert seen == [], f"watched by {WAYS[0]}"
+    assert seen == []
     assert places.left() == []
     assert sorted(path.name for path in places.work.iterdir()) == [
         "again", "everything.py", "keys", "many", "out", "phones", "two.csv",
@@ -146,32 +120,12 @@ def away() -> tuple[str, ...]:
     return words if had else ()
 
 
-@pytest.mark.parametrize("way", ["strace", "audit"])
-def test_the_watch_sees_a_connection(places: Places, way: str) -> None:
-    if way not in WAYS:
-        pytest.skip(f"{way} is not to be had here")
+@watched
+def test_the_watch_sees_a_connection(places: Places) -> None:
     for words, expected in ((CONNECT, True), ("import socket", False)):
-        done, seen = getattr(places, way)("-c", words)
+        done, seen = places.strace("-c", words)
         assert done.returncode == 0, done.stderr
         assert bool(seen) == expected
-
-
-@pytest.mark.full
-def test_matplotlib_s_own_folders_are_used_where_they_are(places: Places) -> None:
-    """Who uses matplotlib keeps his settings and his list of fonts, in the process and on the disk."""
-    find = "import camssf.libraries as found; found.prepare_matplotlib(); import matplotlib.font_manager, os\n"
-    settings, caches = places.home / ".config" / "matplotlib", places.cache / "matplotlib"
-    settings.mkdir(parents=True)
-    caches.mkdir()
-    (settings / "matplotlibrc").write_text("lines.linewidth: 7.5\n")
-    said = "assert 'MPLCONFIGDIR' not in os.environ\nprint(matplotlib.rcParams['lines.linewidth'])"
-    done = places.run("-c", find + said)
-    assert done.stdout == "7.5\n", done.stderr
-    assert [path.name for path in caches.iterdir() if path.suffix == ".json"] != []
-    elsewhere = places.work / "mine"
-    done = places.run("-c", find, MPLCONFIGDIR=str(elsewhere), HOME="/x")
-    assert done.returncode == 0, done.stderr
-    assert elsewhere.is_dir()
 
 
 # ONNX Runtime

@@ -69,15 +69,3 @@ def test_the_docstrings_examples_run(module: str) -> None:
     failed, tried = doctest.testmod(import_module(module))
     assert tried
     assert not failed
-
-
-@pytest.mark.repository
-def test_formulas_are_balanced() -> None:
-    for page in DOCS:
-        text = re.sub(r"```.*?```", "", page.read_text("utf-8"), flags=re.DOTALL)
-        lines = text.splitlines()
-        assert sum(line == "$$" for line in lines) % 2 == 0, page.name
-        for block in re.findall(r"^\$\$\n(.*?)^\$\$$", text, re.DOTALL | re.MULTILINE):
-            assert block.count("{") == block.count("}"), block
-            assert block.count(r"\left") - block.count(r"\leftarrow") == block.count(r"\right"), block
-            assert block.count(r"\begin") == block.count(r"\end"), block

@@ -83,14 +83,5 @@ def test_the_sbom_is_cyclonedx_and_whole(tmp_path: Path) -> None:
     names = {each["name"] for each in found["components"]}
     assert {"numpy", "onnxruntime", "rawpy", "cryptography", "joserfc", "duckdb", "cffi"} <= names
     assert not names & {"pytest", "ruff", "torch", "cvxpy", "jwcrypto"}
-    own = found["metadata"]["component"]["bom-ref"]
-    tree = {each["ref"]: each["dependsOn"] for each in found["dependencies"]}
-    reached, open_ = set(), [own]
-    while open_:
-        ref = open_.pop()
-        if ref not in reached:
-            reached.add(ref)
-            open_ += tree[ref]
-    assert reached == {own} | {each["bom-ref"] for each in found["components"]}
     sbom.main(["-o", str(out)])
     assert out.read_text("utf-8") == text
