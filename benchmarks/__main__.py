@@ -1,53 +1,49 @@
-"""Measures a claim or the speed of a kernel, or lists them: `python -m benchmarks [NAME] [--help]`."""
+"""Measures a claim, or lists them with their questions: `python -m benchmarks [NAME] [--help]`."""
 
 from __future__ import annotations
 
 import ast
-import runpy
+import subprocess
 import sys
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 
 from benchmarks.claim import Run
-from benchmarks.kernels.turns import Unavailable
 from benchmarks.shared import console, one_thread, table
+from benchmarks.turns import Unavailable
 
-FOLDER = Path(__file__).parent
+CLAIMS = Path(__file__).parent / "claims"
 
 
-def named(pattern: str, function: str) -> dict[str, str]:
-    """The modules that have such a function: the first line of their docstring, by name."""
-    sources = {path.stem: path.read_text("utf-8") for path in sorted(FOLDER.glob(pattern))}
+def questions() -> dict[str, str]:
+    """The first line of each claim's docstring, by name."""
+    sources = {path.stem: path.read_text("utf-8") for path in sorted(CLAIMS.glob("*.py"))}
     return {
         name: (ast.get_docstring(ast.parse(source)) or "").split("\n", maxsplit=1)[0]
         for name, source in sources.items()
-        if f"\ndef {function}(" in source
+        if "\ndef claim(" in source
     }
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the command; 1 where a bar is missed, 2 where something is not here."""
     name, *rest = list(sys.argv[1:] if arguments is None else arguments) or [""]
-    claims = named("claims/*.py", "claim")
-    others = {word: f"benchmarks.kernels.{word}" for word in named("kernels/*.py", "main")}
-    others["paper"] = "benchmarks.paper"
-    if name in others:
-        sys.argv = [name, *rest]
-        runpy.run_module(others[name], run_name="__main__", alter_sys=True)
-        return 0
+    claims = questions()
     if name not in claims:
         console().print(table("python -m benchmarks NAME", ("claim", "question"), claims.items()))
-        console().print(f"Others: {', '.join(others)}")
         return 0 if name in ("", "-h", "--help") else 2
     module = import_module(f"benchmarks.claims.{name}")
     run = Run.of(name, module, rest)
     try:
         module.claim(run)
         return run.end()
+    except subprocess.CalledProcessError as error:
+        said = (error.stderr or error.stdout or "").strip().splitlines()
+        print(f"{Path(error.cmd[0]).name} failed: {' '.join(said[-3:])}", file=sys.stderr)
     except Unavailable as error:
         print(error, file=sys.stderr)
-        return 2
+    return 2
 
 
 if __name__ == "__main__":

@@ -11,8 +11,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from benchmarks.kernels.turns import Unavailable
 from benchmarks.shared import command_parser, console, progress, save, table, versions
+from benchmarks.turns import Unavailable
 
 T = TypeVar("T")
 TABLES = {"phones": "measured phones", "foreign": "cameras of another laboratory"}

@@ -174,21 +174,6 @@ def whiten_finely(linear: LinearModel) -> tuple[Long, Long]:
     return np.stack(rows), np.stack(targets)
 
 
-def rows_apart(own: tuple[Floats, Floats], fine: tuple[Long, Long]) -> Floats:
-    """(p,) how far whitened rows are from the reference's, in what no rotation of them changes.
-
-    |H_ij - H'_ij| in parts of √(H'_ii H'_jj), with b as one column more, the worst.
-    """
-    apart = []
-    for A, b, fine_A, fine_b in zip(*own, *fine, strict=True):
-        pairs = (np.column_stack(pair).astype(np.longdouble) for pair in ((A, b), (fine_A, fine_b)))
-        ours, theirs = (columns.T @ columns for columns in pairs)
-        length = np.sqrt(np.diag(theirs))
-        length = np.where(length > 0, length, 1.0)
-        apart.append(float(np.max(np.abs(ours - theirs) / (length * length[:, None]))))
-    return np.array(apart)
-
-
 def gamma_max(A: Floats, b: Floats, nonnegative: bool) -> Floats:
     """(p,) the smallest γ that leaves the zero code, from whitened rows; of |Aᵀ b| where no γ > 0 leaves more."""
     pull = np.einsum("pnr,pn->pr", A, b)

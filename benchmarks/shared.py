@@ -89,22 +89,6 @@ def command_parser(spec: ModuleSpec | None, doc: str | None) -> argparse.Argumen
     return argparse.ArgumentParser(prog=name, description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
 
 
-def bar(name: str, value: float, limit: float, *, least: bool = False) -> dict[str, Any]:
-    """A bar with its value and whether it is met; `limit` is the least or the most that is wanted."""
-    met = bool(value >= limit if least else value <= limit)
-    return {"bar": name, "value": value, "limit": limit, "at_least": least, "met": met}
-
-
-def bars_table(bars: Iterable[dict[str, Any]]) -> Table:
-    """The bars that `bar` made."""
-    rows = [
-        (each["bar"], f"{each['value']:.4f}", f"{'≥' if each['at_least'] else '≤'} {each['limit']:g}",
-         "met" if each["met"] else "MISSED")
-        for each in bars
-    ]  # fmt: skip
-    return table("Bars", ("bar", "value", "limit", "verdict"), rows)
-
-
 def one_thread(spec: ModuleSpec | None) -> None:
     """Start the command anew with every library held to one thread: the limits must stand before NumPy is loaded."""
     pools = ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB_MAXIMUM", "NUMEXPR", "NUMBA", "RAYON")

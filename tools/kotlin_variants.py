@@ -1,9 +1,9 @@
-"""What LibRaw and tifffile read in Kotlin's DNG files: `python -m tools.kotlin_variants [--classpath PATH]`
+"""What LibRaw and tifffile read in Kotlin's DNG files: `python -m tools.kotlin_variants`
 
 Has Kotlin's test writer put out its variants, decodes each with LibRaw (rawpy) and with tifffile and imagecodecs, and
 stores the SHA-256 of the active area's samples (little-endian 16 bit), or the words of the refusal, where Kotlin's
-tests find them. The same for the real files of data/dng. Run it anew when a variant is added. tifffile applies
-no LinearizationTable.
+tests find them. The same for the real files of data/dng. Run it anew when a variant is added, after `mvn package`.
+tifffile applies no LinearizationTable.
 """
 
 from __future__ import annotations
@@ -22,9 +22,8 @@ from typing import Any
 import rawpy
 import tifffile
 
-from benchmarks.kernels.kotlin_decode import compiled
-from benchmarks.kernels.turns import BINDINGS, or_unavailable
 from benchmarks.shared import command_parser, one_thread, versions
+from benchmarks.turns import BINDINGS, class_path
 from camssf.files import write_file
 
 STORED = BINDINGS / "core" / "src" / "test" / "resources" / "dng" / "judges.json"
@@ -79,11 +78,9 @@ def judge_all(folder: Path) -> dict[str, dict[str, str]]:
     return dict(first)
 
 
-@or_unavailable
 def main() -> int:
-    """Writes the file; 2 where it cannot."""
+    """Writes the file."""
     parser = command_parser(__spec__, __doc__)
-    parser.add_argument("--classpath", help="of the compiled bindings and tests, and kotlin-stdlib")
     parser.add_argument("-o", type=Path, default=STORED, help="where to write")
     parser.add_argument("--judge", type=Path, help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -92,8 +89,8 @@ def main() -> int:
         print(json.dumps({file.name: judge(file) for file in sorted(options.judge.glob("*.dng"))}))
         return 0
     with tempfile.TemporaryDirectory() as folder:
-        java = ["java", "-cp", options.classpath or compiled(), "org.camssf.photo.dng.VariantFiles", folder]
-        subprocess.run(java, check=True)
+        places = os.pathsep.join([str(BINDINGS / "core" / "target" / "test-classes"), class_path()])
+        subprocess.run(["java", "-cp", places, "org.camssf.photo.dng.VariantFiles", folder], check=True)
         found = {
             "command": "python -m tools.kotlin_variants",
             "versions": versions("rawpy", "tifffile", "imagecodecs")

@@ -27,8 +27,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from benchmarks.kernels.turns import Unavailable, class_path
 from benchmarks.shared import console, progress, table
+from benchmarks.turns import Unavailable, class_path
 
 PLACE = Path(__file__).parents[1] / "reference" / "camssf" / "data" / "rules.json"
 GOLDEN = Path(__file__).parents[1] / "golden"

@@ -1,6 +1,6 @@
 """docs/paper.json and its pictures, from the last run's numbers, and the site's page: `python -m tools.paper_page`.
 
-`python -m benchmarks.paper` measures them. Every number of the page is in docs/paper.json, but for the paper's own.
+`python -m benchmarks paper` measures them. Every number of the page is in docs/paper.json, but for the paper's own.
 """
 
 from __future__ import annotations
@@ -174,11 +174,7 @@ def charts(found: dict[str, Any]) -> dict[str, Any]:
 
 def bars(found: dict[str, Any]) -> dict[str, Any]:
     """What is met."""
-    body = [
-        [b["bar"], f"{b['value']:.3f}", f"{'≥' if b['at_least'] else '≤'} {b['limit']:g}"]
-        for b in found["bars"]
-        if not b["met"]
-    ]
+    body = [[bar["bar"], f"{bar['value']:.3f}", bar["limit"]] for bar in found["bars"] if not bar["met"]]
     missed = markdown_table(["bar missed", "value", "limit"], body) if body else ""
     return {"missed": missed, "met": len(found["bars"]) - len(body)}
 
@@ -205,7 +201,7 @@ def main() -> int:
     """The command: docs/paper.json and the pictures."""
     found = json.loads((RESULTS / "paper.json").read_text("utf-8"))
     if found["every"] != 1:
-        print("The last run left cameras out: run python -m benchmarks.paper without --every.", file=sys.stderr)
+        print("The last run left cameras out: run python -m benchmarks paper without --every.", file=sys.stderr)
         return 2
     draw(found, DOCS / "images")
     write_file(DOCS / "paper.json", json.dumps(light_copy(found), indent=1, ensure_ascii=False) + "\n")

@@ -28,7 +28,7 @@ from scipy.stats import t as student
 from benchmarks.captures import Groups, capture, judged
 from benchmarks.claim import Run
 from benchmarks.devices import OTHERS, phones_left_out
-from benchmarks.kernels.turns import Unavailable
+from benchmarks.turns import Unavailable
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import read_light
 from camssf.spectra.bundled import planck

@@ -27,7 +27,6 @@ from numpy.typing import NDArray
 
 from benchmarks.claim import Run
 from benchmarks.claims.colour import SHOTS, WHITE, Case, calibrate, case_groups, drawn, unseen
-from benchmarks.claims.processed import malvar
 from benchmarks.devices import LEFT_OUT
 from benchmarks.shared import lamp
 from camssf.colorimetry import adaptation, delta_e00, lab, white_of
@@ -37,6 +36,7 @@ from camssf.recovery.covariance import CHART_CORRELATION, smooth_errors
 from camssf.spectra.bundled import correlated_temperature
 from camssf.spectra.cameras import CameraCurves
 from camssf_colour import View, of_surfaces
+from camssf_colour.demosaic import demosaic
 from camssf_colour.picture import XYZ_ONE, standard_picture, white_of_region
 from camssf_colour.picture_strip import PER_UNIT
 from camssf_colour.regions import measure_regions
@@ -120,28 +120,24 @@ def show(case: Case, name: str, rng: np.random.Generator) -> Shown:
     return Shown(ours, theirs, truth, np.abs(ours - truth) <= BAND * deviation)
 
 
+def malvar(light: Floats) -> Floats:
+    """(h, w, 3) of a mosaic RGGB (h, w)."""
+    height, width = light.shape
+    cells = np.pad(light, 2, mode="reflect").reshape(height // 2 + 2, 2, width // 2 + 2, 2)
+    return np.moveaxis(demosaic(cells).reshape(3, height, width), 0, 2)
+
+
 def numbers(shown: list[Shown]) -> dict[str, float]:
-    """The columns of the table for one light, over all pairs of neighbours in the list."""
+    """The columns of the table for one light; between cameras over all pairs of neighbours in the list."""
     pairs = list(zip(shown, [*shown[1:], shown[0]], strict=True))
-    between = {
-        way: float(np.median([delta_e00(getattr(one, way), getattr(other, way)) for one, other in pairs]))
-        for way in WAYS
-    }
-    averaged = {
-        way: float(
-            np.median([delta_e00(getattr(a, way).mean(axis=1), getattr(b, way).mean(axis=1)) for a, b in pairs])
-        )
-        for way in WAYS
-    }
-    off = {way: float(np.median([delta_e00(getattr(one, way), one.truth) for one in shown])) for way in WAYS}
-    return {
-        "two cameras": between["camssf"], "by matrix": between["matrix"],
-        "ratio": between["camssf"] / between["matrix"],
-        "averaged": averaged["camssf"], "matrix averaged": averaged["matrix"],
-        "ratio averaged": averaged["camssf"] / averaged["matrix"],
-        "from truth": off["camssf"], "matrix from truth": off["matrix"],
-        "inside 95 %": float(np.mean([one.inside for one in shown])),
-    }  # fmt: skip
+    found = {}
+    for way in WAYS:
+        own = [(getattr(one, way), getattr(other, way)) for one, other in pairs]
+        found[f"{way}: apart"] = np.median([delta_e00(*pair) for pair in own])
+        found[f"{way}: averaged"] = np.median([delta_e00(a.mean(axis=1), b.mean(axis=1)) for a, b in own])
+        found[f"{way}: from truth"] = np.median([delta_e00(getattr(one, way), one.truth) for one in shown])
+    found["inside 95 %"] = np.mean([one.inside for one in shown])
+    return {name: float(value) for name, value in found.items()}
 
 
 def matrix_for(case: Case, power: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""The paper's experiments, each for one camera; `python -m benchmarks.paper` runs them."""
+"""The paper's experiments, each for one camera; `python -m benchmarks paper` runs them."""
 
 from __future__ import annotations
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.claim import Run
 from benchmarks.paper.experiments import (
     ATOMS,
     COUNTS,
@@ -21,7 +22,7 @@ from benchmarks.paper.experiments import (
     score,
 )
 from benchmarks.paper.rivals import FIGURE_4, READINGS, method
-from benchmarks.shared import bar, chart
+from benchmarks.shared import chart
 from camssf.grid import STEP
 from camssf.recovery.basis import gaussian_basis
 from camssf.spectra import read_chart
@@ -210,22 +211,18 @@ def gather_direct(runs: dict[tuple[int, str], dict[str, Any]]) -> dict[str, Any]
     return found
 
 
-def bars_of(found: dict[str, Any]) -> list[dict[str, Any]]:
-    """Every bar of the experiments with its value, its limit and whether it is met."""
-    made: list[dict[str, Any]] = []
+def check(run: Run, found: dict[str, Any]) -> None:
+    """Every bar of the experiments."""
     rows = found["figure_4"]
     for noise in ("0.005", "0.01"):
         best = rows[method("paper").label][noise]
         words = f"{100 * float(noise):g} % noise"
-        for name in FIGURE_4:
-            ours = rows[f"{method(name).label}: wavelengths, clipped"][noise]
-            what = f"{method(name).label}, clipped, over the paper's l1, {words}"
-            made.append(bar(what, ours / best, 2.0, least=True))
         qr, pinv = (rows[f"{method(name).label}: wavelengths, clipped"][noise] for name in FIGURE_4)
-        made.append(bar(f"QR over pseudo-inverse, clipped, {words}", qr / pinv, 1.0, least=True))
+        for name, ours in zip(FIGURE_4, (qr, pinv), strict=True):
+            run.bar(f"{method(name).label}, clipped, over the paper's l1, {words}", ours / best, least=2.0)
+        run.bar(f"QR over pseudo-inverse, clipped, {words}", qr / pinv, least=1.0)
     for light, row in found["direct"].items():
-        made.append(bar(f"camssf direct, {light}: worst channel's RMSE", row["rmse_worst"], 0.01))
+        run.bar(f"camssf direct, {light}: worst channel's RMSE", row["rmse_worst"], most=0.01)
         for role in ("rgb", "mono"):
             worst = row[role]["wavelength_error_worst_nm"]
-            made.append(bar(f"camssf direct, {light}: worst wavelength of the {role} frames, nm", worst, 0.5))
-    return made
+            run.bar(f"camssf direct, {light}: worst wavelength of the {role} frames, nm", worst, most=0.5)

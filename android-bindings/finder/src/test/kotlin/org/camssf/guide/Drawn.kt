@@ -20,8 +20,7 @@ import kotlin.math.roundToInt
 import kotlin.math.sin
 
 /**
- * A frame of a Classic before a pinhole camera, drawn pixel by pixel: what the guide was built on. What it is judged by
- * is drawn by other code (benchmarks/claims/guide.py).
+ * A frame of a Classic before a pinhole camera, drawn pixel by pixel: what the guide was built on.
  */
 internal data class Drawn(
     val width: Int = 640,

@@ -11,7 +11,7 @@ import kotlin.system.exitProcess
 
 /**
  * How long colours take: the folder of the golden cases, a case of the stage colour, samples a side of the mosaic, runs
- * (`python -m benchmarks.kernels.kotlin_colour`). One line: milliseconds to the first colour in this process; to make the
+ * (`python -m benchmarks speed`). One line: milliseconds to the first colour in this process; to make the
  * standardiser and its tables, for the colour of one surface, to read the mosaic's cells and to give their XYZ and Lab,
  * medians of the runs after as many to warm up; and the pixels.
  */

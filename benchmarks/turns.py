@@ -1,49 +1,29 @@
-"""What the kernels' benchmarks share: contenders that take turns, warm JVMs, and Kotlin's build."""
+"""Contenders that take turns, warm JVMs, and Kotlin's build."""
 
 from __future__ import annotations
 
 import os
-import statistics
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from functools import wraps
 from pathlib import Path
-from typing import Any, ParamSpec
 
-BINDINGS = Path(os.environ.get("CAMSSF_BINDINGS", Path(__file__).parents[2] / "android-bindings"))
-Arguments = ParamSpec("Arguments")
+import numpy as np
+
+BINDINGS = Path(os.environ.get("CAMSSF_BINDINGS", Path(__file__).parents[1] / "android-bindings"))
 
 
 class Unavailable(Exception):
     """The benchmark cannot run here; the message says what to do."""
 
 
-def or_unavailable(main: Callable[Arguments, int]) -> Callable[Arguments, int]:
-    """The command, with exit status 2 and the reason on stderr where it cannot run here."""
-
-    @wraps(main)
-    def command(*arguments: Arguments.args, **options: Arguments.kwargs) -> int:
-        try:
-            return main(*arguments, **options)
-        except subprocess.CalledProcessError as error:
-            said = (error.stderr or error.stdout or "").strip().splitlines()
-            print(f"{Path(error.cmd[0]).name} failed: {' '.join(said[-3:])}", file=sys.stderr)
-        except (Unavailable, OSError) as error:
-            print(error, file=sys.stderr)
-        return 2
-
-    return command
-
-
-def clocked(call: Callable[[], object], clock: Callable[[], float] = time.perf_counter) -> Callable[[], float]:
+def clocked(call: Callable[[], object]) -> Callable[[], float]:
     """The call, made to return its seconds."""
 
     def seconds() -> float:
-        start = clock()
+        start = time.perf_counter()
         call()
-        return clock() - start
+        return time.perf_counter() - start
 
     return seconds
 
@@ -59,18 +39,9 @@ def in_turn(contenders: Mapping[str, Callable[[], float]], rounds: int, warm: in
     return seconds
 
 
-def ratio(ours: Sequence[float], theirs: Sequence[float]) -> dict[str, Any]:
-    """Median of the ratios turn by turn, and their 10th and 90th percentile."""
-    ratios = sorted(a / b for a, b in zip(ours, theirs, strict=True))
-    return {
-        "ratio": statistics.median(ratios),
-        "ratio_10_90": [ratios[len(ratios) // 10], ratios[-1 - len(ratios) // 10]],
-    }
-
-
-def ratio_cells(measured: Mapping[str, Any]) -> tuple[str, str]:
-    """The cells "ratio" and "10 to 90 %" of a table."""
-    return f"{measured['ratio']:.2f}", "{:.2f} to {:.2f}".format(*measured["ratio_10_90"])
+def ratio(ours: Sequence[float], theirs: Sequence[float]) -> float:
+    """Median of the ratios turn by turn."""
+    return float(np.median(np.divide(ours, theirs)))
 
 
 def class_path(bindings: Path = BINDINGS) -> str:
@@ -85,8 +56,8 @@ def class_path(bindings: Path = BINDINGS) -> str:
 class Jvm:
     """One warm JVM that answers lines with lines; the command `command` with a heap of so many megabytes."""
 
-    def __init__(self, path: str, *command: str, heap: int = 512) -> None:
-        flags = [f"-Xmx{heap}m", "-XX:+UseSerialGC", "-cp", path]
+    def __init__(self, *command: str, heap: int = 512) -> None:
+        flags = [f"-Xmx{heap}m", "-XX:+UseSerialGC", "-cp", class_path()]
         pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
         self.process = subprocess.Popen(["java", *flags, *command], text=True, **pipes)  # type: ignore[call-overload]
 
