@@ -293,6 +293,15 @@ def test_a_refusal_agrees_with_a_refusal() -> None:
     assert first(compared(document, **frames)).stage == "verdict"
 
 
+def test_a_refusal_on_a_stated_basis() -> None:
+    """Such a result holds no basis: it is given again."""
+    stated = Options(basis="phones")
+    document = measured(options=stated, lamp="2856K")
+    assert document["verdict"]["status"] == "refused"
+    assert first(compared(document, options=stated)) is None
+    assert first(compared(document)).stage == "verdict"
+
+
 def test_a_refusal_before_any_patch() -> None:
     """No chart in the white frame: pose and patches are missing on both sides."""
     document = measured("white", white=None, dark=None)

@@ -7,7 +7,17 @@ from typing import Annotated
 
 import typer
 
-from camssf.cli.options import Darks, Document, Fit, LightPerPatch, Photos, Signed, WhiteReflectance, Whites
+from camssf.cli.options import (
+    BasisName,
+    Darks,
+    Document,
+    Fit,
+    LightPerPatch,
+    Photos,
+    Signed,
+    WhiteReflectance,
+    Whites,
+)
 from camssf.cli.reading import given_frames, given_paths, parse_options, read_result, read_signed, spare
 from camssf.cli.terminal import PARTED, emit, progress_bar, put, say
 
@@ -29,10 +39,11 @@ def parity(
     fit: Fit = None,
     signed: Signed = False,
     light_per_patch: LightPerPatch = None,
+    basis: BasisName = "auto",
 ) -> None:
     """Compare a phone's result with this computer's.
 
-    Says which stage differs first; exits with 1 where one does.
+    Says which stage differs first; exits with 1 where one does. --basis is for a refused result, which holds none.
     """
     with progress_bar() as progress:
         from camssf.compare.parity import cause, first
@@ -50,6 +61,7 @@ def parity(
                 fit=fit,
                 signed=signed,
                 light_per_patch=light_per_patch,
+                basis=basis,
             ),
             progress=progress,
         )

@@ -82,7 +82,8 @@ _CAUSES = {
     "far the truth may lie from a prediction does not.",
     "gap": "One of the two has not converged, or its layers have not.",
     "scores": "The curves agree, the validation does not: the folds, or the patches that it takes.",
-    "verdict": "All numbers agree, the conclusion does not: compare the versions of camssf on both sides.",
+    "verdict": "All numbers agree, the conclusion does not: compare the versions of camssf on both sides; say here "
+    "on which basis a refused result was made, if not on auto.",
 }
 
 
@@ -102,14 +103,16 @@ def parity(
     A missing field is a difference, unless another release of camssf wrote the result.
 
     Pose, lamp, chart, tolerances, basis and penalties are taken from the result. What it does not hold must be
-    given again: files of lamps and charts, the white target, the patches to fit, signed coefficients, uneven light.
+    given again: files of lamps and charts, the white target, the patches to fit, signed coefficients, uneven light,
+    and the basis of a refusal.
 
     Args:
         result: from elsewhere.
         photos: DNG of each shot, in the shots' order.
         white, dark: the frames that the result lists as used.
         lamps, chart: replace the result's, if those are files at another path here.
-        options: white_reflectance, fit, nonnegative and light_per_patch; the others are taken from the result.
+        options: white_reflectance, fit, nonnegative, light_per_patch, and basis, which counts for a refusal alone;
+            the others are taken from the result.
         progress: called with the stage in words and the part done, 0 to 1.
 
     Returns:
@@ -155,7 +158,10 @@ def parity(
     skip += ("/capture/chart/name", "/capture/chart/source") if chart and spec_file(CHART_TABLE, chart) else ()
     if capture.unfinished is not None or not capture.shots:
         tell("calibrating", 0.5)
-        alike = Options(white_reflectance=options.white_reflectance, light_per_patch=options.light_per_patch)
+        alike = replace(
+            DEFAULTS, white_reflectance=options.white_reflectance, light_per_patch=options.light_per_patch,
+            basis=options.basis,
+        )  # fmt: skip
         shots = [Shot(*row) for row in zip(files, lights, frames["white"], frames["dark"], strict=True)]
         made = to_plain(shareable(attempt(shots, chart=table, options=alike)))
         _rename(made, capture, frames)
@@ -179,9 +185,10 @@ def parity(
     again = Capture(measured, table, options.white_reflectance, hashes)
     tell("solving", 0.7)
     answer = result.answer
-    # A basis chosen by evidence must be chosen again here, with the same probabilities. A refusal holds no basis.
+    # A basis chosen by evidence must be chosen again here, with the same probabilities; there is one hypothesis's if
+    # only the light's kind was chosen. A refusal holds no basis.
     bases = set() if answer is None else {hypothesis.basis for hypothesis in answer.choice}
-    basis = AUTO if answer is None or len(bases) > 1 else answer.basis  # one if just the light's kind was chosen
+    basis = AUTO if len(bases) > 1 else options.basis if answer is None else answer.basis
     settings = replace(DEFAULTS, basis=basis, fit=options.fit, nonnegative=options.nonnegative)
     settings = replace(settings, light_per_patch=options.light_per_patch)
     if answer is not None:
