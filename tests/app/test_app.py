@@ -21,9 +21,6 @@ import pytest
 
 from camssf.cli import main
 from camssf.result import Result
-from camssf.spectra import lamp_names, read_lamp
-from camssf.spectra.families import FAMILIES
-from camssf_app.menus import CODES, lamp_menu
 from camssf_app.orders import ORDERS, CalibrateOrder
 from camssf_app.tasks import TASKS, perform
 from tests.spectra.test_layouts import photographed, write_card
@@ -359,16 +356,6 @@ def test_crashed_tabs_give_way_and_expire(client: Client) -> None:
     assert not any(each.folder.exists() for each in rest)
     status, found = client.ask(f"sessions/{rest[0].name}")
     assert (status, "Reload the page" in found["error"]["words"]) == (404, True)
-
-
-def test_the_menus_begin_with_the_words_that_people_know() -> None:
-    groups = [heading for heading, _ in lamp_menu()]
-    assert groups[0] == "kinds of light"
-    assert groups[1].startswith("daylight")
-    assert groups[-1] == CODES
-    assert [*dict(lamp_menu()[0][1])] == [*FAMILIES]
-    offered = [name for _, lamps in lamp_menu() for name, _ in lamps]
-    assert {read_lamp(name).name for name in offered} == set(offered) >= set(lamp_names())
 
 
 # -- in a browser -------------------------------------------------------------------------------------------------

@@ -186,29 +186,6 @@ def test_a_scheduler_that_is_lost_is_told_and_the_next_goes_on(
     assert desk.visits().total() <= 12 + 1, "what was under way alone is done again"
 
 
-def under_way(dask_scheduler: Any) -> list[str]:
-    return [key for key, task in dask_scheduler.tasks.items() if task.state != "memory"]
-
-
-def test_cancelled_by_somebody_else_nothing_is_lost(desk: Desk, cluster: Any) -> None:
-    names = desk.fill(8)
-    cancelled: list[str] = []
-
-    def meddle() -> None:
-        until(lambda: desk.visits().total() >= 2, 60)
-        with distributed.Client(cluster.scheduler_address, set_as_default=False) as client:
-            cancelled.extend(key for key in client.run_on_scheduler(under_way) if key.startswith("camssf-"))
-            client.cancel([distributed.Future(key, client) for key in cancelled], force=True)
-
-    other = threading.Thread(target=meddle)
-    other.start()
-    summary = desk.run(dask=cluster.scheduler_address, work=slow)
-    other.join()
-    assert cancelled
-    assert summary.by_status == {"doubtful": 8}
-    assert [row["name"] for row in desk.rows()] == sorted(names)
-
-
 def test_the_poisonous_is_put_aside_after_two_deaths(desk: Desk, cluster: Any) -> None:
     desk.write([f"{name},{name},D55,,,,," for name in "abcxdef"], {n: f"Phone {n}" for n in "abcdef"} | {"x": "dies"})
     summary = desk.run(dask=cluster.scheduler_address)
@@ -250,11 +227,3 @@ def test_nobody_answers(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
         pytest.raises(InvalidArgument, match="has no worker"),
     ):
         desk.run(dask=empty.scheduler_address)
-
-
-def test_without_the_library_it_says_what_to_install(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
-    desk.fill(1)
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(InvalidArgument, match="distributed") as caught:
-        desk.run(dask="tcp://127.0.0.1:9")
-    assert '".[dask]"' in caught.value.advice

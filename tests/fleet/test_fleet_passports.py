@@ -83,16 +83,6 @@ def test_a_fleet_s_passports(tmp_path: Path, capsys: pytest.CaptureFixture[str])
 # One unit's
 
 
-def test_a_passport_knows_its_unit() -> None:
-    unit = Unit("Maker", "Model", "2", "A1", lens="24 mm", focal_length=24.7, aperture=1.8)
-    passport = replace(_passport(), unit=unit)
-    passport.check_photo(replace(unit, focal_length=50.0, aperture=8.0), "a.dng")
-    passport.check_photo(Unit(), "a.dng")
-    for name, other in (("serial", "B2"), ("model", "Other"), ("camera_id", "0"), ("lens", "35 mm")):
-        with pytest.raises(UnitDiffers, match=f"a.dng was taken by another unit .*: {name} '{other}' against"):
-            passport.check_photo(replace(passport.unit, **{name: other}), "a.dng")
-
-
 def _passport() -> Passport:
     return create_passport(document_bytes(calibrated()), PassportRequest(Unit(serial="A1")))
 

@@ -2,7 +2,6 @@
 
 import csv
 import os
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -122,13 +121,6 @@ def test_parquet_reads_as_its_csv_with_further_columns(tmp_path: Path) -> None:
     assert (cam.unit, cam.captured, len(cam.photos)) == (Unit(serial="S1"), "2026-01-02", 2)
     assert cam.extra == (("site", "lab"), ("n", "1"))
     assert (other.unit, other.captured, other.extra) == (Unit(), "", ())
-
-
-def test_parquet_needs_its_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "duckdb", None)
-    with pytest.raises(InvalidArgument, match="A manifest in Parquet needs") as caught:
-        written(tmp_path, b"PAR1", "m.parquet").read_all()
-    assert '".[fleet]"' in caught.value.advice
 
 
 def test_a_task_is_known_by_what_it_would_be_made_from(tmp_path: Path) -> None:

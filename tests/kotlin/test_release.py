@@ -13,8 +13,6 @@ from pathlib import Path
 
 import pytest
 
-from tools.release import throwaway_key
-
 BINDINGS = Path(__file__).parents[2] / "android-bindings"
 ENVIRONMENT = os.environ | {"MAVEN_OPTS": "-XX:TieredStopAtLevel=1 -XX:+UseSerialGC"}
 """A Java that compiles little: each build here is short."""
@@ -39,13 +37,6 @@ def test_without_a_key_nothing_is_signed() -> None:
     done = mvn("antrun:run@bundle")
     assert done.returncode != 0
     assert "No key to sign with. Say which of gpg's secret keys: -Drelease.key=FINGERPRINT" in done.stdout
-
-
-def test_a_snapshot_is_not_signed() -> None:
-    with throwaway_key() as (name, home):
-        done = mvn("antrun:run@bundle", f"-Drelease.key={name}", variables=home)
-    assert (done.returncode != 0) == version().endswith("-SNAPSHOT")
-    assert ("is a snapshot, which Maven Central does not take" in done.stdout) == version().endswith("-SNAPSHOT")
 
 
 def test_the_self_test_app_is_an_asset_only_with_its_native_library(tmp_path: Path) -> None:

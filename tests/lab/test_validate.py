@@ -52,17 +52,6 @@ def pictures(
     return patch_colours(y, predicted, signals(y, used).used, TABLE, np.stack([lamp.values for lamp in lamps]))
 
 
-def test_a_perfect_prediction_scores_zero() -> None:
-    scores = score(Y.copy(), ssf_values=CAMERA.values, truth=CAMERA, method="by hand")
-    np.testing.assert_array_equal(scores.rmsre_percent, 0)
-    np.testing.assert_array_equal(scores.rmse, 0)
-    assert scores.delta_e00 == 0
-    assert scores.unseen == "by hand"
-    measured, synthetic = pictures(Y.copy())
-    np.testing.assert_array_equal(measured.srgb, synthetic.srgb)
-    np.testing.assert_array_equal(measured.lab, synthetic.lab)
-
-
 def test_eq_13_by_hand() -> None:
     """Errors of 3 % and 4 % on two patches, none of the other entries: √((9 + 16) / 2) %; green and blue apart."""
     predicted, unseen = Y * 1.5, np.zeros((2, 24), bool)

@@ -271,14 +271,6 @@ def test_what_is_not_run_is_written_somewhere() -> None:
 # -- data -----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.repository
-def test_every_block_is_of_a_kind_that_is_checked() -> None:
-    """Kotlin's are for a compiler: android-bindings' own tests do what docs/android.md shows; XML is docs/jvm.md's
-    POM, which `test_recipes.py` builds."""
-    kinds = {kind for page in PAGES for kind in re.findall(r"^ *```(\w+)$", page.read_text("utf-8"), re.MULTILINE)}
-    assert kinds == {"python", "sh", "text", "json", "csv", "java", "kotlin", "xml"}
-
-
 def test_the_sidecar_of_raw_md_is_one(tmp_path: Path) -> None:
     (block,) = blocks(text_of("docs/raw.md"), "json")
     cv2 = pytest.importorskip("cv2")

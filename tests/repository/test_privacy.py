@@ -148,44 +148,28 @@ def test_the_installed_onnx_runtime_has_nothing_to_report_with() -> None:
     assert {path.name: word for path in libraries for word in TRACES if holds(path, word)} == {}
 
 
-def fake(version: str, monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """An ONNX Runtime that was imported already; what is called of it."""
+@pytest.mark.parametrize(("version", "switch", "taken"), [
+    *((version, None, True) for version in ("1.28.1", "1.9.0", "0.99")), ("1.29.0", "1", True),
+    *((version, None, False) for version in ("1.29.0", "1.100.0", "2.0.0", "1.29.0.dev1", "nightly")),
+    ("1.29.0", "0", False),
+])  # fmt: skip
+def test_one_imported_before_is_taken_if_it_cannot_report_or_was_told_not_to(
+    version: str, switch: str | None, taken: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     called: list[str] = []
     module = SimpleNamespace(__version__=version, disable_telemetry_events=lambda: called.append("disabled"))
     monkeypatch.setitem(sys.modules, "onnxruntime", module)
-    monkeypatch.delenv(onnx_model.SWITCH, raising=False)
-    return called
-
-
-@pytest.mark.parametrize(("version", "switch"), [
-    *((version, "") for version in ("1.28.0", "1.28.1", "1.9.0", "0.99")), ("1.29.0", "1"),
-])  # fmt: skip
-def test_an_onnx_runtime_that_cannot_report_or_was_told_not_to_is_taken(
-    version: str, switch: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    called = fake(version, monkeypatch)
-    monkeypatch.setenv(onnx_model.SWITCH, switch)
-    onnx_model.onnx_runtime()
-    assert called == ["disabled"]
-    assert os.environ[onnx_model.SWITCH] == "1"
-
-
-@pytest.mark.parametrize(("version", "switch"), [
-    *((version, None) for version in ("1.29.0", "1.100.0", "2.0.0", "1.29.0.dev1", "nightly", "1")),
-    ("1.29.0", "0"), ("1.29.0", ""),
-])  # fmt: skip
-def test_a_newer_one_that_was_imported_before_is_refused(
-    version: str, switch: str | None, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    fake(version, monkeypatch)
-    if switch is not None:
-        monkeypatch.setenv(onnx_model.SWITCH, switch)
-    for _ in range(2):
-        with pytest.raises(InvalidArgument, match="imported before camssf") as caught:
-            onnx_model.onnx_runtime()
-        assert "1.28.0" in caught.value.advice
-        assert f"{onnx_model.SWITCH}=1" in caught.value.advice
-        assert version in caught.value.message
+    monkeypatch.setenv(onnx_model.SWITCH, switch or "")
+    if switch is None:
+        monkeypatch.delenv(onnx_model.SWITCH)
+    if taken:
+        onnx_model.onnx_runtime()
+        assert (called, os.environ[onnx_model.SWITCH]) == (["disabled"], "1")
+        return
+    with pytest.raises(InvalidArgument, match="imported before camssf") as caught:
+        onnx_model.onnx_runtime()
+    assert all(words in caught.value.advice for words in ("1.28.0", f"{onnx_model.SWITCH}=1"))
+    assert version in caught.value.message
 
 
 @pytest.mark.parametrize("before", [None, "0"])
