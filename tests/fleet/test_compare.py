@@ -60,6 +60,15 @@ def test_the_interval_of_a_spread_covers() -> None:
     assert 0.93 <= inside / 1200 <= 0.97
 
 
+def test_units_that_are_equal_spread_by_nothing(one: Registry) -> None:
+    """What repeats explain is not the units'."""
+    fleet(one, units=30, repeats=4, between=0.0, within=0.02)
+    found = spread(one, MODEL)
+    assert (found.low == 0).all()
+    assert (found.high < rms(0.015)).all()
+    assert all((np.asarray(number) == 0).all() for number in between_units([np.ones((2, 3, 5))] * 3))
+
+
 @pytest.mark.parametrize("wrong", [float("nan"), float("inf"), -1e30, 7.0])
 def test_curves_that_cannot_be_are_named(one: Registry, wrong: float) -> None:
     curves = bells()

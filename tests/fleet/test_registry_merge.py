@@ -117,8 +117,8 @@ def test_what_is_silent_empties_nothing_and_what_contradicts_is_refused(one: Reg
     with pytest.raises(InvalidArgument, match="serial A in the registry, B given"):  # within one call
         one.add([made(3, serial="A"), made(3, serial="B")])
     one.add([replace(full, focal_length=24.0 * 1.0001)])  # files round it
-    old = replace(full, passport="old", passport_ends=START)
+    old = replace(full, passport="old", passport_ends=START, half_width=0.09)  # an excerpt, which is rounded
     one.add([replace(full, passport="new", passport_ends=START + timedelta(days=1)), old])
-    assert one.query("SELECT passport FROM rows") == [{"passport": "new"}]
+    assert one.query("SELECT passport, half_width FROM rows") == [{"passport": "new", "half_width": full.half_width}]
     one.list_records()  # of `append`
     assert verify(one).faults == ()

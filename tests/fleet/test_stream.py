@@ -97,6 +97,21 @@ def test_a_correction_of_the_manifest_reaches_the_registry(desk: Desk) -> None:
     assert desk.visits() == {"cam": 1, "z": 1}
 
 
+@pytest.mark.full
+def test_another_basis_in_the_same_file_is_noticed(desk: Desk) -> None:
+    basis = desk.home / "mine.npz"
+    basis.write_bytes(b"one")
+    desk.write(ONE, {"a": "Phone"})
+    how = {"options": {"basis": str(basis)}}
+    assert [desk.run(**how).resumed for _ in range(2)] == [0, 1]
+    os.utime(basis, (1, 1))
+    assert desk.run(**how).resumed == 0  # it may be another; its contents say that it is not
+    assert desk.visits() == {"one": 1}
+    basis.write_bytes(b"two")
+    assert desk.run(**how).resumed == 0
+    assert desk.visits() == {"one": 2}
+
+
 def test_a_process_that_lives_on_reads_the_new_basis(tmp_path: Path) -> None:
     """As a cluster's worker does."""
     file, shipped = tmp_path / "mine.npz", [read_basis(name) for name in ("phones", "cameras")]
