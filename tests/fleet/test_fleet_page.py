@@ -11,7 +11,9 @@ import pytest
 from camssf import cli
 from camssf.errors import InvalidArgument
 from camssf.grid import CHANNELS
+from camssf.photo.read.unit import Unit
 from camssf_fleet import page as page_module
+from camssf_fleet.compare import spread
 from camssf_fleet.overview import fleet_page
 from camssf_fleet.records import JobEnd
 from camssf_fleet.registry import Registry
@@ -112,6 +114,17 @@ def test_the_second_calibration_is_compared_with_the_first(one: Registry, moved:
     assert all(units[f"S{unit}"].startswith("none found; smaller than ") for unit in (0, 1, 2, 4, 5))
 
 
+@pytest.mark.parametrize(("moved", "words"), [
+    (2.0, "red centre +2.0 nm against the first; too few repeats to say what that means"),
+    (7.0, "changed against the first: "),
+])  # fmt: skip
+def test_alone_only_a_large_change_is_warned_of(one: Registry, moved: float, words: str) -> None:
+    shifts = (np.zeros(3), np.array([moved, 0.0, 0.0]))
+    one.add([made(i, bells(shift), captured=START + timedelta(days=i)) for i, shift in enumerate(shifts)])
+    _, row = tables(fleet_page(one, now=NOW))["One row a phone"]
+    assert row[2].startswith(words), row
+
+
 def test_refused_jobs_are_shown_with_unit_and_photo(one: Registry) -> None:
     blurred = ("refused", "blurred", "Too blurred.")
     ends = [
@@ -121,6 +134,16 @@ def test_refused_jobs_are_shown_with_unit_and_photo(one: Registry) -> None:
     ]
     one.append([made(1, bells())], ends)
     assert tables(fleet_page(one, now=NOW))[NOT_ACCEPTED][1:] == [["S1", "a.dng, b.dng", *blurred]]
+
+
+def test_the_spread_is_that_of_compare(phones: Registry) -> None:
+    found = spread(phones, Unit(make="Maker", model="Model"))
+    assert found.between is not None
+    (_, row) = tables(fleet_page(phones, now=NOW))["Spread of each model and channel, as a fraction of the peak"]
+    assert row[0] == "Maker Model"
+    for cell, values in zip(row[1:], zip(found.between, found.low, found.high, strict=True), strict=True):
+        numbers = cell.replace("(", "").replace(")", "").replace("to", "").split()
+        assert [float(number) for number in numbers] == pytest.approx(values, rel=0.05)
 
 
 def test_rows_beyond_the_most_are_counted_and_names_are_escaped(one: Registry) -> None:
