@@ -14,7 +14,7 @@ from camssf.calibration import solve
 from camssf.errors import CalibrationError
 from camssf.fit.capture_fit import prepare_fit
 from camssf.fit.solutions import recover_fit
-from camssf.grid import BAND, WAVELENGTHS, Floats
+from camssf.grid import WAVELENGTHS, Floats
 from camssf.options import Options
 from camssf.photo.capture import Capture, MeasuredShot, Photo
 from camssf.photo.find.pose import Pose
@@ -22,9 +22,7 @@ from camssf.photo.patches import FrameMeans, PatchMeans
 from camssf.photo.read.colour_matrix import ColourMatrix
 from camssf.recovery.basis import read_basis
 from camssf.recovery.sensitivity import Ssf
-from camssf.recovery.unnamed_light import temperature
 from camssf.spectra import Light, Unnamed, read_chart, read_lamp
-from camssf.spectra.bundled import observer
 from camssf.spectra.families import FAMILIES, LampKind, principal_modes
 from camssf.spectra.layouts import LAYOUTS
 from camssf.spectra.lights import kind_of, unnamed_light
@@ -42,23 +40,16 @@ LAMPS = {
 KIND_OF = {lamp: kind for kind, lamps in LAMPS.items() for lamp in lamps}
 BLACK, SPAN, SATURATION = 512.0, 15000.0, 16383.0
 STATUSES = ("accepted", "doubtful", "refused")
-SOURCES, DISPLAYS = colour_science().SDS_LIGHT_SOURCES, colour_science().MSDS_DISPLAY_PRIMARIES
+SOURCES = colour_science().SDS_LIGHT_SOURCES
 OPTIONS = Options(engine="reference")
 
 
 def power(lamp: str) -> Floats:
-    """(681,) of mean 1: a lamp of camssf or of colour-science, a display's white, "A with B", or under a tree."""
+    """(681,) of mean 1: a lamp of camssf or of colour-science, or under a tree."""
     if lamp == "under a tree":  # leaves let green and the near infrared through
         found = read_lamp("D:6000").values * (
             1.0 + 0.35 * np.exp(-0.5 * ((WAVELENGTHS - 550.0) / 35.0) ** 2) + 0.3 * (WAVELENGTHS > 690.0)
         )
-    elif " with " in lamp:
-        both = np.stack([power(one) for one in lamp.split(" with ")])
-        found = (1.0 / (both @ observer("1931")[:, 1])) @ both
-    elif lamp in DISPLAYS:
-        primaries = DISPLAYS[lamp]
-        own = np.stack([np.interp(WAVELENGTHS, primaries.wavelengths, curve) for curve in primaries.values.T])
-        found = np.linalg.solve((own @ observer("1931")).T, read_lamp("D65").values @ observer("1931")) @ own
     elif lamp in SOURCES:
         found = np.interp(WAVELENGTHS, SOURCES[lamp].wavelengths, SOURCES[lamp].values)
     else:
@@ -168,12 +159,10 @@ class Taken:
     Attributes:
         device, lamps: whose, and the true lights.
         status: of the verdict. codes: of its reasons.
-        rmse, covered: of the curves. blue: covered, of the blue curve alone.
+        rmse, covered: of the curves.
         no_photo: RMSE of the mean phone of the basis, without any photo.
-        phone: probability of the basis phones.
         length, lamp_residual: of its `family_test`; None if the lamp was not named.
         kinds: of the first shot's light, by probability; empty where it was named.
-        lamp_covered: share of the lamp's band that holds the true one. kelvin_covered: likewise its temperature.
         band_ratio: of the answer.
     """
 
@@ -183,14 +172,10 @@ class Taken:
     codes: tuple[str, ...]
     rmse: float
     covered: float
-    blue: float
     no_photo: float
-    phone: float
     length: float
     lamp_residual: float | None
     kinds: Mapping[str, float]
-    lamp_covered: float | None
-    kelvin_covered: float | None
     band_ratio: float | None
 
     @property
@@ -210,18 +195,11 @@ def judged(measured: Capture, device: Device, lamps: Mapping[str, Floats]) -> Ta
     assert ssf.family_test is not None
     rmse, covered = errors(*ssf.peak(), device.curves)
     assert covered is not None  # both bases have bands
-    light, true = ssf.lights[0] if ssf.lights else None, next(iter(lamps.values()))
-    kinds: Mapping[str, float] = {}
-    lamp_covered = kelvin_covered = None
-    if light is not None:
-        kinds = light.kinds
-        lamp_covered = float((np.abs(light.power - true)[SEEN] <= BAND * light.std[SEEN]).mean())
-        kelvin_covered = float(abs(light.kelvin - temperature(true)) <= BAND * light.kelvin_std)
+    light = ssf.lights[0] if ssf.lights else None
     return Taken(
         device.name, tuple(lamps), answer.status, answer.codes, float(rmse.mean()), float(covered[:, SEEN].mean()),
-        float(covered[2, SEEN].mean()), no_photo(read_basis(PHONES), device.curves),
-        sum(weight.probability for weight in ssf.choice if weight.basis == PHONES), ssf.family_test.length,
-        ssf.family_test.lamp_residual, kinds, lamp_covered, kelvin_covered, ssf.band_ratio,
+        no_photo(read_basis(PHONES), device.curves), ssf.family_test.length, ssf.family_test.lamp_residual,
+        light.kinds if light else {}, ssf.band_ratio,
     )  # fmt: skip
 
 

@@ -33,7 +33,7 @@ def number(value: float | None, digits: int = 3) -> str:
 
 def page(found: dict[str, Any]) -> str:
     """What the site shows on the page."""
-    parts = (colours, correlation, methods, families, direct, phones, lamps, atoms, charts, bars)
+    parts = (colours, correlation, methods, families, direct, phones, lamps, bars)
     return template("paper.md", found=found, number=number, **{part.__name__: part(found) for part in parts})
 
 
@@ -59,7 +59,7 @@ def colours(found: dict[str, Any]) -> dict[str, Any]:
 def correlation(found: dict[str, Any]) -> dict[str, Any]:
     """Fig. 3f."""
     body = [[name, number(row["mean"])] for name, row in found["correlation"]["tables"].items()]
-    coherence = f"{found['correlation']['coherence_below_1']['18']:.1e}"
+    coherence = f"{found['correlation']['coherence_below_1']:.1e}"
     return {
         "table": markdown_table(["table, patches", "mean of &#124;r&#124; over pairs"], body),
         "coherence": coherence,
@@ -142,34 +142,6 @@ def lamps(found: dict[str, Any]) -> dict[str, Any]:
     worst = max(ignored["rmse"] / known["rmse"] for known, ignored in both)
     largest = max(ignored["rmsre_percent"] for _, ignored in both)
     return {"table": markdown_table(head, body), "worst": worst, "largest": largest}
-
-
-def atoms(found: dict[str, Any]) -> dict[str, Any]:
-    """How many Gaussians."""
-    rows = found["atoms"]
-    counts = list(rows["0.0"])
-    body = [[noise_word(noise), *(number(rows[noise][count]["rmse"]) for count in counts)] for noise in NOISES[:2]]
-    refused = {count: rows["0.0"][count]["refused"] + rows["0.005"][count]["refused"] for count in counts}
-    words = ", ".join(f"{n} with {count}" for count, n in refused.items() if n)
-    return {"table": markdown_table(["noise", *counted(counts, "Gaussians")], body), "refused": words}
-
-
-def charts(found: dict[str, Any]) -> dict[str, Any]:
-    """Another chart, further lamps."""
-    rows = found["charts"]
-    columns = [
-        rows[who][table]
-        for who, tables in (
-            ("paper", ("same", "foreign")),
-            ("product", ("same", "foreign")),
-            ("diagonal", ("foreign",)),
-        )
-        for table in tables
-    ]
-    body = [[light, *(number(column.get(light)) for column in columns)] for light in rows["product"]["same"]]
-    head = ["lamps", "l1 on Gaussians, own table", "foreign table", "camssf, own table", "foreign table"]
-    gain, diagonal = (100 * (1.0 - column["D55 + A"] / column["D55"]) for column in columns[3:])
-    return {"table": markdown_table([*head, "foreign table, diagonal"], body), "gain": gain, "diagonal": diagonal}
 
 
 def bars(found: dict[str, Any]) -> dict[str, Any]:

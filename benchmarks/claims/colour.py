@@ -49,7 +49,6 @@ from camssf_lab.learning.training import maker_of, read_curves
 
 OPTIONS = {"cameras": (13, "of the 52, evenly over their list")}
 LAMPS = ("D55", "D65", "A", "LED-B3", "FL2")
-KINDS = {"D55": "daylight", "D65": "daylight", "A": "bulb", "LED-B3": "white-led", "FL2": "fluorescent"}
 SHOTS = {"one": ("D55",), "two": ("D55", "A")}
 CHART, WHITE = 0.03, 0.01
 SEED = 17

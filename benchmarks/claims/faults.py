@@ -19,7 +19,7 @@ earlier stage refused, before there were curves, are not counted in it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -27,7 +27,7 @@ import numpy as np
 from benchmarks.claim import Run
 from benchmarks.devices import PHONES, left_out, taught
 from benchmarks.faults import FAULTS, SEVERITIES, apply_fault
-from benchmarks.staged import HARM, Outcome, Staged, shoot, solved, stage, tried
+from benchmarks.staged import HARM, Outcome, Staged, shoot, stage, tried
 from camssf.grid import Floats
 from camssf.photo.capture import MeasuredShot
 from camssf.recovery.basis import Basis, interpolate
@@ -44,12 +44,6 @@ SEARCHED = {"mirrored", "upside-down", "covered", "wrong-type", "defocus", "moti
 """Faults that the chart search must face itself."""
 TUNE = ("canon", "fujifilm", "arri")
 """Makers of the first half."""
-OF_LAMPS = ("wrong-lamp", "two-lamps", "wall")
-"""Faults that the file's colour matrix betrays."""
-PAIR = ("D55", "A")
-OF_TWO = ("wrong-lamp", "two-lamps", "white-lamp", "white-level", "glare", "shadow", "dark-leak")
-"""Faults of one of two shots."""
-KNOWN, FIELD = "known lamp, all frames", "in the field"
 
 
 @dataclass
@@ -174,96 +168,9 @@ def confusion(tallies: dict[str, list[Tally]]) -> dict[str, Any]:
     return {"counts": counts, "right": float(np.mean(shares)), "light_blamed": blamed, "not_light": others}
 
 
-def without_matrix(
-    cameras: Cameras, good: Sequence[tuple[Staged, Outcome]], captures: int
-) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Wrong lamps in photos whose file has no colour matrix: the other rules must do."""
-    for f, name in enumerate(OF_LAMPS):
-        for severity in (2, 3):
-            tally = Tally()
-            for j in range(captures):
-                staged, known = good[(41 * f + 17 * severity + 23 * j) % len(good)]
-                plan = apply_fault(name, severity)(staged.setup)
-
-                def shots(staged: Staged = staged, plan: ShotPlan = plan) -> list[MeasuredShot]:
-                    shot = shoot(staged, plan)
-                    return [replace(shot, photo=replace(shot.photo, colour_matrices=()))]
-
-                tally.add(cameras.judged(staged, shots), known)
-            yield f"{name} {severity}", tally.row()
-
-
-def two_shots(run: Run, cameras: Cameras, names: Sequence[str]) -> dict[str, Any]:
-    """Daylight and bulb; one of the two spoilt, severity 3: is it caught, and is the right shot alone named?
-
-    The light does not drift between chart and white frame, since that bends the curves of two shots.
-    """
-    good, faults = [], {name: [] for name in OF_TWO}  # type: Any
-    for number, name in enumerate(run.track(names, "two shots")):
-        first, second = (
-            stage(1000 + 2 * number + s, name, cameras.curves[name], lamp) for s, lamp in enumerate(PAIR)
-        )
-        one_chart = replace(second.setup, table=first.setup.table, camera=first.setup.camera)
-        pair = [first, replace(second, setup=one_chart)]
-        camera, basis = cameras.curves[name], cameras.bases[first.maker]
-        pair = [replace(staged, setup=replace(staged.setup, white_level=1.0)) for staged in pair]
-        shots = [shoot(staged, staged.setup) for staged in pair]
-        known = solved(shots, basis, camera)
-        good.append(known)
-        for fault in OF_TWO:
-            which = (number + OF_TWO.index(fault)) % 2
-            plan = apply_fault(fault, 3)(pair[which].setup)
-
-            def again(which: int = which, plan: ShotPlan = plan, pair: Any = pair, shots: Any = shots) -> Any:
-                return [shoot(pair[j], plan) if j == which else shots[j] for j in range(2)]
-
-            bad = tried(again, basis, camera)
-            words = " ".join(bad.words)
-            harmful = bad.rmse is not None and bad.rmse - (known.rmse or 0.0) > HARM
-            named = f"hot {which + 1}" in words and f"hot {2 - which}" not in words
-            faults[fault].append((1, harmful, harmful and bad.caught, bad.caught, named))
-    keys = ("captures", "harmful", "harmful_caught", "caught", "named")
-    return {
-        "clean": len(good),
-        "clean_caught": sum(o.caught for o in good),
-        "rmse": float(np.mean([o.rmse for o in good])),
-        "coverage": float(np.mean([o.covered for o in good if not o.caught])),
-        "faults": {
-            fault: dict(zip(keys, np.sum(rows, axis=0).tolist(), strict=True)) for fault, rows in faults.items()
-        },
-    }
-
-
-def field_mode(run: Run, cameras: Cameras) -> dict[str, Any]:
-    """No white, no dark frame, the lamp by its kind alone: what is accepted, and do its bands hold?"""
-    found: dict[str, list[Outcome]] = {KNOWN: [], FIELD: []}
-    for number, name in enumerate(run.track(cameras.names, "in the field")):
-        bulb = number % 3 == 2
-        kelvin = np.random.default_rng([11, number]).normal(2700 if bulb else 5800, 250 if bulb else 900)
-        lamp = f"{max(kelvin, 1500):.0f}K" if bulb else f"D:{min(max(kelvin, 4100), 9000):.0f}"
-        staged = stage(2000 + number, name, cameras.curves[name], lamp)
-        plan = staged.setup
-        plan = replace(plan, scene=replace(plan.scene, vignetting=0.4 * plan.scene.vignetting))
-        bare = {"chart": "chart", "white": None, "dark": None}
-        for words, own in (
-            (KNOWN, plan), (FIELD, replace(plan, stated_lamp="bulb" if bulb else "daylight", handed_in=bare)),
-        ):  # fmt: skip
-            found[words].append(cameras.outcome(staged, own))
-    return {
-        words: {
-            "captures": len(rows),
-            "accepted": sum(not o.caught for o in rows),
-            "refused": sum(o.status == "refused" for o in rows),
-            "rmse": float(np.mean([o.rmse for o in rows if not o.caught])),
-            "coverage": float(np.mean([o.covered for o in rows if not o.caught])),
-        }
-        for words, rows in found.items()
-    }
-
-
 def claim(run: Run) -> None:
     """All of it; results/faults.json is the second half's whole run."""
-    captures, clean, pairs = (2, 26, 4) if run.options.quick else (8, 208, 13)
+    captures, clean = (2, 26) if run.options.quick else (8, 208)
     cameras = cameras_of(run)
     good = list(run.track(good_captures(cameras, clean), "good captures"))
     tallies = {name: spoilt(cameras, good, f, name, captures) for f, name in enumerate(run.track(FAULTS, "faults"))}
@@ -284,9 +191,6 @@ def claim(run: Run) -> None:
         "coverage": float(np.mean([o.covered for o in every if not o.caught and o.covered is not None])),
         "faults": {name: [tally.row() for tally in own] for name, own in tallies.items()},
         "causes": confusion(tallies),
-        "without_matrix": dict(without_matrix(cameras, good, captures)),
-        "two_shots": two_shots(run, cameras, names[:: max(1, len(names) // pairs)][:pairs]),
-        "field": field_mode(run, cameras),
     }
     show(run, run.kept)
     check(run, run.kept)
@@ -306,7 +210,6 @@ def check(run: Run, found: dict[str, Any]) -> None:
     run.bar("clean captures refused", clean["refused"] / clean["captures"], most=0.01)
     run.bar("clean captures doubtful or refused", 1 - clean["accepted"] / clean["captures"], most=0.05)
     run.bar("coverage of the bands on all that was accepted", found["coverage"], least=0.90)
-    run.bar("coverage in the field", found["field"][FIELD]["coverage"], least=0.90)
 
 
 def show(run: Run, found: dict[str, Any]) -> None:
@@ -323,27 +226,10 @@ def show(run: Run, found: dict[str, Any]) -> None:
             for name, own in found["faults"].items() for at, row in enumerate(own)
         ],
     )  # fmt: skip
-    clean, pair = found["clean"], found["two_shots"]
+    clean = found["clean"]
     run.say(
         f"clean: {clean['captures']} captures, {clean['accepted']} accepted, {clean['doubtful']} doubtful, "
         f"{clean['refused']} refused, RMSE {clean['rmse']:.3f}; bands of all accepted cover {found['coverage']:.1%}"
     )
     for words in clean["reasons"]:
         run.say(f"  {words}")
-    run.table(
-        f"One of two shots spoilt, severity 3; of {pair['clean']} clean pairs {pair['clean_caught']} doubted, "
-        f"RMSE {pair['rmse']:.3f}",
-        {"fault": "", "captures": "d", "caught": "d"} | caught | {"right shot named": "d"},
-        [
-            (name, row["captures"], row["caught"], (row["harmful_caught"], row["harmful"]), row["named"])
-            for name, row in pair["faults"].items()
-        ],
-    )
-    columns = {"capture": ""} | dict.fromkeys(("captures", "accepted", "refused"), "d")
-    rows = [(name, *row.values()) for name, row in found["field"].items()]
-    run.table("In the field", columns | {"RMSE": ".3f", "coverage": ".3f"}, rows)
-    rows = [
-        (name, row["captures"], (row["harmful_caught"], row["harmful"]))
-        for name, row in found["without_matrix"].items()
-    ]
-    run.table("Without a colour matrix in the file", {"fault, severity": "", "captures": "d"} | caught, rows)

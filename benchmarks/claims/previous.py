@@ -46,7 +46,6 @@ from camssf.result import Result
 from camssf.spectra import Light, read_lamp, read_light
 from camssf.spectra.lamps import TORCH
 
-OPTIONS = {"unchanged": (False, "leave out the units that have changed")}
 BEFORE = ("D:5200", "2856K", "LED-B3")
 """Lamps of the previous result, one after the other."""
 STEP = 5.0
@@ -211,12 +210,9 @@ def row(rows: Sequence[Later]) -> dict[str, Any]:
 
 
 def noticed(rows: Sequence[Later]) -> dict[str, float]:
-    """Share of changed units that are noticed, by change and by kind of light."""
+    """Share of changed units that are noticed, by change."""
     by_change = {change: [one for one in rows if one.change == change] for change in CHANGES if change != SAME}
-    blue = [one for change in BLUE for one in by_change[change]]
-    kinds = {kind: [one for one in blue if KIND_OF[one.lamp] == kind] for kind in dict.fromkeys(KIND_OF.values())}
-    shares = by_change | {f"blue ±5 nm, {kind}": own for kind, own in kinds.items()}
-    return {name: float(np.mean([one.status == "doubtful" for one in share])) for name, share in shares.items()}
+    return {name: float(np.mean([one.status == "doubtful" for one in share])) for name, share in by_change.items()}
 
 
 def claim(run: Run) -> None:
@@ -224,7 +220,7 @@ def claim(run: Run) -> None:
     run.phones  # noqa: B018 - nothing without them
     kept: dict[str, list[Later]] = {}
     for population in populations(run, BY_OTHERS, BY_OTHER_MAKER):
-        changes = tuple(CHANGES) if population.key == OTHERS and not run.options.unchanged else (SAME,)
+        changes = tuple(CHANGES) if population.key == OTHERS else (SAME,)
         units = []
         for number, device in enumerate(run.track(population.devices, population.title)):
             with device.left_out(population.key):

@@ -59,10 +59,9 @@ BASES = (CLAIM, LEFT_OUT, AUTO, SHIPPED, PHONES, PAPER)
 MEAN = "mean of `cameras`, no Nikon: no photo at all"
 LAMPS = ("bulb", "3000K", "A", "LED-B1", "white-led", "FL2", "D55", "D65", "auto")
 """What the real photo is told its light was. It was warm; nobody noted more."""
-DRAWS = 200
 REFERENCE = SolverSettings(engine="reference")
-SCATTERED, UNCOMMON = 0.08, 0.015
-"""What `scatter` finds in the capture, for drawing others like it: gains of the patches, and of their channels."""
+SCATTERED = 0.08
+"""What `scatter` finds in the capture: gains of the patches."""
 
 
 @dataclass(frozen=True)
@@ -139,13 +138,11 @@ def light() -> Floats:
     return np.asarray(capture.radiance[capture.white] / chart(PUBLISHED).values[capture.white])
 
 
-def evidence(
-    name: str, tolerance: float, noise: float = NOISE, gains: Floats | None = None, light_per_patch: float = 0.0
-) -> Observation:
-    """The capture as the product is told it; `gains` (24,) divide the patches' signals."""
+def evidence(name: str, tolerance: float, noise: float = NOISE, light_per_patch: float = 0.0) -> Observation:
+    """The capture as the product is told it."""
     capture, table = d70(), chart(name)
     modes = patch_modes(24, light_per_patch, capture.white) if light_per_patch else np.zeros((0, 24))
-    y = (capture.signals if gains is None else capture.signals / gains[:, None])[capture.used]
+    y = capture.signals[capture.used]
     return Observation(
         y, table.values[capture.used], light(), standard_error=noise * y, chart_tolerance=np.array(tolerance),
         white_reflectance=table.values[capture.white], lamp_tolerance=np.array(MEASURED_LAMP),
@@ -153,14 +150,12 @@ def evidence(
     )  # fmt: skip
 
 
-def solve(
-    basis: str, name: str, tolerance: float, gains: Floats | None = None, light_per_patch: float = 0.0
-) -> tuple[Observation, Ssf]:
+def solve(basis: str, name: str, tolerance: float, light_per_patch: float = 0.0) -> tuple[Observation, Ssf]:
     """One of BASES: what it was told, and its answer."""
     if basis == PAPER:
-        observation = evidence(name, 0.0, float(np.hypot(NOISE, tolerance)), gains)
+        observation = evidence(name, 0.0, float(np.hypot(NOISE, tolerance)))
         return observation, recover(observation, basis="gaussian")
-    observation = evidence(name, tolerance, gains=gains, light_per_patch=light_per_patch)
+    observation = evidence(name, tolerance, light_per_patch=light_per_patch)
     if basis == CLAIM:
         with standing_in(learned_without("nikon")):
             return observation, recover(observation, settings=REFERENCE)
@@ -205,11 +200,9 @@ def z_of(posed: Observation, found: Ssf, name: str) -> float:
     return VerdictInputs(signals, part, [], [], [lamp], white, modes).goodness_of_fit(found).z
 
 
-def attempt(
-    basis: str, name: str, tolerance: float, gains: Floats | None = None, light_per_patch: float = 0.0
-) -> dict[str, Any]:
+def attempt(basis: str, name: str, tolerance: float, light_per_patch: float = 0.0) -> dict[str, Any]:
     """One row."""
-    observation, found = solve(basis, name, tolerance, gains, light_per_patch)
+    observation, found = solve(basis, name, tolerance, light_per_patch)
     curves, std = found.peak()
     row: dict[str, Any] = {"chart": name, "tolerance": tolerance, "light": light_per_patch, "basis": basis}
     row["passes"] = judged(curves, std)
@@ -226,11 +219,6 @@ def gains_of(name: str, truth: Floats) -> Floats:
     capture = d70()
     expected = (chart(name).values * light()) @ truth
     return np.asarray(capture.signals / (expected / expected[capture.white]))
-
-
-def common(gains: Floats) -> Floats:
-    """(24,) geometric mean of the channels."""
-    return np.asarray(np.exp(np.log(gains).mean(axis=1)))
 
 
 def scatter() -> dict[str, dict[str, Any]]:
@@ -258,25 +246,6 @@ def references() -> dict[str, dict[str, Any]]:
     }
 
 
-def redraw(count: int = DRAWS, seed: int = 8) -> dict[str, list[float]]:
-    """Captures simulated like this one, pass 2011 the camera: 5th, 50th and 95th percentile, solved without Nikon."""
-    capture, truth = d70(), d70().truth["2011"]
-    exact = (chart(MEASURED).values * light()) @ truth
-    rng = np.random.default_rng(seed)
-    found = []
-    for _ in range(count):
-        gains = np.exp(SCATTERED * rng.normal(size=(len(exact), 1)) + UNCOMMON * rng.normal(size=exact.shape))
-        y = exact * gains
-        y = (y / y[capture.white])[capture.used]
-        observation = replace(evidence(MEASURED, TOLERANCES[1]), signals=y[None], standard_error=NOISE * y[None])
-        answered = recover(observation, basis=learned_without("nikon"), settings=REFERENCE)
-        rmse, held = score(*answered.peak(), truth)
-        assert held is not None
-        found.append([rmse.mean(), held])
-    low, middle, high = np.quantile(found, (0.05, 0.5, 0.95), axis=0)
-    return {name: [float(low[i]), float(middle[i]), float(high[i])] for i, name in enumerate(("rmse", "coverage"))}
-
-
 def measure() -> dict[str, Any]:
     """All of the D70."""
     rows = [
@@ -290,16 +259,10 @@ def measure() -> dict[str, Any]:
         for basis in BASES
         if basis != PAPER  # which knows of no error but the signals'
     ]
-    # What the scatter of the light costs: the gains that pass 2011 says, taken out before anything is solved. The
-    # paper's basis is told the noise alone here, which serves it best.
-    gains = common(gains_of(MEASURED, d70().truth["2011"]))
-    mended = [attempt(basis, MEASURED, assumed, gains) for basis, assumed in ((CLAIM, 0.03), (PAPER, 0.0))]
     return {
         "rows": rows,
-        "mended": mended,
         "references": references(),
         "scatter": scatter(),
-        "simulated": redraw(),
     }
 
 
@@ -347,8 +310,7 @@ def check(run: Run, found: Mapping[str, Any]) -> None:
     """Bars, of the worse of two passes, which differ by .036 themselves.
 
     The numbers of one capture do not scatter from run to run, so the room (a sixth of the error, five of 93 values)
-    is for changes of the prior, whose worth other benchmarks judge. The simulated captures say what luck is worth. z
-    is the verdict's own bound.
+    is for changes of the prior, whose worth other benchmarks judge. z is the verdict's own bound.
     """
     rows = found["rows"]
     claimed, paper = row_of(rows, CLAIM), row_of(rows, PAPER)
@@ -356,8 +318,6 @@ def check(run: Run, found: Mapping[str, Any]) -> None:
     passes = claimed["passes"]
     run.bar("claim at 8 %: RMSE", max(passes[name]["rmse"] for name in PASSES), most=0.07)
     run.bar("claim at 8 %: coverage", min(passes[name]["coverage"] for name in PASSES), least=0.88)
-    luck = passes["2011"]["rmse"] / found["simulated"]["rmse"][2]
-    run.bar("claim over 95 % of the simulated captures: RMSE", luck, most=1.0)
     run.bar("claim over the paper's basis: RMSE", over(passes, paper["passes"]), most=0.7)
     run.bar("claim over the mean camera: RMSE", over(passes, found["references"][MEAN]), most=0.85)
     run.bar("claim at 8 %: goodness of fit z", claimed["z"], most=3.5)
@@ -394,10 +354,6 @@ def show(run: Run, found: Mapping[str, Any]) -> None:
     """The tables."""
     run.table("Nikon D70 against its monochromator", dict.fromkeys(HEAD, ""), map(line_of, found["rows"]))
     held = [[name, *scores_of(passes)] for name, passes in found["references"].items()]
-    held += [[f"{row['basis']}, light evened out by pass 2011", *scores_of(row["passes"])] for row in found["mended"]]
-    drawn = [f"{rmse:.3f} ({100 * kept:.0f})" for rmse, kept in zip(*found["simulated"].values(), strict=True)]
-    held += [[f"{LEFT_OUT}, {DRAWS} simulated captures like it: median", drawn[1], ""]]
-    held += [["their 5th and 95th percentiles", f"{drawn[0]}; {drawn[2]}", ""]]
     run.table("For comparison", dict.fromkeys(("", "2011", "2010"), ""), held)
     shared = [
         [name, each, row["shared"], tuple(row["rest"])]

@@ -8,9 +8,8 @@ own (`MADE`).
 
 - Colour: ΔE00 without noise, by curves (true, one, two, unnamed); transform: the root-polynomial, curves of
   one shot. The set `rawtoaces` is what that transform is fitted to, so it is left out of this column.
-- Between: median ΔE00 of two cameras' colours of the same skin, curves of one shot.
 - Region: share of Lab within its 95 % region; lamp off by 2 % in calibration and in use, noise .5 %, the reference
-  off by 1 %: lamp named, by kind, and auto.
+  off by 1 %, the lamp named.
 - Spectra: RMSE and share within the 95 % bands, 400 to 700 nm; D65, and D65 with the LED; true curves, noise .5 %.
 - Indices: error of erythema and melanin in standard deviations over people, and share within the 95 % band.
 - Change: skins with .5 standard deviations more erythema by oxyhaemoglobin alone (or deoxyhaemoglobin), R exp(-k ε);
@@ -32,12 +31,11 @@ from benchmarks.claim import Run
 from benchmarks.claims.colour import (
     CHART,
     INSIDE,
-    KINDS,
+    LAMPS,
     SEED,
     SHOTS,
     WHITE,
     Case,
-    between,
     calibrate,
     case_groups,
     drawn,
@@ -153,8 +151,8 @@ def cameras(case: Case, rng: np.random.Generator) -> dict[str, Camera]:
     return found | {"unnamed": unnamed(case, rng)}
 
 
-def colours(case: Case, known: dict[str, Camera], every: int) -> Iterator[tuple[str, str, str, Floats, Floats]]:
-    """Group, light, way, true Lab and stated Lab."""
+def colours(case: Case, known: dict[str, Camera], every: int) -> Iterator[tuple[str, str, Floats, Floats]]:
+    """Group, way, true Lab and stated Lab, under each light."""
     for name in GROUPS:
         _, fine, _ = group(name)
         fine = fine[::every]
@@ -164,20 +162,20 @@ def colours(case: Case, known: dict[str, Camera], every: int) -> Iterator[tuple[
             truth = of_surfaces(fine, source.values, View())[1]
             for way, camera in known.items():
                 found = spectrum(camera, LitSurfaces(source, y, 1e-4, Reference(0.0)), prior=prior_without(name))
-                yield name, word, way, truth, found.lab
+                yield name, way, truth, found.lab
             if name != "rawtoaces":
                 fitted = choose(known["one"].values, source.values)
-                yield name, word, "transform", truth, lab(fitted.apply(y), white_of(source.values))
+                yield name, "transform", truth, lab(fitted.apply(y), white_of(source.values))
 
 
-def regions(case: Case, rng: np.random.Generator, every: int) -> Iterator[tuple[str, str, Floats]]:
-    """Group, what was told of the lamp, and χ² of true less stated Lab."""
+def regions(case: Case, rng: np.random.Generator, every: int) -> Iterator[tuple[str, Floats]]:
+    """Group, and χ² of true less stated Lab, the lamp named."""
     camera = calibrate(case, SHOTS["two"], rng, off=True)
     smooth = smooth_errors(CHART_CORRELATION, WAVELENGTHS)
     for name in GROUPS:
         _, fine, _ = group(name)
         fine = fine[:: 2 * every]
-        for word, kind in KINDS.items():
+        for word in LAMPS:
             power = drawn(lamp(word), rng)
             white = 1.0 + WHITE * (smooth @ rng.normal(size=smooth.shape[1]))
             raw = (power * white) @ case.curves
@@ -185,12 +183,11 @@ def regions(case: Case, rng: np.random.Generator, every: int) -> Iterator[tuple[
             error = NOISE * y
             y = y + error * rng.normal(size=y.shape)
             truth = of_surfaces(fine, power, View())[1]
-            for way, lamp_name in (("named", word), ("kind", kind), ("auto", "auto")):
-                lit = LitSurfaces(lamp_name, y, error, Reference(WHITE, raw))
-                answer = spectrum(camera, lit, prior=prior_without(name))
-                off = truth - answer.lab
-                solved = np.linalg.solve(answer.lab_covariance, off[..., None])[..., 0]
-                yield name, way, np.einsum("mc,mc->m", off, solved)
+            lit = LitSurfaces(word, y, error, Reference(WHITE, raw))
+            answer = spectrum(camera, lit, prior=prior_without(name))
+            off = truth - answer.lab
+            solved = np.linalg.solve(answer.lab_covariance, off[..., None])[..., 0]
+            yield name, np.einsum("mc,mc->m", off, solved)
 
 
 def photographed(case: Case, fine: Floats, words: Sequence[str], rng: np.random.Generator) -> list[LitSurfaces]:
@@ -260,8 +257,7 @@ class Measured:
 
     def __init__(self, every: int) -> None:
         self.delta: dict[tuple[str, str], list[Floats]] = {}
-        self.skins: dict[tuple[str, str, str], list[Floats]] = {}
-        self.chi: dict[tuple[str, str], list[Floats]] = {}
+        self.chi: dict[str, list[Floats]] = {}
         self.errors: dict[tuple[str, str], list[Any]] = {}
         self.index: dict[tuple[str, str], list[Floats]] = {}
         self.answered: dict[tuple[str, str, str], list[float]] = {}
@@ -270,12 +266,10 @@ class Measured:
     def add(self, case: Case, rng: np.random.Generator) -> None:
         """All of one camera."""
         known = cameras(case, rng)
-        for name, word, way, truth, stated in colours(case, known, self.every):
+        for name, way, truth, stated in colours(case, known, self.every):
             self.delta.setdefault((name, way), []).append(delta_e00(truth, stated))
-            if group(name)[2]:
-                self.skins.setdefault((name, word, way), []).append(stated)
-        for name, way, squares in regions(case, rng, self.every):
-            self.chi.setdefault((kind_of(name), way), []).append(squares)
+        for name, squares in regions(case, rng, self.every):
+            self.chi.setdefault(kind_of(name), []).append(squares)
         for name, lights, rows, answer in spectra(case, known, rng, self.every):
             off = (answer.reflectance - rows)[:, INNER]
             held = np.abs(off) < BAND * answer.standard_deviation[:, INNER]
@@ -306,22 +300,13 @@ def show(run: Run, title: str, measured: Measured) -> None:
     for kind, way in product(("general", "skin"), ways):
         own = [every[name, way] for name in GROUPS if kind_of(name) == kind and (name, way) in every]
         every[kind, way] = np.concatenate(own)
-    rows: list[Any] = [
-        (name, *(every[name, way].mean() if (name, way) in every else None for way in ways))
-        for name in (*GROUPS, "general", "skin")
-    ]
+    rows: list[Any] = [(kind, *(every[kind, way].mean() for way in ways)) for kind in ("general", "skin")]
     tails = {kind: {way: float(np.percentile(every[kind, way], 95)) for way in ways} for kind in ("general", "skin")}
     rows += [(f"{kind}, 95th percentile", *tail.values()) for kind, tail in tails.items()]
     run.table(f"{title}: ΔE00", {"left out": ""} | dict.fromkeys(ways, ".2f"), rows)
-    apart = {
-        way: float(np.mean([between(labs) for (*_, own), labs in measured.skins.items() if own == way]))
-        for way in ways
-    }
-    run.table(f"{title}: skin between them, median ΔE00", dict.fromkeys(ways, ".2f"), [tuple(apart.values())])
-    inside = {key: float(np.mean(np.concatenate(own) < INSIDE)) for key, own in measured.chi.items()}
-    words = ("named", "kind", "auto")
-    rows = [(kind, *(inside[kind, way] for way in words)) for kind in ("general", "skin")]
-    run.table(f"{title}: within the 95 % region of Lab", {"": ""} | dict.fromkeys(words, ".3f"), rows)
+    inside = {kind: float(np.mean(np.concatenate(own) < INSIDE)) for kind, own in measured.chi.items()}
+    rows = [(kind, inside[kind]) for kind in ("general", "skin")]
+    run.table(f"{title}: within the 95 % region of Lab", {"": "", "lamp named": ".3f"}, rows)
     bands = {key: np.mean(error, axis=0).tolist() for key, error in measured.errors.items()}
     columns = dict.fromkeys(("one light: RMSE", "in the band", "two lights: RMSE", "in their band"), ".4f")
     rows = [(kind, *(value for n in PAIRS for value in bands[kind, n])) for kind in ("general", "skin")]
@@ -349,11 +334,8 @@ def show(run: Run, title: str, measured: Measured) -> None:
         bar(f"{kind}, ΔE00, curves {way}", every[kind, way].mean(), most=most)
     for way, most in (("true", 3.1), ("one", 3.4)):
         bar(f"general, 95th percentile, curves {way}", tails["general"][way], most=most)
-    bar("skin between cameras", apart["one"], most=0.40)
-    bar("region, general, named", inside["general", "named"], least=0.92, most=0.97)
-    bar("region, skin, named", inside["skin", "named"], least=0.95)
-    for kind, way in product(("general", "skin"), ("kind", "auto")):
-        bar(f"region, {kind}, {way}", inside[kind, way], least=0.92)
+    bar("region, general", inside["general"], least=0.92, most=0.97)
+    bar("region, skin", inside["skin"], least=0.95)
     for kind, n, most in (("skin", "one", 0.012), ("general", "one", 0.070), ("general", "two", 0.046)):
         bar(f"spectra, {kind}, lights: {n}", bands[kind, n][0], most=most)
     for kind, n in product(("general", "skin"), PAIRS):

@@ -21,7 +21,6 @@ import numpy as np
 
 from benchmarks.captures import Group, Groups, capture, judged, power, unnamed
 from benchmarks.claim import Run
-from benchmarks.claims.any_light import HARM, wrong
 from benchmarks.devices import (
     CAMERAS,
     FOREIGN,
@@ -45,6 +44,8 @@ FADED = {"chart faded by 10 %": 0.1, "chart faded by 20 %": 0.2}
 """Mean fading of the chart's patches; each one's own is 0.5 to 1.5 times of it."""
 LAMPS = ("D55", "D:7500", "2700K", "LED-B3", "FL2")
 PHONE_MAKER = "Apple"
+HARM = 0.06
+"""RMSE above which an accepted answer of no phone is a failure: a phone's curves never have it."""
 Change = Callable[[Floats], Floats]
 Stranger = tuple[str, Device, tuple[Basis, ...], str]
 """Title, changed device, bases that do not know it, and maker's name."""
@@ -106,8 +107,7 @@ def cameras(foreign: Path | None) -> Iterator[Stranger]:
     for title, devices in groups:
         for device in devices:
             known = (replace(device.bases[CAMERAS], name="cameras"),) if title == "cameras" else ()
-            makers = {"": device.maker, f", says {PHONE_MAKER}": PHONE_MAKER, ", no maker": ""}
-            for word, maker in makers.items():
+            for word, maker in (("", device.maker), (f", says {PHONE_MAKER}", PHONE_MAKER), (", no maker", "")):
                 yield title + word, device, known, maker
 
 
@@ -118,33 +118,34 @@ def faded_chart(fading: float, seed: int) -> Floats:
     return faded(chart, own[:, None])
 
 
-def check(run: Run, title: str, named: Group, auto: Group, as_measured: Group | None) -> None:
-    """The bars of a row: issue 29, of what one run can tell."""
+def wrong(group: Group) -> int:
+    """How many are accepted and wrong."""
+    return sum(one.rmse > HARM for one in group.accepted)
+
+
+def check(run: Run, title: str, named: Group, auto: Group) -> None:
+    """The bars of a row."""
     doubted = 1.0 - len(named.accepted) / len(named)
-    if title in ("as measured", OTHER):
+    if title == "as measured":
         run.bar(f"{title}, named: doubted", doubted, most=0.01)
-    if title == UNKNOWN and as_measured is not None:
-        accepted = len(auto.accepted) / len(as_measured.accepted)
-        run.bar(f"{title}: accepted, of those with it", accepted, least=0.9, most=1.1)
     if title == "chart faded by 20 %":
         for word, group in (("named", named), ("not named", auto)):
             run.bar(f"{title}, {word}: RMSE", group.rmse, most=0.036)
             run.bar(f"{title}, {word}: coverage", group.coverage, least=0.94)
             said = group.share(lambda one: "chart_unfit" in one.codes) or 0.0
             run.bar(f"{title}, {word}: said so", said, least=0.9)
-    if title.startswith(("12 nm", "20 %")):
-        run.bar(f"{title}, named: not accepted", doubted, least=0.9 if title.startswith("12 nm") else 0.55)
+    if title == "20 % wider":
+        run.bar(f"{title}, named: not accepted", doubted, least=0.55)
     if title.startswith("RYYB"):
         for word, group, most in (("named", named, 0.030), ("not named", auto, 0.042)):
             run.bar(f"{title}, {word}: RMSE", group.rmse, most=most)
             run.bar(f"{title}, {word}: coverage", group.coverage, least=0.96)
     doubtful = named.where(lambda one: one.status == "doubtful")
-    if doubtful and title.startswith(("12 nm", "20 %", "RGBW")):
+    if doubtful and title == "20 % wider":
         run.bar(f"{title}, named: coverage where doubted", doubtful.coverage, least=0.93)
     if title in ("cameras", FOREIGN):
         unusual = named.share(lambda one: "camera_unusual" in one.codes) or 0.0
         run.bar(f"{title}, named: doubted as unusual", unusual, most=0.04)
-    if "cameras" in title:
         run.bar(f"{title}, not named: wrong and accepted", wrong(auto), most=0)
 
 
@@ -171,5 +172,4 @@ def claim(run: Run) -> None:
     ]  # fmt: skip
     run.table(f"Strangers; wrong: RMSE above {HARM:g}", columns, rows)
     for title in dict.fromkeys(title for title, _ in groups):
-        as_measured = groups.get(("as measured", "not named"))
-        check(run, title, groups[title, "named"], groups[title, "not named"], as_measured)
+        check(run, title, groups[title, "named"], groups[title, "not named"])

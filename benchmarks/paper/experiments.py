@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from benchmarks.claims.colour import unseen
 from benchmarks.devices import left_out
 from benchmarks.paper import captures
 from benchmarks.paper.rivals import FIGURE_4, OURS, TABLE_1, Given, method
@@ -18,15 +19,9 @@ from benchmarks.shared import CURVES, chart, lamp
 from camssf.errors import NotConverged
 from camssf.fit.scores import rmsre
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.recovery.basis import Basis, gaussian_basis, read_basis
-from camssf.recovery.hypotheses import recover
-from camssf.recovery.observation import Observation
-from camssf.recovery.penalties import GAMMA, L2
-from camssf.recovery.rows import anchor
-from camssf.recovery.sensitivity import SolverSettings
-from camssf.spectra import colour_science, read_camera, read_chart
+from camssf.recovery.basis import Basis, read_basis
+from camssf.spectra import read_camera
 from camssf_lab.learning.training import maker_of, read_curves
-from golden.linear_model import LinearModel, linear_model, solve
 
 SEED = 7
 CHROMATIC, TWELVE, ALL = slice(0, 18), slice(6, 18), slice(0, 24)
@@ -38,8 +33,6 @@ LAMPS = ("equal-energy", "D55", "A", "LED-B3")
 IGNORED = ("D55", "D65", "A", "LED-B3", "LED-V1", "FL2")
 ATOMS = (9, 12, 18, 35, 69, 681)
 CURVE_CAMERA, CURVE_COUNTS = "Nikon 5100 (NPL)", (9, 12, 15, 18)
-PLAIN: dict[str, Any] = {"chart_tolerance": 0.0, "white_tolerance": 0.0}
-TOLD: dict[str, Any] = {"chart_tolerance": 0.03, "white_tolerance": 0.01}
 Scores: TypeAlias = dict[str, list[float]]
 """Of one camera: what was tried → numbers, one a run or one a weight."""
 
@@ -186,83 +179,15 @@ def lamps(camera: Camera, index: int) -> Scores:
     return found
 
 
-def atoms(camera: Camera, index: int) -> Scores:
-    """How many Gaussians: 12 patches, D55; one camera in nine, since 681 of them are slow."""
-    found: Scores = {}
-    if index % 9:
-        return found
-    for noise in NOISES[:2]:
-        shown = given(camera, TWELVE, "D55", noise, np.random.default_rng([SEED, 4, index]))
-        for count in ATOMS:
-            for weight in method("tuned").weights:
-                try:
-                    value = score(shown.solved(gaussian_basis(count), gamma=weight, engine="reference"), camera)
-                except NotConverged:
-                    value = float("nan")
-                found.setdefault(f"{noise}|{count}", []).append(value)
-    return found
-
-
-def charts(camera: Camera, index: int) -> Scores:
-    """The chart is Ohta's, the table BabelColor's; one lamp and more. Noise 0.1 %, 24 patches."""
-    found: Scores = {}
-    rng = np.random.default_rng([SEED, 5, index])
-    ohta = read_chart("classic24:ohta").values
-    for names in (("D55",), ("D55", "D55"), ("D55", "A"), ("D55", "A", "LED-B3")):
-        lights = np.stack([lamp(name) for name in names])
-        for table_name, seen in (("same", chart()), ("foreign", ohta)):
-            pairs = [photograph(camera, seen, light, 0.001, rng) for light in lights]
-            y, error = np.stack([p[0] for p in pairs]), np.stack([p[1] for p in pairs])
-            key = f"{table_name}|{' + '.join(names)}"
-            arguments = PLAIN if table_name == "same" else TOLD
-            answer = recover(
-                Observation(y, chart(), lights, standard_error=error, **arguments),
-                basis=camera.basis,
-                settings=SolverSettings(engine="reference"),
-            )
-            found[f"product|{key}"] = [score(answer.values, camera)]
-            found[f"diagonal|{key}"] = [score(_diagonal(y, error, lights, camera.basis, arguments), camera)]
-            if len(names) == 1:
-                shown = Given(y[0], error[0], chart(), lights[0], camera.training, camera.basis)
-                found[f"paper|{key}"] = [attempt("paper", shown, camera)]
-    return found
-
-
-def _diagonal(y: Floats, error: Floats, lights: Floats, basis: Basis, arguments: dict[str, Any]) -> Floats:
-    """The product's problem with all correlations of the chart's and the white's errors struck out: curves (681, 3).
-
-    Light that drifts between a shot's frames, which any capture has, stays one error a shot.
-    """
-    k, n, _ = y.shape
-    full = linear_model(
-        Observation(
-            y, chart(), lights, standard_error=error, chart_tolerance=np.full(n, arguments["chart_tolerance"]),
-            white_reflectance=np.ones_like(WAVELENGTHS), white_tolerance=arguments["white_tolerance"],
-            lamp_tolerance=np.zeros(k), lamp_modes=np.zeros((k, 0, WAVELENGTHS.size)),
-        ),
-        basis,
-    )  # fmt: skip
-    shots = full.terms["lamp"]
-    loose = LinearModel(full.matrix, full.target, shots + (full.covariance - shots) * np.eye(3 * k * n))
-    code = solve(loose, L2, np.array([GAMMA])).values.reshape(3, -1)
-    book = anchor(basis, lights[0])
-    return np.asarray((book.mean + np.einsum("cmr,cr->cm", book.dictionary, code)).T)
-
-
 @cache
 def samples() -> Floats:
     """(96, 681) reflectances of real surfaces in place of an SG's 96 colours, whose table is not public.
 
-    CIE 224:2017's test colours (colour-science has all 99: paints, textiles, skin, plants, plastics, printed matter),
-    without the three darkest. None is a patch of the chart.
+    CIE 224:2017's test colours (paints, textiles, skin, plants, plastics, printed matter), without the three darkest.
+    None is a patch of the chart.
     """
-    from colour.quality.cfi2017 import load_TCS_CIE2017
-
-    colour = colour_science()
-    values = np.asarray(load_TCS_CIE2017(colour.SpectralShape(380, 780, 5)).values).T
-    grid = np.arange(380, 785, 5)
-    on_grid = np.stack([np.interp(WAVELENGTHS, grid, value) for value in values])
-    return on_grid[np.sort(np.argsort(on_grid.mean(axis=1))[3:])]
+    values = unseen()
+    return values[np.sort(np.argsort(values.mean(axis=1))[3:])]
 
 
 EXPERIMENTS: dict[str, Callable[[Camera, int], Scores]] = {
@@ -270,8 +195,6 @@ EXPERIMENTS: dict[str, Callable[[Camera, int], Scores]] = {
     "colours": colours,
     "figure_4": figure_4,
     "lamps": lamps,
-    "charts": charts,
-    "atoms": atoms,
 }
 
 

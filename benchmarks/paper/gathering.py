@@ -9,7 +9,6 @@ import numpy as np
 
 from benchmarks.claim import Run
 from benchmarks.paper.experiments import (
-    ATOMS,
     COUNTS,
     CURVE_CAMERA,
     CURVE_COUNTS,
@@ -79,14 +78,12 @@ def gather_colours(results: dict[int, Scores]) -> dict[str, Any]:
     return found
 
 
-def nested(
-    results: dict[int, Scores], cell: Callable[[str, dict[int, list[float]]], Any], *, labels: bool = True
-) -> dict[str, Any]:
+def nested(results: dict[int, Scores], cell: Callable[[str, dict[int, list[float]]], Any]) -> dict[str, Any]:
     """A cell for each key "name|...|...", nested by its words; methods by their labels."""
     found: dict[str, Any] = {}
     for key, runs in by_key(results).items():
         name, *middle, last = key.split("|")
-        place = found.setdefault(method(name).label if labels else name, {})
+        place = found.setdefault(method(name).label, {})
         for word in middle:
             place = place.setdefault(word, {})
         place[last] = cell(name, runs)
@@ -129,28 +126,11 @@ def gather_lamps(results: dict[int, Scores]) -> dict[str, Any]:
     return nested(results, cell)
 
 
-def gather_atoms(results: dict[int, Scores]) -> dict[str, Any]:
-    """Noise → atoms → RMSE, with the best γ of the other makers; how many answers were refused."""
-
-    def cell(_: str, runs: dict[int, list[float]]) -> dict[str, Any]:
-        row = tuned(runs)
-        return {"rmse": row["rmse"], "refused": row["refused"]}
-
-    return {"cameras": sum(map(bool, results.values()))} | nested(results, cell, labels=False)
-
-
-def gather_charts(results: dict[int, Scores]) -> dict[str, Any]:
-    """Method → table → lamps → RMSE."""
-    return nested(results, lambda _, runs: float(np.nanmean(list(runs.values()))), labels=False)
-
-
 GATHER: dict[str, Callable[[dict[int, Scores]], dict[str, Any]]] = {
     "colours": gather_colours,
     "figure_4": gather_figure_4,
     "rivals": gather_rivals,
     "lamps": gather_lamps,
-    "atoms": gather_atoms,
-    "charts": gather_charts,
 }
 
 
@@ -163,13 +143,10 @@ def correlations() -> dict[str, Any]:
             pairs = np.abs(r[np.triu_indices(12, 1)])
             found[f"{name}, {label}"] = {"mean": float(pairs.mean()), "map": r.tolist()}
     rows = chart()[TWELVE] * STEP
-    coherence = {}
-    for count in ATOMS:
-        columns = rows @ gaussian_basis(count).dictionary[0]
-        columns = columns / np.linalg.norm(columns, axis=0)
-        alike = np.abs(columns.T @ columns) - np.eye(count)
-        coherence[str(count)] = float(1.0 - alike.max())
-    return {"tables": found, "coherence_below_1": coherence}
+    columns = rows @ gaussian_basis(18).dictionary[0]
+    columns = columns / np.linalg.norm(columns, axis=0)
+    alike = np.abs(columns.T @ columns) - np.eye(18)
+    return {"tables": found, "coherence_below_1": float(1.0 - alike.max())}
 
 
 def curves() -> dict[str, Any]:

@@ -78,12 +78,6 @@ def test_what_the_page_says_in_words_holds(found: dict[str, Any]) -> None:
             assert ours < theirs
             assert theirs < families[JIANG][noise][light]["rmse"]
             assert theirs == min(families[method(name).label][noise][light]["rmse"] for name in TABLE_1)
-    foreign = found["charts"]["product"]["foreign"]
-    assert foreign["D55 + A + LED-B3"] < foreign["D55 + A"] < 0.9 * foreign["D55"]
-    assert foreign["D55 + D55"] == pytest.approx(foreign["D55"], rel=0.03)
-    assert found["charts"]["diagonal"]["foreign"]["D55 + A"] > 1.1 * foreign["D55 + A"]
-    atoms = found["atoms"]["0.005"]
-    assert min(row["rmse"] for row in atoms.values()) >= 0.97 * min(atoms["12"]["rmse"], atoms["18"]["rmse"])
     for row in found["lamps"].values():
         for light in ("A", "LED-B3", "LED-V1", "FL2"):
             assert row["ignored"][light]["rmse"] > 1.5 * row["known"][light]["rmse"]
@@ -120,15 +114,9 @@ def test_cameras_learn_nothing_of_their_maker() -> None:
 
 
 @pytest.mark.full
-def test_one_camera_through_fig_4_and_the_charts() -> None:
-    index = 4
-    fig = gathering.gather_figure_4({i: paper.run("figure_4", i) for i in (index, 30)})
+def test_one_camera_through_fig_4() -> None:
+    fig = gathering.gather_figure_4({i: paper.run("figure_4", i) for i in (4, 30)})
     assert fig[f"{QR}: wavelengths, clipped"]["0.005"] > 2 * fig[PAPER]["0.005"]
-    charts = gathering.gather_charts({index: paper.run("charts", index)})
-    assert charts["product"]["same"]["D55"] < charts["product"]["foreign"]["D55"]
-    assert set(charts["paper"]["same"]) == {"D55"}
-    # No correlation, no difference: with an exact table Σ is diagonal anyway.
-    assert charts["diagonal"]["same"] == pytest.approx(charts["product"]["same"], rel=0.02)
 
 
 @pytest.mark.full
