@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks.devices import PHONES, SEEN, Device, errors, no_photo
+from benchmarks.devices import PHONES, Device, no_photo, scored
 from benchmarks.problems import in_roles
 from benchmarks.shared import TABLE
 from camssf.calibration import solve
@@ -193,11 +193,9 @@ def judged(measured: Capture, device: Device, lamps: Mapping[str, Floats]) -> Ta
     ssf = answer.ssf
     assert ssf is not None
     assert ssf.family_test is not None
-    rmse, covered = errors(*ssf.peak(), device.curves)
-    assert covered is not None  # both bases have bands
     light = ssf.lights[0] if ssf.lights else None
     return Taken(
-        device.name, tuple(lamps), answer.status, answer.codes, float(rmse.mean()), float(covered[:, SEEN].mean()),
+        device.name, tuple(lamps), answer.status, answer.codes, *scored(ssf.peak(), device.curves),
         no_photo(read_basis(PHONES), device.curves), ssf.family_test.length, ssf.family_test.lamp_residual,
         light.kinds if light else {}, ssf.band_ratio,
     )  # fmt: skip

@@ -129,6 +129,13 @@ def errors(curves: Floats, std: Floats | None, truth: Floats) -> tuple[Floats, F
     return rmse, None if std is None else (np.abs(wrong) <= BAND * std.T).astype(float)
 
 
+def scored(peak: tuple[Floats, Floats | None], truth: Floats) -> tuple[float, float]:
+    """Mean RMSE and coverage, 400 to 700 nm, of curves of peak 1 with bands."""
+    rmse, covered = errors(*peak, truth)
+    assert covered is not None  # every learned basis has bands
+    return float(rmse.mean()), float(covered[:, SEEN].mean())
+
+
 def no_photo(basis: Basis, truth: Floats) -> float:
     """RMSE of the mean device of a basis, which stands in for this one without any photo."""
     mean = basis.mean.T

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.captures import Answer, answer_to, model_of
-from benchmarks.devices import SEEN, Device, errors
+from benchmarks.devices import Device, scored
 from benchmarks.problems import makers_matrices
 from benchmarks.shared import TABLE, standing_in
 from camssf.errors import CalibrationError
@@ -166,12 +166,10 @@ def solved(shots: Sequence[MeasuredShot], basis: Basis, camera: Floats) -> Outco
     if answer.ssf is None:
         assert answer.error is not None
         return refusal(answer.error)
-    rmse, covered = errors(*answer.ssf.peak(), camera)
-    assert covered is not None
+    rmse, held = scored(answer.ssf.peak(), camera)
     words = tuple(reason.message for reason in answer.reasons)
     first = next((reason.key for reason in answer.reasons), "")
-    held = float(covered[:, SEEN].mean())
-    return Outcome(answer.status, answer.codes, float(rmse.mean()), held, words, first)
+    return Outcome(answer.status, answer.codes, rmse, held, words, first)
 
 
 def refusal(error: CalibrationError) -> Outcome:

@@ -17,7 +17,7 @@ from benchmarks.captures import OPTIONS as PRODUCT
 from benchmarks.captures import capture, power, unnamed
 from benchmarks.claim import Run
 from benchmarks.claims.strangers import LAMPS, ryyb
-from benchmarks.devices import CAMERAS, OTHERS, SEEN, Device, errors, measured_cameras, phones_left_out
+from benchmarks.devices import CAMERAS, OTHERS, Device, measured_cameras, phones_left_out, scored
 from benchmarks.shared import TABLE, standing_in
 from benchmarks.staged import real_chart
 from camssf.fit.capture_fit import prepare_fit
@@ -51,13 +51,6 @@ def solved(photo: Capture) -> tuple[Ssf, Capture]:
     return ssf, replace(photo, chart=likeliest_table(fit, ssf))
 
 
-def error(ssf: Ssf, device: Device) -> tuple[float, float]:
-    """RMSE of the curves, and coverage of their bands."""
-    rmse, covered = errors(*ssf.peak(), device.curves)
-    assert covered is not None  # every family has bands
-    return float(rmse.mean()), float(covered[:, SEEN].mean())
-
-
 def claim(run: Run) -> None:
     """A row a chart and way of telling the lamp."""
     devices: list[tuple[Device, tuple[Basis, ...], bool]] = [
@@ -79,7 +72,7 @@ def claim(run: Run) -> None:
                         plain, chosen = solved(capture(*told, "classic24"))
                         right = (chosen.chart.table == OHTA.table) == ohta
                         best = plain if chosen.chart.table != OHTA.table else solved(chosen)[0]
-                        row = float(right), *error(plain, device), *error(best, device)
+                        row = float(right), *scored(plain.peak(), device.curves), *scored(best.peak(), device.curves)
                         kept.setdefault((name, word), []).append(row)
     columns = {"chart in the photo": "", "lamp": "", "captures": "d", "right table": ".3f"}
     columns |= {"BabelColor's: RMSE": ".4f", "its coverage": ".3f", "left open: RMSE": ".4f", "coverage": ".3f"}

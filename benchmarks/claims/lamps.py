@@ -30,10 +30,10 @@ from benchmarks.devices import (
     OTHERS,
     SEEN,
     Device,
-    errors,
     measured_cameras,
     no_photo,
     phones_left_out,
+    scored,
 )
 from benchmarks.shared import chart
 from camssf.fit.capture_fit import lamp_modes
@@ -134,8 +134,7 @@ def measure(kinds: Sequence[str], devices: Sequence[Device], key: str, draws: in
             row: list[float] = []
             for told in (known, by_kind(known, [light for _, light in drawn])):
                 answer = recover(told, basis=device.known_by(key), settings=SolverSettings(engine="reference"))
-                rmse, covered = errors(*answer.peak(), device.curves)
-                row += [float(rmse.mean()), float(np.asarray(covered)[:, SEEN].mean())]
+                row += scored(answer.peak(), device.curves)
             scores.append(row)
     return tuple(np.mean(scores, axis=0).tolist())
 

@@ -31,13 +31,12 @@ from benchmarks.devices import (
     OTHER_MAKER,
     OTHERS,
     PHONES,
-    SEEN,
     Device,
-    errors,
     foreign_cameras,
     measured_cameras,
     no_photo,
     phones_left_out,
+    scored,
 )
 from benchmarks.shared import chart, standing_in
 from camssf.grid import Floats
@@ -93,13 +92,6 @@ def auto(basis: str) -> str:
     return f"auto: {basis}"
 
 
-def score(found: Found, device: Device) -> tuple[float, float]:
-    """RMSE and coverage of curves with bands."""
-    rmse, covered = errors(*found, device.curves)
-    assert covered is not None  # a learned basis has bands
-    return float(rmse.mean()), float(covered[:, SEEN].mean())
-
-
 def answers(device: Device, observation: Observation) -> dict[str, tuple[Found, float]]:
     """Curves and bands, and the nats of evidence, on each basis of the device, by choice, and channel by channel."""
     found: dict[str, tuple[Found, float]] = {}
@@ -134,7 +126,7 @@ def measure(devices: Sequence[Device], setting: Setting, draws: int) -> dict[str
         for device in devices:
             y, error = photograph(setting, device.curves, table[slice(*setting.patches)], rng)
             for name, (found, nats) in answers(device, declared(setting, y, error)).items():
-                kept.setdefault(name, []).append((*score(found, device), nats))
+                kept.setdefault(name, []).append((*scored(found, device.curves), nats))
     return {
         name: Runs(*np.moveaxis(np.array(rows).reshape(draws, len(devices), 3), 2, 0)) for name, rows in kept.items()
     }

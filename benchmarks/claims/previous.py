@@ -32,9 +32,9 @@ from benchmarks.devices import (
     PHONES,
     SEEN,
     Device,
-    errors,
     no_photo,
     populations,
+    scored,
 )
 from camssf.calibration import solve
 from camssf.errors import CalibrationError
@@ -130,13 +130,6 @@ def solved(asked: Capture, previous: Result | None = None) -> Result | None:
         return None
 
 
-def score(found: Result, curves: Floats) -> tuple[float, float]:
-    """RMSE and coverage."""
-    rmse, covered = errors(*found.ssf.peak(), curves)
-    assert covered is not None
-    return float(rmse.mean()), float(covered[:, SEEN].mean())
-
-
 def photo(device: Device, lamp: str, light: Light, seed: int, number: int) -> Capture:
     """One photo, as file number `number`."""
     asked = capture(device, {lamp: power(lamp)}, [light], device.maker, seed)
@@ -171,14 +164,15 @@ def of_device(device: Device, number: int, changes: Sequence[str]) -> Iterator[L
 def later(device: Device, first: Result, new: Capture, change: str, lamp: str, given: str) -> Later:
     """One later photo."""
     alone, found = solved(new) if change == SAME else None, solved(new, first)
-    rmse, covered = (None, None) if found is None else score(found, device.curves)
+    rmse, covered = (None, None) if found is None else scored(found.ssf.peak(), device.curves)
     light = None
     used = found is not None and found.capture is not None and len(found.capture.shots) > 1
     if given == TORCH and alone is not None and found is not None and used:
         light = *light_score(found, lamp), light_score(alone, lamp)[0]
     return Later(
         device.name, lamp, given, change, used, "refused" if found is None else found.verdict.status, rmse, covered,
-        None if alone is None else score(alone, device.curves)[0], score(first, device.curves)[0],
+        None if alone is None else scored(alone.ssf.peak(), device.curves)[0],
+        scored(first.ssf.peak(), device.curves)[0],
         no_photo(read_basis(PHONES), device.curves), light,
     )  # fmt: skip
 

@@ -7,7 +7,7 @@ by more than 0.03 RMSE than under the right one.
 
 Phones are solved with a basis of the other phones, and with one of the other makers' phones; cameras with their maker
 left out (every sixth of the 52); another laboratory's cameras with both bases as shipped. Each with the file's maker
-named, and without. The second table: no dark frame, and the file's black level off by parts of the sensor's range.
+named, and without.
 
 Bars, each with the maker named: phones, basis of the others: at most 2 % of the clean captures doubted, none refused,
 95 % of the harmful names caught; another laboratory's cameras: 85 % caught, the bands of what is accepted cover 92 %,
@@ -39,8 +39,6 @@ RIGHT = (
     *((lamp, lamp) for lamp in ("D55", "D65", "A", "LED-B3", "FL2")), ("bulb", "A"), ("daylight", "D:5000"),
 )  # fmt: skip
 CHARTS = ("classic24", "classic24:ohta")
-BLACK = (0.0, -0.005, -0.002, 0.002, 0.005, 0.01)
-"""Of the sensor's range: the file's black less the true one."""
 
 
 @dataclass(frozen=True)
@@ -84,17 +82,6 @@ def of_device(device: Device, basis: Basis, maker: str, number: int) -> Iterator
             yield Told(device.name, outcome, (outcome.rmse or np.inf) - (known.rmse or np.inf))
 
 
-def black_levels(device: Device, basis: Basis, number: int) -> Iterator[tuple[float, Outcome]]:
-    """No dark frame, and the file's black level off."""
-    for light in ("D55", "A", "LED-B3"):
-        shot = taken(device, light, CHARTS[1], number)
-        for off in BLACK:
-            means = shot.means
-            black = means.black + off * (means.saturation - means.black)
-            changed = replace(shot, dark=None, means=replace(means, dark=None, black=black))
-            yield off, judged(changed, light, "", basis, device)
-
-
 def row(rows: Sequence[Told]) -> dict[str, Any]:
     """Counts."""
     clean = [one for one in rows if one.harm == 0.0]
@@ -116,24 +103,17 @@ def row(rows: Sequence[Told]) -> dict[str, Any]:
 
 
 def claim(run: Run) -> None:
-    """A row a population and file; then black levels."""
-    rows, levels = [], []
+    """A row a population and file."""
+    rows = []
     for population in populations(run, BY_OTHERS, BY_OTHER_MAKER, FOREIGN, LEFT_OUT):
         told: dict[str, list[Told]] = {"maker named": [], "no maker": []}
-        blacks: dict[float, list[Outcome]] = {off: [] for off in BLACK}
         title = population.title
         for number, device in enumerate(run.track(population.devices, title), 3000):
             basis = device.known_by(population.key)
             for words, own in told.items():
                 own += of_device(device, basis, device.maker if words == "maker named" else "", number)
-            for off, outcome in black_levels(device, basis, number):
-                blacks[off].append(outcome)
         found = {words: row(own) for words, own in told.items()}
         rows += [(title, words, *one.values()) for words, one in found.items()]
-        levels.append((title, *(
-            (sum(one.caught for one in own), len(own), np.mean([one.rmse for one in own if one.rmse is not None]))
-            for own in blacks.values()
-        )))  # fmt: skip
         named = found["maker named"]
         doubted, refused, clean = named["clean: doubtful, refused"]
         if title in (BY_OTHERS, FOREIGN):
@@ -148,5 +128,3 @@ def claim(run: Run) -> None:
     columns = {"population": "", "maker": "", "clean: doubtful, refused": "{}, {} of {}", "coverage": ".3f"}
     columns |= {"worst device": ".3f", "RMSE": ".4f", "harmful": "d", "caught": ".1%", "of these refused": "d"}
     run.table("A lamp named rightly, and wrongly", columns, rows)
-    columns = {"population": ""} | {f"{off:+.1%}": "{} of {}, {:.4f}" for off in BLACK}
-    run.table("The black level off, no dark frame: caught, RMSE", columns, levels)
