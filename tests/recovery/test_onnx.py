@@ -21,6 +21,7 @@ from golden.compare import blur, norm, optimality
 from golden.linear_model import LinearModel, linear_model
 from golden.reading import paths, read_case
 from golden.running import _complete, by_model, findings, judge, problem, run
+from tests.support.long_cases import LONG
 from tests.support.problems import chart_and_lamp, observed, recovered, seeds, theory, toy_camera, whiten
 
 EVERY = {f"{path.parent.name}/{path.stem}": read_case(path) for path in paths()}
@@ -38,9 +39,18 @@ def outputs_of_case(name: str) -> dict[str, Any]:
 
 @pytest.mark.parametrize("stage", sorted({case["stage"] for case in CASES.values()}))
 def test_golden_cases(stage: str) -> None:
-    """Every limit of the stage's cases; where cvxpy solved it, also the model's own code, proved without the model:
+    keeps_every_limit([name for name, case in CASES.items() if case["stage"] == stage and name not in LONG])
+
+
+@pytest.mark.full
+def test_long_golden_cases() -> None:
+    keeps_every_limit([name for name in CASES if name in LONG])
+
+
+def keeps_every_limit(names: list[str]) -> None:
+    """Every limit of these cases; where cvxpy solved it, also the model's own code, proved without the model:
     objective not above cvxpy's, gap small, but for what rounding of the reference's rows makes of it."""
-    for name in [name for name, case in CASES.items() if case["stage"] == stage]:
+    for name in names:
         case = CASES[name]
         if case["expect"] != "success":
             found = findings(case, "onnx")

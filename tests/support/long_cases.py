@@ -1,0 +1,13 @@
+"""Golden cases that the default run leaves to the full one: a second and more each, of code that others run, too."""
+
+from __future__ import annotations
+
+LONG = frozenset(
+    f"{stage}/{name}"
+    for stage, names in {
+        "calibrate": "auto-camera auto-other-maker error-rival-of-four families five-shots three-shots",
+        "light": "called-two faded moved one-of-two three told-of-two torch",
+        "picture": "auto calibration cfa-bggr cfa-gbrg cfa-grbg corner dark display-p3 odd torch turned xyz-d50 xyz-d65",
+    }.items()
+    for name in names.split()
+)
