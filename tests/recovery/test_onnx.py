@@ -58,7 +58,7 @@ def keeps_every_limit(names: list[str]) -> None:
             found = [*judge(case, outputs_of_case(name)), *_complete(case, outputs_of_case(name))]
         assert found, name
         assert not [finding for finding in found if not finding.holds or finding.skipped], name
-        if stage != "ssf" or not case["oracle"]:
+        if case["stage"] != "ssf" or not case["oracle"]:
             continue
         given, rows = case["inputs"], problem(case)
         codes = outputs_of_case(name)["code"].T.reshape(len(rows.matrix), -1)

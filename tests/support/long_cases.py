@@ -7,7 +7,8 @@ LONG = frozenset(
     for stage, names in {
         "calibrate": "auto-camera auto-other-maker error-rival-of-four families five-shots three-shots",
         "light": "called-two faded moved one-of-two three told-of-two torch",
-        "picture": "auto calibration cfa-bggr cfa-gbrg cfa-grbg corner dark display-p3 odd torch turned xyz-d50 xyz-d65",
+        "picture": "auto calibration cfa-bggr cfa-gbrg cfa-grbg corner dark display-p3 odd torch turned xyz-d50 "
+        "xyz-d65",
     }.items()
     for name in names.split()
 )
