@@ -11,7 +11,7 @@ from golden.linear_model import LinearModel
 
 LARGEST_GAP = 1e-9
 """Largest relative duality gap of any engine's result."""
-PLAIN = ("basis", "shots", "iteration", "depth", "prior", "make", "unnamed", "called", "colour_matrices")
+PLAIN = ("basis", "shots", "depth", "prior", "make", "unnamed", "called", "colour_matrices")
 """Inputs that are no numbers."""
 Rows: TypeAlias = Sequence[tuple[str, str, float]]
 """Limits against the stored outputs: value, metric, bound."""

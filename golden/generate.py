@@ -243,8 +243,6 @@ def _stored(name: str, value: Any, stage: Stage) -> Any:
         return value
     if name == "code_covariance":
         return value.reshape(len(value), 3, -1).sum(axis=2)
-    if stage.name == "layers":
-        value = (value / value.max(axis=0))[::10]
     return np.vectorize(lambda v: float(f"{v:.{DIGITS}g}"))(value)
 
 

@@ -23,8 +23,6 @@ NOISES = {"none": (0.0, 0.0), "low": (0.001, 0.0002), "usual": (0.005, 0.001)}
 GAINS = (0.55, 1.0, 0.7)
 ALL = list(range(1, 25))
 TWELVE = list(range(7, 19))
-EIGHTEEN = list(range(1, 19))
-NINE = [1, 3, 6, 9, 12, 15, 16, 18, 20]
 FAMILY = [[[0.0, 0.15], [0.0], [0.0]], [[0.0, 0.5], [0.0, 0.0, 0.6], [0.0, -0.3, 0.0, 0.5]]]
 """Modes of two uncertain lamps, a daylight and a white LED, as polynomials."""
 NIKON, CANON = {"camera": "Nikon D5100"}, {"camera": "Canon EOS 5D Mark II"}

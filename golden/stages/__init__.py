@@ -8,7 +8,6 @@ from golden.stages import (
     choice,
     colour,
     finder,
-    layers,
     light,
     mosaic,
     patches,
@@ -26,7 +25,7 @@ from golden.stages import (
 )
 
 ORDER = (
-    mosaic, pose, patches, signals, sensing, weights, solve, ssf, layers, choice, calibrate, light, rivals, verdict,
+    mosaic, pose, patches, signals, sensing, weights, solve, ssf, choice, calibrate, light, rivals, verdict,
     colour, spectrum, regions, picture, finder,
 )  # fmt: skip
 """A stage follows those whose outputs its cases name."""

@@ -90,7 +90,6 @@ def _samples() -> list[Row]:
         ("strips-backwards", "The last strip comes first in the file.",
          plain(12, rows_per_strip=9, reverse_pieces=True), {}),
         ("tiles", "Tiles of 16 × 16, edge tiles padded.", plain(16, tile=(16, 16)), {}),
-        ("tiles-big-endian", "12-bit packed tiles, big-endian.", plain(12, order=">", tile=(16, 32)), {}),
         ("tiles-wide", "12-bit tiles, wider than the picture.", plain(12, tile=(16, 64)), {}),
         *((f"bits-{bits}", f"{bits} bit, most significant bit first.", plain(bits), {}) for bits in (8, 10, 12, 14)),
         ("bits-10-odd", "Rows of 55 samples of 10 bits: each begins on a byte.",
@@ -114,19 +113,15 @@ def _samples() -> list[Row]:
         ("jpeg-tiles", "Tiles of 16 × 24, 10 bit, as phones write them.", jpeg(slope(10), 10, tile=(16, 24)), {}),
         ("jpeg-long-lines", "Two rows of the tile in each JPEG line.",
          jpeg(slope(12), 12, tile=(16, 16), lines=8), {}),
-        ("jpeg-restart", "Restart intervals of three lines, predictor 1.", jpeg(slope(12), 12, restart_rows=3), {}),
         ("jpeg-restart-predictor-6", "Restart intervals with a predictor that looks up: T.81 begins anew.",
          jpeg(slope(12), 12, restart_rows=4, predictor=6), {}),
         ("jpeg-point-transform", "A point transform of 2: samples come back times 4.",
          jpeg(slope(12) & np.uint16(0xFFFC), 12, transform=2), {}),
-        ("jpeg-strips", "Lossless JPEG in four strips.", jpeg(slope(12), 12, rows=10), {}),
         ("jpeg-tiles-wide", "Tiles of 16 × 64, wider than the picture.", jpeg(slope(12), 12, tile=(16, 64)), {}),
         ("deflate", "Deflate, strips, 16 bit.", packed(16, DEFLATE, rows_per_strip=11), {}),
         ("deflate-differences", "Deflate, tiles, horizontal differences (predictor 2), big-endian.",
          packed(16, DEFLATE, order=">", predictor=2, tile=(16, 32)), {}),
         ("deflate-packed", "Deflate of 12-bit packed rows.", packed(12, DEFLATE), {}),
-        ("deflate-tiles-wide", "Deflate, tiles of 48 × 64, larger than the picture.",
-         packed(16, DEFLATE, tile=(48, 64)), {}),
     ]  # fmt: skip
 
 

@@ -34,8 +34,6 @@ def rows() -> list[Row]:
     return [
         *((f"turned-{n}", f"The chart turned by {90 * n}° clockwise; corners a few pixels off.", f"chart-turned-{n}",
            np.roll(turned(24, n).corners() + hand, n, axis=0), {}) for n in range(4)),
-        *((f"from-corner-{n + 1}", f"The corners begin with number {n + 1}: the colours say which is which.", chart,
-           np.roll(upright + 1.5, -n, axis=0), {}) for n in (1, 2, 3)),
         ("other-way-round", "The corners run against the clock.", chart, upright[::-1] - 1.25, {}),
         ("half-a-patch-together", "All corners off by half a patch, together.",
          chart, upright + half * np.array(together), {}),

@@ -154,7 +154,6 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         "patches" -> photos.patches(case)
         "signals" -> captures.signals(case)
         "ssf" -> if (case.expect == "success") model(case) else recover(case)
-        "layers" -> layers(case)
         "choice" -> choice(case)
         "calibrate" -> captures.calibrate(case, engines(case))
         "light" -> captures.light(case, engines(case))
@@ -181,17 +180,6 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
             "ssf" to Tensor(found["ssf"], Grid.SIZE, 3),
             "code_covariance" to Tensor(found["code_covariance"], size, size),
         )
-    }
-
-    /**
-     * What the model's layers give by themselves: its answer, where the finish took no step, and a case that lets a model
-     * run demands none.
-     */
-    private fun layers(case: GoldenCase): Map<String, Any?> {
-        val has = engine(case).metadata.let { listOf(it["iteration"], it["depth"]) }
-        val wanted = listOf(case.text("iteration"), case.text("depth"))
-        if (has != wanted) throw GoldenError("${case.name}: layers $wanted, but the model has $has")
-        return model(case).filterKeys { it in setOf("ssf", "gap", "finish_steps") }
     }
 
     private fun frames(case: GoldenCase) = Frames(case.tensor("chart"), case.tensor("white"), case.tensor("dark"))
