@@ -1,23 +1,20 @@
-"""The paper's figures from the bench's results: one PNG each. What a table of the page says has no figure."""
+"""The figures of docs/paper.md from the last run of `python -m benchmarks paper`: `python -m tools.paper_figures`."""
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchmarks.shared import RESULTS
 from camssf.grid import BAND, WAVELENGTHS
 from tools.pictures import RGB, legend, save_png, subplots
 
+IMAGES = Path(__file__).parents[1] / "docs" / "images"
 PAPER, PRODUCT = "l1 on Gaussians (the paper)", "elastic net on cameras (camssf)"
 PAPER_SHADE, PRODUCT_SHADE = "#7d3c98", "#117a65"
-
-
-def draw(found: dict[str, Any], folder: Path) -> None:
-    """All figures into `folder`."""
-    for make in (colours, phones):
-        save_png(make(found), folder / f"paper-{make.__name__}.png")
 
 
 def colours(found: dict[str, Any]) -> Any:
@@ -72,3 +69,14 @@ def phones(found: dict[str, Any]) -> Any:
     for panel in panels[1]:
         panel.set_xlabel("nm")
     return figure
+
+
+def main() -> None:
+    """Draw them."""
+    found = json.loads((RESULTS / "paper.json").read_text("utf-8"))
+    for make in (colours, phones):
+        save_png(make(found), IMAGES / f"paper-{make.__name__}.png")
+
+
+if __name__ == "__main__":
+    main()

@@ -12,14 +12,16 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.claim import Run
-from benchmarks.claims import faults, real
+from benchmarks.claims import faults, paper, real
 from benchmarks.shared import RESULTS
 from camssf.files import write_file
 from tools.pages import markdown_table
 
 DOCS = Path(__file__).parents[1] / "docs"
-SHOW: dict[str, Callable[[Run, Any], None]] = {"faults": faults.show, "real": real.show}
+SHOW: dict[str, Callable[[Run, Any], None]] = {"faults": faults.show, "paper": paper.show, "real": real.show}
 """What prints the numbers of a benchmark, by its name."""
+DRAWN = ("curves", "std", "truth")
+"""What no table shows."""
 
 
 class Shown(Run):
@@ -52,6 +54,15 @@ def markdown(name: str) -> str:
     return "\n\n".join(page.parts_of_page)
 
 
+def shown(content: Any) -> Any:
+    """Without what no table shows; five significant digits."""
+    if isinstance(content, dict):
+        return {key: shown(value) for key, value in content.items() if key not in DRAWN}
+    if isinstance(content, list):
+        return [shown(value) for value in content]
+    return float(f"{content:.5g}") if isinstance(content, float) else content
+
+
 def main() -> None:
     """Keep the numbers."""
     parser = argparse.ArgumentParser(prog="python -m tools.results", description=(__doc__ or "").partition("\n")[0])
@@ -59,7 +70,7 @@ def main() -> None:
     name = parser.parse_args().name
     found = json.loads((RESULTS / f"{name}.json").read_text("utf-8"))
     del found["versions"]
-    write_file(DOCS / f"{name}.json", json.dumps(found, indent=1, ensure_ascii=False) + "\n")
+    write_file(DOCS / f"{name}.json", json.dumps(shown(found), indent=1, ensure_ascii=False) + "\n")
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from camssf.rules import rules
 from camssf.spectra.lamps import lamp_aliases
 from camssf_fleet.passport.claims import Claims
 from camssf_fleet.records import Row
-from tools import cli_options, error_pages, formats, paper_page, results, rules_table, soup, trace
+from tools import cli_options, error_pages, formats, results, rules_table, soup, trace
 from tools.pages import filled, markdown_table
 from tools.reference_names import with_names
 
@@ -44,7 +44,7 @@ TABLES: dict[str, dict[str, Callable[[], str]]] = {
     "formats.md": {"tools.formats": lambda: formats.tables(schema(Document))},
     "passport.md": {"camssf_fleet.passport.claims": lambda: fields(Claims)},
     "registry.md": {"camssf_fleet.records": lambda: fields(Row)},
-    "paper.md": {"tools.paper_page": lambda: paper_page.page(results.kept("paper"))},
+    "paper.md": {"benchmarks paper": lambda: results.markdown("paper")},
     "real.md": {"benchmarks real": lambda: results.markdown("real")},
     "soup.md": {"tools.soup: python": soup.python_table, "tools.soup: kotlin": soup.kotlin_table},
     "tables.md": {"data/lamp-names.json": lamp_names},

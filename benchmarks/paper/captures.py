@@ -13,7 +13,7 @@ import numpy as np
 from benchmarks.paper.spectrograph import MONO, Spectrograph, shoot
 from camssf.calibration import calibrate
 from camssf.errors import CalibrationError
-from camssf.fit.scores import patch_colours, rmse, rmsre, validate
+from camssf.fit.scores import rmse, rmsre, validate
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.options import Options
 from camssf.photo.capture import measure
@@ -106,9 +106,6 @@ def phone(name: str, curves: Floats, basis: Basis, colours: Floats, seed: int) -
                 seen_by = answer.ssf.lamp[0]
                 predicted = ((large.values * seen_by) @ s) / (seen_by @ s)
                 scores = validate(signals, predicted[None], large, [stated], s, camera, unseen)
-                measured, synthetic = patch_colours(
-                    signals.values, predicted[None], signals.used, large, stated.values[None]
-                )
                 floor = ((large.values * light.values) @ curves) / (light.values @ curves)
                 noise = rmsre(signals.values, floor[None], unseen)
                 world_found[method] = {
@@ -119,8 +116,6 @@ def phone(name: str, curves: Floats, basis: Basis, colours: Floats, seed: int) -
                     "verdict": answer.verdict.status,
                     "curves": answer.ssf.peak()[0].tolist(),
                     "std": None if answer.ssf.std is None else np.asarray(answer.ssf.peak()[1]).tolist(),
-                    "measured_srgb": measured.srgb[0, list(INNER)].tolist(),
-                    "synthetic_srgb": synthetic.srgb[0, list(INNER)].tolist(),
                 }
             found["worlds"][world] = world_found
     return found
@@ -138,12 +133,7 @@ def spectrograph(name: str, curves: Floats, light: str, seed: int) -> dict[str, 
             )  # fmt: skip
         except CalibrationError as error:
             return {"refused": error.code}
-    found: dict[str, Any] = {
-        "name": name,
-        "rmse": rmse(answer.values, curves).tolist(),
-        "curves": (answer.values / answer.values.max(axis=0)).tolist(),
-        "truth": (curves / curves.max(axis=0)).tolist(),
-    }
+    found: dict[str, Any] = {"rmse": rmse(answer.values, curves).tolist()}
     for role, truth in (("rgb", device), ("mono", mono)):
         x = np.arange(truth.size[0], dtype=float)
         nm = truth.wavelength(x)
@@ -151,8 +141,6 @@ def spectrograph(name: str, curves: Floats, light: str, seed: int) -> dict[str, 
         dispersion = answer.dispersions[role]
         off = (dispersion.wavelength(x) - nm)[seen]
         found[role] = {
-            "curves": [nm[seen].tolist(), off.tolist()],
-            "found": [{"name": e.name, "nm": e.nm, "residual": e.residual} for e in dispersion.lines],
             "wavelength_error_nm": float(np.abs(off).max()),
             "residual_nm": dispersion.residual,
             "lines": len(dispersion.lines),

@@ -10,15 +10,10 @@ import numpy as np
 from benchmarks.claim import Run
 from benchmarks.paper.experiments import (
     COUNTS,
-    CURVE_CAMERA,
-    CURVE_COUNTS,
-    SEED,
     TWELVE,
     Scores,
     cameras,
     combinations_of,
-    given,
-    score,
 )
 from benchmarks.paper.rivals import FIGURE_4, READINGS, method
 from benchmarks.shared import chart
@@ -141,27 +136,12 @@ def correlations() -> dict[str, Any]:
         for name, table_ in (("BabelColor", chart()), ("Ohta", read_chart("classic24:ohta").values)):
             r = np.corrcoef(table_[patches])
             pairs = np.abs(r[np.triu_indices(12, 1)])
-            found[f"{name}, {label}"] = {"mean": float(pairs.mean()), "map": r.tolist()}
+            found[f"{name}, {label}"] = {"mean": float(pairs.mean())}
     rows = chart()[TWELVE] * STEP
     columns = rows @ gaussian_basis(18).dictionary[0]
     columns = columns / np.linalg.norm(columns, axis=0)
     alike = np.abs(columns.T @ columns) - np.eye(18)
     return {"tables": found, "coherence_below_1": float(1.0 - alike.max())}
-
-
-def curves() -> dict[str, Any]:
-    """Fig. 3b to e: one public camera, seeded patches, noise 0.5 %."""
-    camera = next(each for each in cameras() if each.name == CURVE_CAMERA)
-    found: dict[str, Any] = {"camera": camera.name, "truth": camera.curve.tolist(), "panels": {}}
-    for count in CURVE_COUNTS:
-        patches = combinations_of(count)[0]
-        shown = given(camera, list(patches), "D55", 0.005, np.random.default_rng([SEED, 6, count]))
-        panel: dict[str, Any] = {"patches": [p + 1 for p in patches]}
-        for name in ("paper", "product"):
-            values = method(name).estimate(shown, 0.0)
-            panel[name] = {"rmse": score(values, camera), "curves": (values / values.max(axis=0)).tolist()}
-        found["panels"][str(count)] = panel
-    return found
 
 
 def gather_direct(runs: dict[tuple[int, str], dict[str, Any]]) -> dict[str, Any]:

@@ -1,10 +1,8 @@
-"""The paper's page: its numbers are in the JSON of the run, its words agree with them, and the bench counts."""
+"""The paper's page: its words agree with the numbers of the run, and the bench counts."""
 
 from __future__ import annotations
 
 import json
-import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,49 +12,18 @@ import pytest
 from benchmarks.paper import captures, gathering
 from benchmarks.paper import experiments as paper
 from benchmarks.paper.rivals import TABLE_1, method
-from tools.paper_page import JIANG, NOISES, PAPER, PINV, PRODUCT, QR, THE_PAPERS, TUNED, WIENER, page
 
 DOCS = Path(__file__).parents[2] / "docs"
+PAPER, TUNED = "l1 on Gaussians (the paper)", "l1 on Gaussians, γ tuned"
+PRODUCT, WIENER = "elastic net on cameras (camssf)", "Wiener"
+JIANG = "PCA subspace (Jiang 2013, colour-science)"
+QR, PINV = "QR with non-negativity", "pseudo-inverse with non-negativity"
+NOISES = ("0.0", "0.005", "0.01")
 
 
 @pytest.fixture(scope="module")
 def found() -> dict[str, Any]:
     return dict(json.loads((DOCS / "paper.json").read_text("utf-8")))
-
-
-@pytest.fixture(scope="module")
-def text(found: dict[str, Any]) -> str:
-    return page(found)
-
-
-def numbers(content: Any) -> Iterator[float]:
-    if isinstance(content, dict):
-        for value in content.values():
-            yield from numbers(value)
-    elif isinstance(content, list):
-        for value in content:
-            yield from numbers(value)
-    elif isinstance(content, int | float) and not isinstance(content, bool):
-        yield float(content)
-
-
-@pytest.mark.repository
-@pytest.mark.requirement("R-PAPER")
-def test_each_number_in_a_table_is_in_the_json(found: dict[str, Any], text: str) -> None:
-    """Rounded as the page rounds; not by the page's own code."""
-    known = list(numbers(found))
-    shown = {
-        number
-        for line in text.splitlines()
-        if line.startswith("|")
-        for number in re.findall(r"(?<![\w.])\d+\.\d+(?:e-\d+)?(?![\w.]*\d)", line.partition("|")[2])
-    }
-    assert len(shown) > 150
-    for number in shown:
-        digits = len(number.partition("e")[0].partition(".")[2])
-        form = f"{{:.{digits}{'e' if 'e' in number else 'f'}}}"
-        allowed = {form.format(value) for value in known} | {form.format(value) for value in THE_PAPERS}
-        assert number in allowed, number
 
 
 @pytest.mark.repository
@@ -81,7 +48,7 @@ def test_what_the_page_says_in_words_holds(found: dict[str, Any]) -> None:
     for row in found["lamps"].values():
         for light in ("A", "LED-B3", "LED-V1", "FL2"):
             assert row["ignored"][light]["rmse"] > 1.5 * row["known"][light]["rmse"]
-            assert row["ignored"][light]["rmsre_percent"] < 2.0
+            assert row["ignored"][light]["rmsre_percent"] < 0.7
     means = {name: row["mean"] for name, row in found["correlation"]["tables"].items()}
     assert means["BabelColor, 7 to 18"] < 0.579 < means["Ohta, 7 to 18"]
     colours = found["colours"]["paper"]["0.0"]["mean"]
@@ -134,4 +101,3 @@ def test_a_phone_through_files() -> None:
     assert max(exact["rmsre_percent"]) < 3.0
     assert max(exact["truth_rmsre_percent"]) < 1.0
     assert max(exact["rmse"]) < 0.08
-    assert np.shape(exact["synthetic_srgb"]) == (96, 3)
