@@ -7,7 +7,9 @@ inputs.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Sequence
+from functools import cache
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -216,8 +218,13 @@ def reference_in(given: Json) -> Reference:
 
 
 def camera_in(given: Json) -> Camera:
-    """The camera of the part of a result that a case holds."""
-    fields = result_of(given)
+    """The camera of the part of a result that a case holds; made once of each."""
+    return _camera(json.dumps(result_of(given)))
+
+
+@cache
+def _camera(result: str) -> Camera:
+    fields = json.loads(result)
     if "ssf" not in fields:
         verdict = Verdict("refused", (Reason("chart_not_found", "", fields["verdict"]["reasons"][0]["advice"]),))
         return camera_of_result(Document(format="camssf/2", version="", verdict=verdict))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
+from functools import cache
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -419,9 +420,12 @@ def run(call: Call) -> dict[str, Any]:
     answers = [shot_answer(answer, j) for j, answer in enumerate(alone or [ssf] * len(shots))]
     tables = np.stack([table.values for table in tables_of_causes(table)])
 
-    def causes(j: int, tried: Sequence[Rival], witnesses: Collection[str]) -> Causes:
-        gains = [rival.gain for rival in tried if rival.shot == j]
+    @cache
+    def weighed_causes(j: int, gains: tuple[float, ...], witnesses: frozenset[str]) -> Causes:
         return weigh_causes(inputs, j, answers[j], basis, gains, tables, witnesses)
+
+    def causes(j: int, tried: Sequence[Rival], witnesses: Collection[str]) -> Causes:
+        return weighed_causes(j, tuple(rival.gain for rival in tried if rival.shot == j), frozenset(witnesses))
 
     known = ssf.basis in LEARNED and ssf.std is not None
     verdict = judge_capture(
