@@ -8,11 +8,9 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-import numpy as np
-
 from camssf.spectra import colour_science
 from camssf.spectra.cameras import LIBRARY
-from tools.tabulate import Json, digest, made_file, origin
+from tools.tabulate import Json, even, made_file, origin
 
 COMMAND = "python -m tools.npl"
 PLACE = Path(__file__).parents[1] / "reference" / "camssf" / "data" / "npl.json"
@@ -25,14 +23,10 @@ def main(arguments: list[str] | None = None) -> int:
 
 def tabulate() -> Json:
     """The file's content; a row of values is red, green, blue."""
-    cameras = {}
-    for name in LIBRARY:
-        table = colour_science().MSDS_CAMERA_SENSITIVITIES[name]
-        nm, values = np.asarray(table.wavelengths, float), np.asarray(table.values, float)
-        step = float(nm[1] - nm[0])
-        if table.labels != ["red", "green", "blue"] or not np.array_equal(nm, nm[0] + step * np.arange(nm.size)):
-            raise ValueError(f"{name}: other columns, or uneven wavelengths")
-        cameras[name] = {"start": float(nm[0]), "step": step, "sha256": digest(values), "values": values.tolist()}
+    tables = {name: colour_science().MSDS_CAMERA_SENSITIVITIES[name] for name in LIBRARY}
+    if any(table.labels != ["red", "green", "blue"] for table in tables.values()):
+        raise ValueError("other columns")
+    cameras = {name: even(table) for name, table in tables.items()}
     return {"format": "camssf-cameras/1", "generator": COMMAND, "origin": origin(), "cameras": cameras}
 
 

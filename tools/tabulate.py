@@ -70,7 +70,7 @@ def tabulate() -> Json:
             "measured_chart": MEASURED_CHART,
             "noise_below_zero": NOISE_BELOW_ZERO,
         },
-        "lamps": {name: _even(science.SDS_ILLUMINANTS[name]) for name in ILLUMINANTS},
+        "lamps": {name: even(science.SDS_ILLUMINANTS[name]) for name in ILLUMINANTS},
         "kelvin": KELVIN,
         "daylight": _daylight(daylight),
         "observer": _observer(science.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]),
@@ -144,8 +144,8 @@ def digest(values: Any) -> str:
     return hashlib.sha256(np.asarray(values, "<f8").tobytes()).hexdigest()
 
 
-def _even(table: Any) -> Json:
-    """A spectrum with equal wavelength steps, as JSON."""
+def even(table: Any) -> Json:
+    """A spectrum, or several, with equal wavelength steps, as JSON."""
     nm, values = np.asarray(table.wavelengths, float), np.asarray(table.values, float)
     step = float(nm[1] - nm[0])
     if not np.array_equal(nm, nm[0] + step * np.arange(nm.size)):
@@ -154,7 +154,7 @@ def _even(table: Any) -> Json:
 
 
 def _daylight(parts: Any) -> Json:
-    spectra = {name: _even(parts[name]) for name in ("S0", "S1", "S2")}
+    spectra = {name: even(parts[name]) for name in ("S0", "S1", "S2")}
     start, step = spectra["S0"]["start"], spectra["S0"]["step"]
     values = {name: each["values"] for name, each in spectra.items()}
     return {"start": start, "step": step, "sha256": digest(list(values.values()))} | values
@@ -169,7 +169,7 @@ def _observer(table: Any) -> Json:
 
 
 def _chart(table: Any) -> Json:
-    rows = [_even(each) for each in table.values()]
+    rows = [even(each) for each in table.values()]
     names = [str(name) for name in table]
     values = [row["values"] for row in rows]
     return {
