@@ -69,7 +69,7 @@ def show(run: Run, found: dict[str, Any]) -> None:
         for key in ("paper", "product") for noise in noises[:2]
     ]  # fmt: skip
     run.table("Fig. 3a, patches chosen at random, D55", {"patches": ""} | dict.fromkeys(shown, ".3f"), rows)
-    tables, coherence = found["correlation"]["tables"], found["correlation"]["coherence_below_1"]["18"]
+    tables, coherence = found["correlation"]["tables"], found["correlation"]["coherence_below_1"]
     rows = [(name, row["mean"]) for name, row in tables.items()]
     run.table("Fig. 3f", {"table, patches": "", "mean size of the pairs' r": ".3f"}, rows)
     run.say(f"The mutual coherence of the paper's dictionary is 1 - {coherence:.1e}.")

@@ -31,7 +31,6 @@ MOST, EACH = 100, 4
 NOISES = (0.0, 0.005, 0.01)
 LAMPS = ("equal-energy", "D55", "A", "LED-B3")
 IGNORED = ("D55", "D65", "A", "LED-B3", "LED-V1", "FL2")
-ATOMS = (9, 12, 18, 35, 69, 681)
 Scores: TypeAlias = dict[str, list[float]]
 """Of one camera: what was tried → numbers, one a run or one a weight."""
 
