@@ -102,6 +102,9 @@ def test_a_band_holds_95_percent_of_what_can_be() -> None:
         assert low >= 0
         assert low <= max(mean, 0) * sigma <= high, mean
         assert high <= mean * sigma + 1.96 * sigma or mean < 0, mean
+    low, high = possible(np.array([-100.0, 1.0, 1.0]), np.array([1.0, 0.0, 1e-300]))
+    assert low.tolist() == [0, 1, 1]
+    assert high == pytest.approx([-np.log(0.05) / 100, 1, 1], rel=1e-3)  # so far below zero it is an exponential
 
 
 def test_a_line_is_drawn_within_its_band() -> None:
