@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -283,3 +284,26 @@ def test_help_and_version(capsys: Capture) -> None:
 def test_lists_are_one_name_a_line(command: str, name: str, capsys: Capture) -> None:
     assert cli.main([command]) == 0
     assert name in [line.partition("\t")[0] for line in capsys.readouterr().out.splitlines()]
+
+
+def test_progress_shows_itself_on_long_work_only(
+    swap: Callable[[Any], None], monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    def work(*_: Any, progress: Callable[[str, float], None], **__: Any) -> Any:
+        progress("looking for the chart", 0.5)
+        for timer in threading.enumerate():
+            if isinstance(timer, threading.Timer) and cli.terminal.PROGRESS_AFTER == 0.0:
+                timer.join()
+        raise InvalidArgument("enough.", "")
+
+    assert cli.terminal.PROGRESS_AFTER == 2.0
+    swap(work)
+    monkeypatch.setenv("TERM", "xterm-256color")
+    for forced, after, shown in (("1", 0.0, True), ("1", 3600.0, False), ("", 0.0, False)):
+        monkeypatch.setenv("FORCE_COLOR", forced)  # rich then takes stderr for a terminal
+        monkeypatch.setattr(cli.terminal, "PROGRESS_AFTER", after)
+        assert cli.main(["calibrate", "x.dng", "--lamp", "D55"]) == 2
+        out, err = capsys.readouterr()
+        assert ("looking for the chart" in err) is shown
+        assert out == ""
+    assert err == "invalid_argument: enough.\n  \n"

@@ -176,6 +176,7 @@ OPTIONS = [
     Wrong("batch manifest.csv -o chart.dng", 2, "chart.dng is a file", "Name a folder."),
     Wrong("batch manifest.csv --workers 0", 2, "--workers '0'", "Give 1 or more"),
     Wrong("app --port 99999", 2, "--port", "65535"),
+    Wrong("explain overexposure", 2, "no error code 'overexposure'", "overexposed"),
 ]
 """Names, numbers and units."""
 
@@ -192,6 +193,7 @@ OUTPUTS = [
         ("", 2, "No output file", "Add -o FILE."),
         *((f"-o good/{name}", 2, "belongs to the result in") for name in ("result.json", "ssf.csv", "report.html")),
         ("-o result.json", 2, "result.json belongs to the result", "Name another file."),
+        ("-o chart.dng", 2, "chart.dng is a photo", "Name another file."),
         ("-o folder", 2, "folder cannot be written (it is a folder)", "Name a file"),
         ("-o pipe", 2, "pipe cannot be written (it is a device or a pipe)", "Name a file"),
         ("-o none/x.csv", 2, "none/x.csv cannot be written", "Make its folder first"),
