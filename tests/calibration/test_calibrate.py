@@ -13,14 +13,14 @@ import pytest
 from camssf.calibration import attempt, calibrate, solve
 from camssf.documents import forms
 from camssf.documents.document import document_bytes
-from camssf.errors import ChartNotFound, FramesDiffer, InvalidArgument, LampUnfit, UnreadableRaw
+from camssf.errors import ChartNotFound, FramesDiffer, InvalidArgument, LampUnfit
 from camssf.options import Options
 from camssf.photo.capture import Capture, measure
 from camssf.photo.shot import Shot
 from camssf.report.build import report
 from camssf.report.shots import shots_of
-from camssf.result import Result, refused
-from camssf.spectra import CameraCurves, Lamp, read_chart, read_lamp, with_tolerance
+from camssf.result import Result
+from camssf.spectra import CameraCurves, Lamp, read_lamp, with_tolerance
 from camssf_lab.simulation.frames import Simulation, simulate
 from camssf_lab.simulation.scene import Scene
 from tests.support.captures import capture_in, document_of
@@ -71,15 +71,9 @@ def test_two_shots_join_and_know_more(two_lamps: Simulation, camera: CameraCurve
     pair = calibrate([shot.shot for shot in shots], options=Options(basis="cameras"), truth=camera)
     single = solve(capture, options=Options(basis="cameras"), truth=camera)
     assert pair.ssf.predicted.shape == (2, 24, 3)
-    assert pair.ssf.std is not None
-    assert single.ssf.std is not None
-    assert pair.ssf.std.mean() < single.ssf.std.mean()
-    assert pair.uncertainty is not None
+    assert pair.ssf.std.mean() < single.ssf.std.mean()  # type: ignore[union-attr]
     assert len(pair.uncertainty.alone) == 2
     assert pair.uncertainty.half_width < min(pair.uncertainty.alone)
-    assert len(pair.capture.shots) == 2
-    with pytest.raises(InvalidArgument, match="one shot"):
-        calibrate([Shot(s.chart, s.lamp) for s in shots], options=Options(basis="gaussian"))
 
 
 @pytest.mark.requirement("R-TABLE")
@@ -94,22 +88,11 @@ def test_the_chart_s_table_is_the_one_that_fits(tmp_path: Path, camera: CameraCu
     assert tables == ["ColorChecker N Ohta", "BabelColor Average", "BabelColor Average"]
     chosen, fixed, _ = found.values()
     assert np.mean(chosen.scores.rmsre_percent) < np.mean(fixed.scores.rmsre_percent)
-    measured_by_user = replace(read_chart("classic24"), table="mine.csv")
-    assert (read_chart("classic24:babelcolor").other_tables(), measured_by_user.other_tables()) == ((), ())
 
 
 @pytest.fixture(scope="module")
 def solved(capture: Capture) -> Result:
     return solve(capture)
-
-
-def test_the_budget_is_of_the_whole_variance(solved: Result) -> None:
-    found = solved.uncertainty
-    assert found is not None
-    shares = {term.source: term.share for term in found.budget}
-    assert sum(shares.values()) == pytest.approx(np.ones(3))
-    assert (shares["lamp modes"] == 0).all()
-    assert all((share >= 0).all() for share in shares.values())
 
 
 def test_predicted_colours_carry_bands(capture: Capture, solved: Result) -> None:
@@ -126,23 +109,6 @@ def test_predicted_colours_carry_bands(capture: Capture, solved: Result) -> None
     document = json.loads(document_bytes(solved))["answer"]
     assert document["predicted_std"][0][3] == seen[0, 3].tolist()
     assert document["unseen_std"][0][3] == unseen[0, 3].tolist()
-    left_out = solve(capture, options=Options(fit=range(7, 19))).answer
-    assert left_out.unseen_std is not None
-    assert np.isfinite(left_out.unseen_std[0]).all(axis=1).tolist() == [not 6 <= i < 18 for i in range(24)]
-    paper = solve(capture, options=Options(basis="gaussian"))
-    assert paper.answer.predicted_std is None
-    assert "predicted_std" not in json.loads(document_bytes(paper))["answer"]
-
-
-def test_the_document_holds_the_covariance_of_the_codes(solved: Result) -> None:
-    """As its lower triangle; the file stays small."""
-    lower, document = np.zeros((72, 72)), document_bytes(solved)
-    lower[np.tril_indices(72)] = json.loads(document)["answer"]["code_covariance"]
-    whole = lower + np.tril(lower, -1).T
-    assert np.array_equal(solved.answer.covariance, whole)
-    assert np.linalg.eigvalsh(whole)[0] > 0
-    assert np.abs(whole[:24, 24:48]).max() > 1e-6  # red and green hang together by the chart
-    assert len(document) < 250_000
 
 
 def test_fit_on_twelve_patches_validates_on_the_rest(capture: Capture) -> None:
@@ -214,42 +180,10 @@ def test_refusals_keep_their_evidence(tmp_path: Path, two_lamps: Simulation, cam
     dark = attempt(shot.chart, str(dark_lamp))
     assert isinstance(dark.error, LampUnfit)
     assert list(dark.capture.hashes) == ["shot 1, lamp: dark.csv"]
-    with pytest.raises(UnreadableRaw):
-        calibrate(tmp_path / "nothing.dng", "D55")
     other = CameraCurves("other", toy_camera(20), "a formula")
     elsewhere = simulate(other, "A", tmp_path, scene=Scene(size=(600, 450)))
     with pytest.raises(FramesDiffer, match="different cameras"):
         calibrate([Shot(shot.chart, "D55"), Shot(elsewhere.shots[0].chart, "A")], options=Options(basis="cameras"))
-
-
-def test_photos_of_one_name_keep_their_hashes(capture: Capture) -> None:
-    (shot,) = capture.shots
-    other = replace(shot, photo=replace(shot.photo, sha256="1" * 64))
-    assert len(replace(capture, shots=(shot, other)).hashes) == 2 * len(capture.hashes)
-
-
-def test_the_chart_as_its_own_white_is_refused(two_lamps: Simulation) -> None:
-    shot = two_lamps.shots[0]
-    with pytest.raises(InvalidArgument, match="are the same photo"):
-        attempt(Shot(shot.chart, "D55", white=shot.chart))
-
-
-def test_the_document_of_a_capture_needs_no_other_file(tmp_path: Path, two_lamps: Simulation) -> None:
-    lamp = tmp_path / "mine.csv"
-    lamp.write_text("".join(f"{w},{1 + w / 1000}\n" for w in range(380, 731, 10)))
-    document = document_of(measure(two_lamps.shots[0].chart, str(lamp)))
-    lamp.unlink()
-    capture = capture_in(document)
-    assert "shot 1, lamp: mine.csv" in solve(capture).capture.hashes
-    assert capture.shots[0].photo.unique_model == "camssf simulated camera"
-    del document["capture"]["shots"][0]["photo"]["unique_model"]  # as of a file without the tag
-    silent = capture_in(document)
-    assert silent.shots[0].photo.unique_model == ""
-    assert "unique_model" not in document_of(silent)["capture"]["shots"][0]["photo"]
-    error = ChartNotFound("It is not there.", "Look again.")
-    error.capture = silent
-    made = report(refused(error)).result_json
-    assert document_bytes(forms.read(made, Result, "it", "")) == made
 
 
 @pytest.mark.parametrize(
@@ -258,12 +192,10 @@ def test_the_document_of_a_capture_needs_no_other_file(tmp_path: Path, two_lamps
         ({"shots": 5, "lamp": None}, "5 is no shot"),
         ({"shots": ["a.dng"], "lamp": None}, "'a.dng' is no Shot"),
         ({"shots": Shot("a.dng")}, "in addition to shots"),
-        ({"shots": Shot(5), "lamp": None}, "5 is no path"),  # type: ignore[arg-type]
         ({"shots": Shot("a.dng", white=3), "lamp": None}, "3 is no path"),  # type: ignore[arg-type]
         ({"shots": [], "lamp": None}, "no photo"),
         ({"shots": [Shot("a.dng")] * 65, "lamp": None}, "65 photos are too many"),
         ({"lamp": 5}, "lamp"),
-        ({"lamp": []}, "lamp"),
         ({"lamp": ["D55", "A"]}, "lamp"),
         ({"lamp": "nonsense"}, "nonsense"),
         ({"chart": "nonsense"}, "nonsense"),
@@ -281,7 +213,6 @@ def test_bad_arguments_are_named(two_lamps: Simulation, change: dict[str, object
         ({"fit": 5}, "no list"),
         ({"basis": None}, "None"),
         ({"gamma": "x"}, "gamma"),
-        ({"l2": "x"}, "l2"),
         ({"white_reflectance": "a"}, "0.95"),
         ({"white_reflectance": 0.9}, "no white frame"),
         ({"white_reflectance": 95}, "0.95"),
@@ -319,21 +250,22 @@ def test_a_refusal_is_a_product(two_lamps: Simulation) -> None:
     assert document["capture"]["unfinished"]["photo"]["name"] == "white-A.dng"
     with pytest.raises(InvalidArgument, match="Measure it anew"):
         solve(found.capture)
-    with pytest.raises(InvalidArgument):
-        attempt(shots[0].chart, "nonsense")
 
 
-def test_white_frames_for_all_shots_or_none(two_lamps: Simulation) -> None:
-    shots = two_lamps.shots
+def test_frames_that_do_not_go_together(two_lamps: Simulation) -> None:
+    first, second = two_lamps.shots
     with pytest.raises(InvalidArgument, match="for all shots"):
-        calibrate([shots[0].shot, Shot(shots[1].chart, "A")], options=Options(basis="cameras"))
+        calibrate([first.shot, Shot(second.chart, "A")], options=Options(basis="cameras"))
+    with pytest.raises(InvalidArgument, match="are the same photo"):
+        attempt(Shot(first.chart, "D55", white=first.chart))
+    with pytest.raises(InvalidArgument, match="one shot"):
+        calibrate([Shot(first.chart, "D55"), Shot(second.chart, "A")], options=Options(basis="gaussian"))
 
 
-def test_grey_card_needs_its_reflectance(two_lamps: Simulation, camera: CameraCurves) -> None:
+def test_grey_card_needs_its_reflectance(capture: Capture, solved: Result) -> None:
     """The same frame declared as an 80 % card scales what the chart must have reflected: it no longer fits."""
-    shot = two_lamps.shots[0]
-    assert calibrate(shot.shot, truth=camera).verdict.status == "accepted"
-    wrong = calibrate(shot.shot, options=Options(white_reflectance=0.8), truth=camera).verdict
+    assert solved.verdict.status == "accepted"
+    wrong = solve(replace(capture, white_reflectance=0.8)).verdict
     assert wrong.status == "doubtful"
     assert wrong.reasons[0].code == FramesDiffer.code
     assert "white frame" in wrong.reasons[0].message

@@ -76,13 +76,6 @@ def test_a_url_is_no_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, url: 
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize(
-    "path", ["s3", "a/s3:/x", "C:/photos", "C:\\photos", "D:5500", "nano24:/abs/mine.csv", "./x://y"]
-)
-def test_what_looks_like_a_url_only_from_afar(path: str) -> None:
-    assert local(path) == Path(path)
-
-
 def test_a_file_where_a_folder_should_be(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("mine")
     for call in (
@@ -229,15 +222,6 @@ def test_a_running_writer_is_left_alone(tmp_path: Path) -> None:
         write_files(tmp_path, {"b": b"2"})
         assert local(tmp_path / "b").read_bytes() == b"2"
     assert contents(tmp_path) == {"a": b"1", "b": b"2"}
-
-
-def test_files_in_folders_go_together(tmp_path: Path) -> None:
-    write_files(tmp_path / "below", {"a": b"old"})
-    with write_together(tmp_path) as aside:
-        write_files(aside / "below", {"a": b"new"})
-        write_files(aside, {"b": b"new"})
-        assert contents(tmp_path / "below") == {"a": b"old"}
-    assert contents(tmp_path) == {"below/a": b"new", "b": b"new"}
 
 
 @pytest.mark.parametrize("path", ["", " ", "\t"])

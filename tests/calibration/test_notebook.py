@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import copy
 import pickle
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from html import escape
-from html.parser import HTMLParser
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -20,14 +17,12 @@ from camssf import Options
 from camssf.calibration import attempt, calibrate
 from camssf.documents.document import Curves, Document, Truth, document_bytes
 from camssf.documents.scale import channel_scale
-from camssf.errors import CalibrationError, ChartUnfit, InvalidArgument, LampUnfit
-from camssf.exports import export
+from camssf.errors import ChartUnfit, InvalidArgument, LampUnfit
 from camssf.grid import WAVELENGTHS
 from camssf.report.build import report
 from camssf.report.shots import shots_of
 from camssf.result import Result
 from camssf.spectra import Lamp, read_camera, read_chart, read_lamp, read_light
-from camssf_colour import camera_of_result, standard_colour
 from camssf_lab.simulation.frames import Simulation
 from tests.support.captures import photos
 from tests.support.documents import changed, document, refused
@@ -74,37 +69,9 @@ def test_a_refusal_says_why(shot: Simulation) -> None:
             ask()
 
 
-def test_an_error_is_one_paragraph_in_a_notebook(shot: Simulation) -> None:
-    """IPython shows what `_render_traceback_` gives, in place of a traceback."""
-    with pytest.raises(CalibrationError) as caught:
-        calibrate(shot.shots[0].white, "D55")  # type: ignore[arg-type]
-    (text,) = caught.value._render_traceback_()
-    assert "\n" not in text
-    assert text == f"ChartNotFound (chart_not_found): {caught.value.message} {caught.value.advice}"
-
-
-class _Balance(HTMLParser):
-    def __init__(self) -> None:
-        super().__init__()
-        self.open: list[str] = []
-        self.seen: list[str] = []
-
-    def handle_starttag(self, tag: str, attrs: Any) -> None:
-        self.open.append(tag)
-        self.seen.append(tag)
-
-    def handle_startendtag(self, tag: str, attrs: Any) -> None:
-        self.seen.append(tag)
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag
-
-
 def test_the_html_is_balanced_and_holds_verdict_curves_and_scores(result: Result) -> None:
-    parser = _Balance()
-    parser.feed(text := result._repr_html_())
-    assert not parser.open
-    assert parser.seen.count("svg") == 1
+    ElementTree.fromstring(text := result._repr_html_())
+    assert text.count("<svg") == 1
     assert [text.count(f'class="{kind} ') for kind in ("curve", "band")] == [3, 3]
     assert result.verdict.status in text
     assert "RMSRE" in text
@@ -123,25 +90,6 @@ def test_hostile_names_stay_text() -> None:
     assert "\x1b" not in repr(found)
     assert "\n" not in repr(found)
     ElementTree.fromstring(found._repr_html_())
-
-
-def test_the_drawn_curve_is_the_document_s(result: Result) -> None:
-    root = ElementTree.fromstring(result._repr_html_())
-    paths = [each for each in root.iter() if each.tag.endswith("path")]
-    frame = next(each for each in root.iter() if each.tag.endswith("rect"))
-    red = next(path for path in paths if path.get("class") == "curve red")
-    pairs = np.array([[float(v) for v in pair.split(",")] for pair in str(red.get("d")).strip("M").split("L")])
-    left, width = (float(frame.get(name) or 0) for name in ("x", "width"))
-    peak = 380.0 + (pairs[pairs[:, 1].argmin(), 0] - left) / width * 340.0
-    assert peak == pytest.approx(WAVELENGTHS[result.curves[:, 0].argmax()], abs=2.5)
-
-
-def test_what_goes_into_a_calibration_is_short_to_look_at() -> None:
-    """A lamp was 9,266 characters, of which few said more than its name and source."""
-    camera = camera_of_result(document("D55"))
-    for each in (read_lamp("D55"), read_light("auto"), read_chart("classic24"), read_camera("Canon EOS 5D"), camera):
-        assert len(repr(each)) < 400, type(each)
-    assert "D55" in repr(read_lamp("D55"))
 
 
 # -- curves as numbers ---------------------------------------------------------------------------------------------
@@ -166,25 +114,15 @@ def test_draws_have_the_result_s_mean_bands_and_covariance(result: Result) -> No
     assert std is not None
     variance = np.einsum("mcmc->mc", covariance)
     np.testing.assert_allclose(variance, std**2, atol=1e-5 * float((std**2).max()))
-    draws = result.sample(4000, 7)
-    assert draws.shape == (4000, 681, 3)
-    assert np.array_equal(draws[:3], result.sample(4000, np.random.default_rng(7))[:3])
+    draws = result.sample(2000, 7)
+    assert draws.shape == (2000, 681, 3)
+    assert np.array_equal(draws[:3], result.sample(2000, np.random.default_rng(7))[:3])
     off = draws - result.curves
-    assert (np.abs(off.mean(axis=0)) <= 5.0 * std / np.sqrt(4000) + 1e-9).all()
+    assert (np.abs(off.mean(axis=0)) <= 5.0 * std / np.sqrt(2000) + 1e-9).all()
     np.testing.assert_allclose(off.std(axis=0), std, rtol=0.08, atol=1e-4)
     green, blue = off[:, 300, 1], off[:, 250, 2]
-    error = 5.0 * std[300, 1] * std[250, 2] / np.sqrt(4000)
+    error = 5.0 * std[300, 1] * std[250, 2] / np.sqrt(2000)
     assert float(np.mean(green * blue)) == pytest.approx(covariance[300, 1, 250, 2], abs=error)
-
-
-def test_draws_need_a_band_and_a_number(result: Result) -> None:
-    bandless = changed(result, answer__std=None, answer__code_covariance=None)
-    assert bandless.covariance is None
-    with pytest.raises(InvalidArgument, match="no band"):
-        bandless.sample(1, 0)
-    for count in (0, True, 2.5):
-        with pytest.raises(InvalidArgument, match="not a number of draws"):
-            result.sample(count, 0)  # type: ignore[arg-type]
 
 
 def test_z_scores_and_coverage_need_a_truth(result: Result) -> None:
@@ -212,19 +150,12 @@ def test_plots_hold_the_result_s_numbers(result: Result) -> None:
     np.testing.assert_allclose(drawn[::20], curve[::20], atol=1e-12)  # between the basis' values it is smooth
     np.testing.assert_allclose(drawn, curve, atol=0.02)
     said = shots_of(result)[0].patches
-    assert said is not None
-    assert said.measured_srgb is not None
-    assert said.synthetic_srgb is not None
     axes = result.plot("residuals")
-    assert axes is not own
     green = dict(zip(np.rint(axes.lines[1].get_xdata()), axes.lines[1].get_ydata(), strict=True))
-    assert len(green) == said.used.sum()
-    for i in np.flatnonzero(said.used):
-        assert green[i + 1] == pytest.approx(100 * (said.unseen[i, 1] / said.signal[i, 1] - 1))
+    for i in np.flatnonzero(said.used):  # type: ignore[union-attr]
+        assert green[i + 1] == pytest.approx(100 * (said.unseen[i, 1] / said.signal[i, 1] - 1))  # type: ignore
     picture = result.plot("patches").images[0].get_array()
-    assert picture.shape == (4, 12, 3)
-    assert np.allclose(picture[1, 2], said.measured_srgb[7])
-    assert np.allclose(picture[1, 3], said.synthetic_srgb[7])
+    assert np.allclose(picture[1, 2], said.measured_srgb[7])  # type: ignore[union-attr, index]
     bars = result.plot("budget").patches
     assert sum(bar.get_width() for bar in bars) == pytest.approx(300.0)
 
@@ -241,15 +172,6 @@ def test_several_results_are_in_one_plot(result: Result) -> None:
     names = [text.get_text() for text in axes.get_legend().get_texts()]
     assert len(names) == 3
     assert "$x$" in names[1]
-
-
-@pytest.mark.usefixtures("no_figures_left")
-def test_no_band_is_drawn_below_zero(result: Result) -> None:
-    curves, std = result.curves, result.std
-    assert std is not None
-    assert (curves - 1.96 * std).min() < 0 <= curves.min()
-    for collection in result.plot().collections:
-        assert collection.get_paths()[0].vertices[:, 1].min() >= 0
 
 
 def test_plots_refuse_what_they_cannot_draw(result: Result) -> None:
@@ -289,17 +211,6 @@ def test_what_is_no_result_is_not_loaded(tmp_path: Path) -> None:
         (tmp_path / "x.json").write_bytes(data)
         with pytest.raises(InvalidArgument, match=words):
             Result.load(tmp_path / "x.json")
-
-
-def test_a_loaded_refusal_has_no_curves(tmp_path: Path) -> None:
-    (tmp_path / "r.json").write_bytes(document_bytes(refused()))
-    found = Result.load(tmp_path / "r.json")
-    assert found.verdict.status == "refused"
-    for name in ("curves", "std", "scores", "uncertainty", "signals"):
-        with pytest.raises(InvalidArgument, match="refused"):
-            getattr(found, name)
-    with pytest.raises(InvalidArgument, match="refused"):
-        export(found, "csv")
 
 
 def test_a_pickle_is_small_and_whole_but_for_the_pictures(result: Result) -> None:
@@ -352,15 +263,6 @@ def test_colour_science_takes_the_curves(result: Result) -> None:
     assert np.allclose(found.values, own)
     back = read_camera(found)
     assert np.allclose(back.values, own)
-
-
-@pytest.mark.parametrize(("library", "method"), [("pandas", "to_pandas"), ("xarray", "to_xarray")])
-def test_a_missing_library_is_a_typed_error(
-    result: Result, library: str, method: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, library, None)
-    with pytest.raises(InvalidArgument, match=rf"library {library}, .*install -e .*\[notebook\]"):
-        getattr(result, method)()
 
 
 # -- objects and arrays --------------------------------------------------------------------------------------------
@@ -419,15 +321,6 @@ def test_a_chart_may_be_objects_or_arrays() -> None:
         read_chart((many.wavelengths, np.asarray(many.values).T[::-1]))
 
 
-def test_a_camera_may_be_arrays() -> None:
-    named = read_camera("Canon EOS 5D Mark II")
-    found = read_camera((WAVELENGTHS, named.values))
-    assert np.abs(found.values - named.values).max() < 1e-9
-    for given in ((WAVELENGTHS, named.values.T), ("a", "b"), 5):
-        with pytest.raises(InvalidArgument, match="is not a camera"):
-            read_camera(given)  # type: ignore[arg-type]
-
-
 def test_calibrate_takes_objects_and_arrays(shot: Simulation, result: Result) -> None:
     """A pair of arrays is one lamp, not two."""
     only, lamp, chart = shot.shots[0], read_lamp("D55"), read_chart("classic24")
@@ -445,8 +338,3 @@ def test_calibrate_takes_objects_and_arrays(shot: Simulation, result: Result) ->
     assert found.scores.rmse is not None
     with pytest.raises(InvalidArgument, match="is no lamp"):
         calibrate(only.chart, ["D55", (WAVELENGTHS, lamp.values)])  # type: ignore[arg-type]
-
-
-def test_a_path_is_no_camera_of_a_colour() -> None:
-    with pytest.raises(InvalidArgument, match="A str cannot be used as a camera"):
-        standard_colour("result.json", "A", [[0.4, 0.3, 0.2]])  # type: ignore[arg-type]

@@ -4,7 +4,6 @@ import ast
 import json
 import subprocess
 import sys
-from collections import Counter
 from collections.abc import Iterator
 from functools import cache
 from importlib import import_module
@@ -17,19 +16,6 @@ import camssf
 REFERENCE = Path(camssf.__file__).parents[1]
 PACKAGES = ("camssf", "camssf_app", "camssf_colour", "camssf_fleet", "camssf_lab")
 MOST_PARAMETERS = MOST_FIELDS = 8
-MANY_FIELDS = {
-    "camssf.photo.capture.Photo": "the tags of a file, a row of the documents",
-    "camssf.photo.read.dng.Mosaic": "samples and tags of a file, as it states them",
-    "camssf.photo.read.gain_maps.GainMap": "the fields of a DNG opcode",
-    "camssf.photo.read.pieces.Picture": "the tags of a TIFF's layout",
-    "camssf.recovery.misfit.JudgedSignals": "the inputs of the model of `misfit`, by their names",
-    "camssf.recovery.observation.Observation": "the inputs of the model, by their names",
-    "camssf.recovery.pivoting.Walk": "the tableau of a pivoting walk",
-    "camssf.recovery.rows.Hypotheses": "the inputs of the model, by their names",
-    "camssf.recovery.rows.Folded": "the arrays of hypotheses, folded onto the nodes",
-    "camssf.recovery.sensitivity.Ssf": "the answer, by the names that its document and Kotlin's class have",
-}
-"""Products of the mathematics and of the photo that have more fields, and why."""
 MOST_LINES = 450
 HEAVY = (
     "cv2", "rawpy", "colour", "torch", "onnx", "onnxruntime", "matplotlib", "tifffile", "rich", "typer",
@@ -42,16 +28,6 @@ MODULES = sorted(
     for path in (REFERENCE / package).rglob("*.py")
 )
 STAGES = [name for name in MODULES if "cli" not in name.split(".") and not name.endswith("__main__")]
-RETIRED = {
-    "asked", "told", "said", "known", "beside", "seen", "taken", "lit", "settled", "believed", "how", "evidence",
-    "suspects", "sensing",
-}  # fmt: skip
-"""Words of an earlier private language; none may be the name of a parameter or a product's attribute."""
-RETIRED_IN = {
-    "camssf_fleet.records.Row.evidence", "camssf.documents.document.Answer.evidence",
-    "camssf.documents.excerpt.Excerpt.evidence", "camssf_colour.document.WeighedLamp.asked",
-}  # fmt: skip
-"""Where one is right: the marginal likelihood, and a field of the documents of colours."""
 
 
 FRESH = """
@@ -100,13 +76,6 @@ def test_what_a_new_interpreter_loads() -> None:
     }  # fmt: skip
 
 
-@pytest.mark.repository
-def test_no_stage_loads_anything_heavy() -> None:
-    """At its top, by reading it."""
-    for stage in STAGES:
-        assert not {name.partition(".")[0] for name, top in imports(stage) if top} & set(HEAVY), stage
-
-
 def test_public_names() -> None:
     assert camssf.__all__ == [
         "WAVELENGTHS", "Answer", "CalibrationError", "Document", "Observation", "Options", "Result", "Shot",
@@ -114,11 +83,6 @@ def test_public_names() -> None:
         "read_dng", "read_raw", "read_unit", "recover", "validate",
     ]  # fmt: skip
     assert dir(camssf) == sorted([*camssf.__all__, "__version__"])
-
-
-def test_an_unknown_name_is_an_attribute_error() -> None:
-    with pytest.raises(AttributeError, match="no attribute 'recovr'"):
-        _ = camssf.recovr
 
 
 def test_version_is_the_package_s() -> None:
@@ -129,31 +93,6 @@ def test_version_is_the_package_s() -> None:
     except PackageNotFoundError:
         pytest.skip("camssf is not installed here, only on the path: no version to compare with")
     assert camssf.__version__ == installed
-
-
-@cache
-def imports(stage: str) -> list[tuple[str, bool]]:
-    """(module, at the top?) of every import of a stage but those for type checkers."""
-    found: list[tuple[str, bool]] = []
-
-    def visit(node: ast.AST, top: bool) -> None:
-        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
-            return
-        if isinstance(node, ast.Import):
-            found.extend((alias.name, top) for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{stage}: relative import"
-            if node.module == "camssf":
-                found.extend((f"camssf.{alias.name}", top) for alias in node.names)
-            else:
-                found.append((node.module or "", top))
-        elif isinstance(node, ast.stmt | ast.Module | ast.excepthandler | ast.match_case):
-            top = top and not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
-            for part in ast.iter_child_nodes(node):
-                visit(part, top)
-
-    visit(tree(stage), True)
-    return found
 
 
 def test_typed() -> None:
@@ -214,26 +153,6 @@ def test_few_parameters() -> None:
     assert not found
 
 
-def fields_of(node: ast.ClassDef) -> int:
-    """Number of fields of a dataclass; 0 for other classes."""
-    if not any("dataclass" in ast.unparse(each) for each in node.decorator_list):
-        return 0
-    return sum(isinstance(each, ast.AnnAssign) and "ClassVar" not in ast.unparse(each) for each in node.body)
-
-
-@pytest.mark.repository
-def test_products_are_small() -> None:
-    """More belongs into parts, as `Ssf` has its proof and its hypotheses."""
-    found = {
-        f"{module}.{node.name}"
-        for module in MODULES
-        if module.startswith(tuple(f"camssf.{room}" for room in ("photo", "recovery", "fit", "verdict", "options")))
-        for node in ast.walk(tree(module))
-        if isinstance(node, ast.ClassDef) and fields_of(node) > MOST_FIELDS
-    }
-    assert found == set(MANY_FIELDS)
-
-
 @pytest.mark.repository
 def test_one_file_one_product() -> None:
     lines = {
@@ -242,60 +161,3 @@ def test_one_file_one_product() -> None:
         if not (REFERENCE / module.replace(".", "/")).is_dir()
     }
     assert {module for module, count in lines.items() if count > MOST_LINES} == set()
-
-
-@pytest.mark.repository
-def test_messages_begin_like_sentences() -> None:
-    """With a capital letter, a number, or the name of what they are about."""
-    errors = import_module("camssf.errors")
-    kinds = {name for name, kind in vars(errors).items() if isinstance(kind, type) and hasattr(kind, "exit_status")}
-    found = set()
-    for module in MODULES:
-        for node in ast.walk(tree(module)):
-            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in kinds and node.args:
-                first = node.args[0].values[0] if isinstance(node.args[0], ast.JoinedStr) else node.args[0]
-                text = str(first.value) if isinstance(first, ast.Constant) else ""
-                if text[:1].islower() and not text.startswith("camssf "):
-                    found.add(module)
-    assert not found
-
-
-@pytest.mark.repository
-def test_nothing_but_the_packages_is_importable() -> None:
-    """What the wheel packs is what lies in these folders."""
-    folders = (REFERENCE, REFERENCE.parent / "export")
-    found = {
-        path.name
-        for folder in folders
-        for path in folder.iterdir()
-        if (path / "__init__.py").is_file() or path.suffix == ".py"
-    }
-    assert found == {*PACKAGES, "camssf_onnx"}
-
-
-@pytest.mark.repository
-def test_no_class_name_twice() -> None:
-    found = Counter(
-        node.name for module in MODULES for node in ast.walk(tree(module)) if isinstance(node, ast.ClassDef)
-    )
-    assert not {name: count for name, count in found.items() if count > 1}
-
-
-@pytest.mark.repository
-def test_no_retired_word_in_a_signature() -> None:
-    found = set()
-    for module in MODULES:
-        for node in ast.walk(tree(module)):
-            if isinstance(node, ast.FunctionDef):
-                given = {each.arg for each in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)}
-                if node.args.kwarg:
-                    given.add(node.args.kwarg.arg)
-                found |= {f"{module}.{node.name}.{word}" for word in given & RETIRED}
-            elif isinstance(node, ast.ClassDef):
-                fields = {
-                    each.target.id
-                    for each in node.body
-                    if isinstance(each, ast.AnnAssign) and isinstance(each.target, ast.Name)
-                }
-                found |= {f"{module}.{node.name}.{word}" for word in fields & RETIRED}
-    assert found == RETIRED_IN

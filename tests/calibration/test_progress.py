@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 
 from camssf import cli
-from camssf.calibration import attempt, calibrate, solve
-from camssf.compare.parity import parity
+from camssf.calibration import solve
 from camssf.photo.capture import measure
 from camssf.photo.shot import Shot
 from camssf.progress import Progress, part_of
@@ -49,22 +48,6 @@ def test_measuring_and_solving_tell_from_0_to_1(photo: Path) -> None:
     check(reports)
 
 
-@pytest.mark.full
-def test_joint_calibration_and_parity_tell_from_0_to_1(photo: Path, tmp_path: Path) -> None:
-    reports: Reports = []
-    first = calibrate(photo, "D55", progress=told(reports))
-    check(reports)
-    other = simulate("Demo phone", ["D55"], tmp_path, scene=Scene(size=(900, 675)), seed=1).shots[0].chart
-    for lamp in ("D55", "A"):  # the second contradicts the previous result, and is solved again alone
-        reports = []
-        attempt(other, lamp, previous=first, progress=told(reports))
-        parts = [part for _, part in reports]
-        assert parts == sorted(parts), reports
-    reports = []
-    parity(first, photo, progress=told(reports))
-    check(reports)
-
-
 def test_a_part_of_the_whole() -> None:
     reports: Reports = []
     part_of(told(reports), 0.2, 0.6)("solving", 0.5)
@@ -75,13 +58,8 @@ def test_a_part_of_the_whole() -> None:
 
 COMMANDS = {
     "calibrate": "calibrate {photo} --lamp D55",
-    "report": "calibrate {photo} --lamp D55 -o out",
-    "patches": "patches {photo} --lamp D55",
-    "direct": "direct a.csv b.csv",
-    "parity": "parity none.json {photo}",
     "batch": "batch none.csv",
     "demo": "demo -o out",
-    "simulate": "simulate --lamp D55 --size 900x675 -o shots",
 }
 SAID = """
 import json, sys
@@ -110,6 +88,7 @@ def test_a_command_begins_to_tell_before_it_loads_anything(photo: Path, tmp_path
     assert done.stderr.strip() == '[["starting", 0.0, false]]', done.stderr
 
 
+@pytest.mark.full
 def test_a_command_tells_from_0_to_1(
     photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from camssf.cli import INTERRUPTED
 from tests.support.captures import photos
 
 HIDE = """
@@ -75,19 +74,3 @@ def test_without_the_dropped_libraries_it_calibrates_and_says_what_is_missing(tm
         [sys.executable, "-c", HIDE + PLAIN_RUN], cwd=tmp_path, capture_output=True, text=True, timeout=300
     )
     assert done.returncode == 0, done.stderr
-
-
-@pytest.mark.full
-def test_ctrl_c_while_it_loads_is_no_traceback() -> None:
-    code = (
-        "import sys\n"
-        "class Interrupted:\n"
-        "    def find_spec(self, name, path=None, target=None):\n"
-        "        if name == 'camssf.cli.commands':\n"
-        "            raise KeyboardInterrupt\n"
-        "sys.meta_path.insert(0, Interrupted())\n"
-        "from camssf.__main__ import main\n"
-        "sys.exit(main())"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
-    assert (done.returncode, done.stdout, done.stderr) == (INTERRUPTED, "", "")

@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -15,7 +10,6 @@ from camssf.spectra import camera_names, colour_science
 from camssf.spectra.bundled import observer
 from camssf.spectra.cameras import LIBRARY
 from camssf.spectra.sampled import smooth
-from tests.support.captures import photos
 
 Lab = tuple[float, float, float]
 RNG = np.random.default_rng(3)
@@ -74,24 +68,3 @@ def test_shipped_tables_are_the_library_s() -> None:
     values = RNG.uniform(size=60)
     theirs = colour.CubicSplineInterpolator(uneven, values)(np.clip(nm, uneven[0], uneven[-1]))
     assert np.abs(smooth(uneven, values) - theirs).max() < 1e-9
-
-
-@pytest.mark.full
-def test_calibrating_loads_no_colour_science(tmp_path: Path) -> None:
-    """With a truth and a report, too; without a report no matplotlib either."""
-    made = photos()
-    code = (
-        "import json, sys\nfrom camssf.cli import main\n"
-        "call = ['calibrate', sys.argv[1], '--lamp', 'D55', '--white', sys.argv[2], '--basis', 'cameras']\n"
-        "for more in ([], ['--truth', sys.argv[3], '-o', 'out']):\n"
-        "    assert main([*call, *more]) == 0\n"
-        "    print(json.dumps(sorted({name.partition('.')[0] for name in sys.modules})), file=sys.stderr)"
-    )
-    files = [str(path) for path in (made.shots[0].chart, made.shots[0].white, made.truth)]
-    done = subprocess.run(
-        [sys.executable, "-c", code, *files], cwd=tmp_path, capture_output=True, text=True, timeout=120
-    )
-    assert done.returncode == 0, done.stderr
-    plain, reported = (set(json.loads(line)) for line in done.stderr.splitlines() if line.startswith("["))
-    assert not {"colour", "matplotlib", "pandas", "xarray", "duckdb", "cryptography", "torch"} & plain
-    assert not {"colour", "pandas", "xarray"} & reported

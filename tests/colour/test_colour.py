@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from camssf.colorimetry import delta_e00, signals_of
-from camssf.documents.curve_errors import modes_of_bands
-from camssf.documents.document import Curves
-from camssf.errors import ColourOutOfReach, InvalidArgument, LampUnfit
+from camssf.errors import ColourOutOfReach, InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery import Observation, recover
 from camssf.recovery.basis import interpolate, misfit_profile, read_basis
@@ -21,20 +19,15 @@ from camssf.verdict.reasons import Verdict
 from camssf_colour import (
     PARTS,
     Camera,
-    LitSurfaces,
     Reference,
     View,
     camera_of_result,
     camera_of_ssf,
-    read_prior,
-    spectrum,
     standard_colour,
 )
 from camssf_colour.colour_error import expected_error, true_error
 from camssf_colour.light import OWN_WHITE, lamp_modes, see
-from camssf_colour.posterior import surface_posterior
 from camssf_colour.reach import MOST, REACH, check_reach
-from camssf_colour.response import surface_response
 from camssf_colour.standard import of_surfaces
 from tests.colour.conftest import blurred, exact, known, owned, power
 from tests.support.documents import document
@@ -72,37 +65,6 @@ def test_parts_add_up_and_are_covariances() -> None:
         for part in found.parts.values():
             least = np.linalg.eigvalsh(part[i])
             assert (least > -1e-12 * np.abs(total).max()).all()
-
-
-@pytest.mark.parametrize("view", [View(), View("1964", "D50")])
-def test_a_colour_is_its_spectrum_s(view: View) -> None:
-    y = signals_of(CHART[:6], power("A"), toy_camera())
-    reference = Reference(0.02)
-    found = standard_colour(blurred(), "A", y, 0.01 * y, reference=reference, view=view)
-    whole = spectrum(blurred(), LitSurfaces("A", y, 0.01 * y, reference), view=view)
-    for name in ("xyz", "lab", "xyz_covariance", "lab_covariance", "white"):
-        ours, theirs = getattr(found, name), getattr(whole, name)
-        assert np.abs(ours - theirs).max() < 1e-11 * np.abs(theirs).max(), name
-
-
-def test_the_covariance_of_the_signals_is_that_of_all_errors() -> None:
-    """Against drawing curves and noise, for a surface of the prior."""
-    rng, camera, row, stated = np.random.default_rng(5), blurred(), surfaces()[17], known()
-    y = signals_of(row[None], stated.values, camera.values)
-    response, _ = surface_response([see(camera, stated)], [Reference(0.0)], View(), reflectance=False)
-    found = surface_posterior(read_prior("general"), response, y, 0.01 * y)
-    values = camera.values + np.einsum("nq,qmc->nmc", rng.normal(size=(4000, 2)), camera.modes)
-    light = stated.values[:, None] * values
-    drawn = (row @ light) / light.sum(axis=1) + 0.01 * y * rng.normal(size=(4000, 3))
-    truth = np.cov(drawn.T)
-    scale = np.sqrt(np.outer(np.diagonal(truth), np.diagonal(truth)))
-    assert np.abs((found.signal_covariance[0] - truth) / scale).max() < 0.1
-
-
-@pytest.mark.parametrize("lamp", ["D55", "A", "LED-B3", "FL2"])
-def test_white_is_nearly_white(lamp: str) -> None:
-    found = standard_colour(exact(), lamp, np.ones(3))
-    assert np.abs(found.lab[0] - [100.0, 0.0, 0.0]).max() < 0.25
 
 
 def test_many_colours_at_once_are_the_same_as_one_by_one() -> None:
@@ -143,19 +105,6 @@ def test_the_expected_colour_error_is_that_of_draws_from_the_covariance() -> Non
     assert f"{found.chart:.1f} ΔE00" in found.in_words()
 
 
-def test_a_wider_band_is_a_larger_colour_error_and_no_band_is_none() -> None:
-    made = document("D55")
-    answer = replace(made.answer, code_covariance=None)
-    errors = []
-    for factor in (0.3, 1.0, 3.0):
-        std = Curves.of(factor * answer.std.values)
-        errors.append(expected_error(replace(made, answer=replace(answer, std=std))))
-    sizes = [error.chart for error in errors if error is not None]
-    assert sizes == sorted(sizes)
-    assert sizes[2] > 1.2 * sizes[1]
-    assert expected_error(replace(made, answer=replace(answer, std=None))) is None
-
-
 def test_the_true_colour_error_is_least_for_the_true_curves() -> None:
     truth, other = (read_camera(name).values for name in ("Canon EOS 5D Mark II", "Nikon 5100 (NPL)"))
     own, foreign = true_error(truth, truth), true_error(other, truth)
@@ -186,12 +135,6 @@ def test_a_colour_that_no_surface_has_is_found_out(signal: tuple[float, ...], fa
         assert caught.value.exit_status == 9
 
 
-def test_every_real_surface_is_in_reach() -> None:
-    for name in ("D55", "A", "LED-B3", "FL2"):
-        y = signals_of(surfaces()[::8], power(name), toy_camera())
-        assert standard_colour(exact(), name, y, 0.002).reach.max() < 3.0
-
-
 # -- lamps by what the reference says ---------------------------------------------------------------------------
 
 
@@ -214,21 +157,6 @@ def test_auto_gives_nearly_the_colours_of_the_lamp_named(true: str, kind: str) -
     chi = np.einsum("mc,mc->m", apart, np.linalg.solve(auto.lab_covariance, apart[..., None])[..., 0])
     assert np.mean(chi < 7.815) > 0.8
     assert spread(auto.parts, "lamp").mean() > spread(named.parts, "lamp").mean()
-
-
-def test_the_reference_narrows_a_lamp_known_by_kind() -> None:
-    camera = owned(exact())
-    y, raw = signals_of(CHART, power("D75"), camera.values), power("D75") @ camera.values
-    alone = standard_colour(camera, "daylight", y)
-    asked = standard_colour(camera, "daylight", y, reference=Reference(raw=raw))
-    assert spread(asked.parts, "lamp").mean() < 0.7 * spread(alone.parts, "lamp").mean()
-    assert asked.chi_squared is not None
-    assert alone.chi_squared is None
-    # and moves it: the estimate is bluer than the kind's mean
-    light = see(camera, read_lamp("daylight"), np.log((raw / raw[1])[[0, 2]]), 0.005)
-    assert light.power[:100].mean() / light.power[-100:].mean() > 1.05 * (
-        read_lamp("daylight").values[:100].mean() / read_lamp("daylight").values[-100:].mean()
-    )
 
 
 def test_conditioning_is_bayes_by_drawing() -> None:
@@ -254,22 +182,6 @@ def test_conditioning_is_bayes_by_drawing() -> None:
     stated = np.sqrt((light.power_modes**2).sum(axis=0))
     assert np.abs(light.power - mean).max() < 0.25 * std.max()
     assert np.abs(stated / std - 1).max() < 0.15
-
-
-def test_a_reference_that_contradicts_the_lamp_is_refused() -> None:
-    camera = owned(blurred(size=0.005))
-    raw = power("A") @ camera.values
-    with pytest.raises(LampUnfit, match="not white under D55"):
-        standard_colour(camera, "D55", np.full(3, 0.5), reference=Reference(raw=raw))
-    standard_colour(camera, "A", np.full(3, 0.5), reference=Reference(raw=raw))
-
-
-@pytest.mark.parametrize("raw", [None, np.array([1.0, 0.0, 1.0]), np.array([1.0, 1.0])])
-def test_auto_needs_a_reference(raw: Floats | None) -> None:
-    with pytest.raises(InvalidArgument):
-        standard_colour(owned(exact()), "auto", np.full(3, 0.5), reference=Reference(raw=raw))
-    with pytest.raises(InvalidArgument, match="lamp is unknown"):
-        standard_colour(exact(), "auto", np.full(3, 0.5), reference=Reference(raw=np.ones(3)))
 
 
 # -- cameras ----------------------------------------------------------------------------------------------------
@@ -298,12 +210,6 @@ def test_a_camera_of_an_ssf_has_its_bands() -> None:
     assert np.abs(ours - expected).max() < 0.12 * np.abs(ours).max()
     with pytest.raises(InvalidArgument, match="prior"):
         camera_of_ssf(replace(answer, code_covariance=None), read_basis("cameras"), lamps[0])
-
-
-def test_modes_of_bands_have_the_bands() -> None:
-    std = 0.01 + 0.02 * toy_camera()
-    modes = modes_of_bands(std)
-    assert np.abs(np.sqrt((modes**2).sum(axis=0)) / std - 1).max() < 1e-3
 
 
 def test_a_camera_must_have_the_grid_and_a_peak() -> None:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from contextlib import suppress
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -16,30 +14,21 @@ import pytest
 from PIL import Image
 
 from camssf import cli
-from camssf.colorimetry import signals_of, xyz_of
-from camssf.documents.document import Curves, document_bytes
+from camssf.colorimetry import xyz_of
+from camssf.documents.document import document_bytes
 from camssf.documents.forms import from_plain, to_plain
 from camssf.documents.schema import schema
-from camssf.errors import CalibrationError, InvalidArgument, Overexposed
-from camssf.exports import FORMATS, export
-from camssf.photo.read.dng import Mosaic
-from camssf.report.build import report
 from camssf.result import Result
 from camssf.spectra import read_chart
 from camssf.spectra.bundled import observer
-from camssf_colour import Reference, View, camera_of_result, convert, standard_colour
+from camssf_colour import View
 from camssf_colour.document import ColourDocument
 from camssf_colour.picture_document import PictureDocument
-from camssf_colour.reflectance import LitSurfaces, spectrum
-from camssf_colour.regions import against, measure_regions
 from camssf_colour.spectrum_document import SpectrumDocument
 from camssf_colour.standard import of_surfaces
-from camssf_fleet.passport.excerpt import excerpt_of
-from tests.colour.conftest import exact, place, power
+from tests.colour.conftest import place, power
 from tests.support.captures import calibrated, photos
 from tests.support.documents import changed, document
-from tests.support.scenes import mosaic
-from tests.support.schemas import check_schema
 
 CHART = read_chart("classic24").values
 SCHEMA = schema(ColourDocument)
@@ -57,88 +46,6 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Result]:
 @cache
 def photo() -> str:
     return str(photos().shots[0].chart)
-
-
-def test_regions_are_measured(picture: Mosaic) -> None:
-    left, right = measure_regions(picture, HALVES)
-    assert np.abs(left.raw - 1000).max() < 1
-    assert np.abs(right.raw - 2000).max() < 1
-    assert (left.error > 0.05).all()
-    assert (left.error < 0.4).all()
-    y, error = against([left], right, 0.9)
-    assert np.abs(y - 0.45).max() < 1e-3
-    assert np.abs(error / (0.9 * np.hypot(left.error / 2000, 0.5 * right.error / 2000)) - 1).max() < 0.01
-    with pytest.raises(InvalidArgument, match="reflectance"):
-        against([left], right, 18.0)
-    with pytest.raises(InvalidArgument, match="dark"):
-        against([left], replace(right, raw=np.array([1.0, 1.0, 1.0]), error=np.ones(3)), 0.9)
-
-
-HALVES = [(10.0, 10.0, 30.0, 40.0), (60.0, 10.0, 30.0, 40.0)]
-
-
-@pytest.fixture
-def picture() -> Mosaic:
-    """Black 512; left half 1512 above black 1000, right half 2512; one hot pixel."""
-    samples = np.where(np.arange(100) < 50, 1512.0, 2512.0) + 3 * np.random.default_rng(1).normal(size=(80, 100))
-    samples[20, 20] = 16383
-    return mosaic(np.rint(samples).astype(np.uint16))
-
-
-def test_a_region_is_measured_to_its_borders() -> None:
-    samples = np.full((80, 100), 1512, np.uint16)
-    samples[10:50, 10:40] += np.uint16(1)
-    (inside,) = measure_regions(mosaic(samples), [(10, 10, 30, 40)])
-    assert np.array_equal(inside.raw, [1001.0] * 3)
-
-
-@pytest.mark.parametrize(
-    ("rectangle", "words"),
-    [
-        ((90, 10, 30, 40), "leaves the photo"),
-        ((-1, 10, 30, 40), "leaves the photo"),
-        ((10, 10, 0, 40), "empty"),
-        ((10, 10, float("nan"), 40), "empty"),
-        ((10, 10, 4, 4), "samples"),
-    ],
-)
-def test_a_region_that_is_none_is_refused(rectangle: Any, words: str, picture: Mosaic) -> None:
-    with pytest.raises(InvalidArgument, match=words):
-        measure_regions(picture, [rectangle])
-
-
-def test_a_clipped_region_is_refused() -> None:
-    samples = np.full((80, 100), 16383, np.uint16)
-    with pytest.raises(Overexposed, match="Region 1"):
-        measure_regions(mosaic(samples), [(10, 10, 30, 40)])
-
-
-@pytest.mark.full
-def test_a_result_s_own_covariance_is_taken(of_two_lamps: tuple[Path, Result]) -> None:
-    document = of_two_lamps[1]
-    camera = camera_of_result(document)
-    answer, band = document.answer, document.std
-    assert np.abs(np.sqrt((camera.modes**2).sum(axis=0)) - band).max() < 1e-4 * band.max()
-    assert camera.own.lamp.name == "D55"
-    y = signals_of(CHART, power("LED-B3"), camera.values)
-    by_band = camera_of_result(replace(document, answer=replace(answer, code_covariance=None)))
-    ours, theirs = (
-        np.sqrt(np.diagonal(standard_colour(each, "LED-B3", y).parts["curves"][1], axis1=1, axis2=2)).mean()
-        for each in (camera, by_band)
-    )
-    assert ours < theirs < 4 * ours  # bands alone overrate, and must not underrate
-    other = replace(document, answer=replace(answer, basis_sha256="0" * 64))
-    assert np.array_equal(camera_of_result(other).modes, by_band.modes)  # another release's basis of this name
-    assert camera_of_result(replace(document, answer=replace(answer, std=None))).modes.shape[0] == 0
-    first, *rest = document.capture.shots
-    nameless = replace(first, lamp=replace(first.lamp, name="lost.csv"))
-    of_file = replace(document, capture=replace(document.capture, shots=(nameless, *rest)))
-    kept = camera_of_result(of_file).own  # its spectrum is in the document
-    assert np.array_equal(kept.lamp.values, camera.own.lamp.values)
-    excerpt = excerpt_of(document)
-    assert camera_of_result(excerpt).own.lamp.name == "D55"
-    assert not camera_of_result(excerpt).whole
-    assert camera_of_result(excerpt_of(of_file)).own is None  # but not in the excerpt
 
 
 def read_document(printed: str) -> Any:
@@ -187,54 +94,17 @@ def test_a_colour_out_of_reach_is_in_the_document_without_numbers(
 
 @pytest.mark.parametrize("kind", [ColourDocument, SpectrumDocument, PictureDocument])
 def test_the_schemas_are_sound_and_say_what_everything_is(kind: type) -> None:
-    check_schema(schema(kind))
+    form = schema(kind)
+    pytest.importorskip("jsonschema").Draft202012Validator.check_schema(form)
 
+    def walk(node: Any, where: str) -> None:
+        for name, each in node.get("properties", {}).items():
+            if isinstance(each, dict) and each:
+                assert each.get("description") or set(each) == {"const"}, f"{where}.{name}"
+                walk(each, f"{where}.{name}")
 
-def hostile(document: Result, seed: int) -> Result:
-    """A result of sound form with numbers that no camera has."""
-    rng, answer = np.random.default_rng(seed), document.answer
-    curves, std = answer.curves.values.copy(), answer.std.values.copy()
-    for c in rng.choice(3, 2):
-        strange = [
-            -np.abs(curves[:, c]), 0 * curves[:, c], rng.normal(size=681),
-            curves[:, c] * 10.0 ** rng.integers(-12, 12), curves[:, 0], curves[:, c],
-        ][rng.integers(6)]  # fmt: skip
-        curves[:, c] = np.clip(strange / max(strange.max(), 1e-300), -1e3, 1.0)
-        curves[rng.integers(681), c] = 1.0
-        if rng.random() < 0.5:
-            std[:, c] = np.abs(rng.normal(size=681)) * 10.0 ** rng.integers(-12, 9)
-    triangle = rng.normal(size=len(answer.code_covariance)) * 10.0 ** rng.integers(-6, 9)
-    variances = np.cumsum(np.arange(1, 73)) - 1
-    triangle[variances] = np.abs(triangle[variances])
-    gain = rng.normal(size=3) * 10.0 ** rng.integers(-6, 6)
-    return changed(
-        document, answer__curves=Curves.of(curves), answer__std=Curves.of(std), answer__code_covariance=triangle,
-        answer__channel_gain=gain,
-    )  # fmt: skip
-
-
-@pytest.mark.full
-@pytest.mark.parametrize("seed", range(2))
-def test_strange_curves_give_an_answer_or_a_typed_error(seed: int, of_two_lamps: tuple[Path, Result]) -> None:
-    sound = of_two_lamps[1]
-    strange, signal = hostile(sound, seed), np.full(3, 0.3)
-    for lamp in ("LED-B3", "auto"):
-        with suppress(CalibrationError):
-            reference = Reference(raw=np.array([0.7, 1.0, 0.6]))
-            colours = standard_colour(camera_of_result(strange), lamp, signal, 0.01, reference=reference)
-            assert np.isfinite(colours.lab).all()
-            assert np.isfinite(colours.lab_covariance).all()
-        for pair in ((strange, sound), (sound, strange)):
-            with suppress(CalibrationError):
-                converted = convert(
-                    *map(camera_of_result, pair), lamp, signal, 0.01, reference=Reference(raw=np.ones(3))
-                )
-                assert np.isfinite(converted.signals).all()
-                assert np.isfinite(converted.covariance).all()
-    for to in FORMATS:
-        with suppress(CalibrationError):
-            assert b"nan" not in export(strange, to).lower()
-    assert report(strange).html
+    for name, part in {"": form, **form["$defs"]}.items():
+        walk(part, name)
 
 
 def test_the_command_states_true_spectra(result: tuple[str, Result], capsys: Capture, tmp_path: Path) -> None:
@@ -311,29 +181,6 @@ def test_a_colour_of_another_camera_is_refused(result: tuple[str, Result], tmp_p
     area = ["--region", place(document, 3), "--white-region", place(document, 18)]
     assert cli.main(["colour", other, photo(), *area]) == 5
     assert "each has its own curves" in capsys.readouterr().err
-
-
-def test_spectra_are_drawn_with_their_bands() -> None:
-    from xml.etree import ElementTree
-
-    from camssf_colour.spectrum_plot import spectrum_svg
-
-    y = signals_of(read_chart("classic24").values[:2], power(), exact().values)
-    found = spectrum(exact(), LitSurfaces("D55", y, 0.002))
-    drawn = ElementTree.fromstring(spectrum_svg(found))
-    ways = {path.get("class"): path.get("d") or "" for path in drawn.iter("{http://www.w3.org/2000/svg}path")}
-    assert set(ways) == {"band red", "band green", "curve red", "curve green"}
-
-    def heights(way: str) -> np.ndarray:
-        return np.array([pair.split(",")[1] for pair in way.strip("MZ").split("L")], dtype=float)
-
-    line, ring = heights(ways["curve green"]), heights(ways["band green"])
-    scale, zero = np.polyfit(found.reflectance[1], line, 1)
-    assert np.abs(zero + scale * found.reflectance[1] - line).max() < 0.06
-    top = found.reflectance[1] + 1.96 * found.standard_deviation[1]
-    assert ring.min() == pytest.approx(zero + scale * top.max(), abs=0.2)
-    texts = [text.text for text in drawn.iter("{http://www.w3.org/2000/svg}text")]
-    assert "reflectance and 95 % band, prior general" in texts
 
 
 def test_the_command_says_what_is_missing(tmp_path: Path, capsys: Capture) -> None:

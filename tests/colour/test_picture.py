@@ -20,7 +20,7 @@ import tifffile
 from PIL import Image, ImageCms, ImageOps
 
 from camssf.colorimetry import delta_e00, lab, signals_of, white_of
-from camssf.errors import FramesDiffer, InvalidArgument, LampUnfit
+from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.photo.read.colour_matrix import ColourMatrix
 from camssf.photo.read.dng import Mosaic
@@ -42,7 +42,7 @@ from camssf_colour.picture import (
 )
 from camssf_colour.picture_comparison import matrix_of_file
 from camssf_colour.picture_file import write_picture
-from camssf_colour.picture_strip import CLIPPED, OUT_OF_REACH, PER_UNIT, StripInputs, picture_strip
+from camssf_colour.picture_strip import PER_UNIT, StripInputs, picture_strip
 from camssf_colour.regions import measure_regions
 from camssf_colour.standard import of_surfaces
 from camssf_lab.simulation.camera import Sensor, count
@@ -155,13 +155,6 @@ def test_the_noise_of_colours_is_what_the_filters_make_of_the_samples() -> None:
     assert np.cov(demosaic(samples).reshape(3, -1)) == pytest.approx(noise_shares() @ (1.0, 4.0, 9.0), rel=0.02)
 
 
-@pytest.mark.parametrize("cfa", ["GRBG", "GBRG", "BGGR"])
-def test_the_order_of_the_colours_does_not_change_the_picture(cfa: str) -> None:
-    photo, signal = plain()
-    one, other = (inner(whole(picture_of(each, white=signal))[0]) for each in (photo, scene(cfa)))
-    assert np.abs(one.astype(int) - other).max() < 100  # of 65,535: whole samples
-
-
 # -- colours ------------------------------------------------------------------------------------------------------
 
 
@@ -229,36 +222,6 @@ def test_pixels_scatter_as_their_noise_says() -> None:
     assert (scattered < 1.2 * stated).all()  # the rest of the stated one is the same for all pixels of a patch
 
 
-@pytest.mark.full
-def test_a_dark_photo_leaves_the_colours_of_the_torch_and_the_noise_of_both_photos() -> None:
-    """In a room whose light is as bright as the torch, and unlike it."""
-    sure, against = replace(camera(), modes=camera().modes[:0]), white_of(read_lamp("D65").values)
-
-    def patches(photo: Mosaic, dark: Mosaic | None = None) -> tuple[Floats, Floats]:
-        """Lab (24, n, 3) of each patch's pixels, and the stated deviations (24, 3)."""
-        made = standard_picture(sure, LAMP, photo, dark=dark, white=white(photo, dark), space="xyz-d65")
-        pixels, layer = whole(made)
-        return lab(inner(pixels) / XYZ_ONE, against), inner(layer).mean(axis=1) / PER_UNIT
-
-    def with_torch(sensor: Sensor) -> tuple[Mosaic, Mosaic]:
-        return scene(sensor=sensor, level=0.4, ambient=0.4), scene(sensor=sensor, level=0.0, ambient=0.4, seed=2)
-
-    lit, dark = with_torch(SENSOR)
-    in_torch = patches(scene(level=0.4))[0].mean(axis=1)
-    assert delta_e00(patches(lit, dark)[0].mean(axis=1), in_torch).max() < 0.1
-    with pytest.raises(LampUnfit):
-        patches(lit)
-    noisy, stated = patches(*with_torch(Sensor()))
-    alone, stated_alone = patches(scene(sensor=Sensor(), level=0.4))
-    scatter = noisy.std(axis=1) / stated
-    assert 0.7 < np.median(scatter) < 1.0  # the stated one is of curves and lamp, too
-    assert scatter.max() < 1.5
-    assert np.median(noisy.std(axis=1) / alone.std(axis=1)) > 1.3
-    assert np.median(stated / stated_alone) > 1.3
-    with pytest.raises(FramesDiffer, match="exposure"):
-        standard_picture(sure, LAMP, replace(lit, exposure=0.02), dark=replace(dark, exposure=0.01), white=white(lit))
-
-
 def test_a_signal_to_noise_ratio_is_that_of_the_white_surfaces_pixels() -> None:
     torch = {"sensor": Sensor(), "ambient": 0.4}
     pairs = [(scene(level=0.4, seed=i, **torch), scene(level=0.0, seed=i + 9, **torch)) for i in range(8)]
@@ -267,27 +230,6 @@ def test_a_signal_to_noise_ratio_is_that_of_the_white_surfaces_pixels() -> None:
     ratio = np.mean(greens) / np.std(np.stack(greens) - np.mean(greens))
     stated = white(*pairs[0]).signal_to_noise
     assert stated[1] == pytest.approx(ratio, rel=0.15)
-
-
-def test_without_a_reference_the_calibration_balances_and_is_less_sure() -> None:
-    photo = scene()
-    balanced = picture_of(photo, "D55", white=None, space="xyz-d65")
-    assert not balanced.white.from_reference
-    assert balanced.white.raw.max() == pytest.approx(photo.white - 512.0)
-    assert np.median(whole(balanced)[1]) > np.median(whole(picture_of(photo, space="xyz-d65"))[1])
-
-
-def test_clipped_samples_and_colours_of_no_surface_are_marked() -> None:
-    photo = scene()
-    photo.samples[20, 20] = int(photo.white)
-    photo.samples[40:48, 40:48] = 512
-    photo.samples[40:48:2, 41:48:2] = photo.samples[41:48:2, 40:48:2] = 9000  # green alone
-    pixels, layer = whole(picture_of(photo))
-    reached = (pixels == 65535).all(axis=2)
-    assert reached[18:23, 18:23].all()
-    assert reached.sum() == 25
-    assert (layer == CLIPPED).all(axis=2).sum() == 9
-    assert (layer[21:23, 21:23] == OUT_OF_REACH).all()
 
 
 # -- the file -----------------------------------------------------------------------------------------------------

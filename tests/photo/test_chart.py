@@ -8,17 +8,15 @@ import pytest
 
 from camssf.errors import Blurred, ChartNotFound, InvalidArgument
 from camssf.photo.find.candidates import find_candidates
-from camssf.photo.find.geometry import refine_corners
 from camssf.photo.find.picture import codes_of_mosaic
 from camssf.photo.find.pose import Pose, find_chart
-from camssf.photo.find.search import agreement
 from camssf.photo.patches import measure_patches
 from camssf.photo.read.dng import Mosaic, read_dng
 from camssf.spectra.layouts import LAYOUTS
 from camssf_lab.simulation.camera import Sensor
 from camssf_lab.simulation.scene import Scene
 from camssf_lab.simulation.shot import Frames
-from tests.support.scenes import SIZE, mosaic, semi_gloss, shoot, table
+from tests.support.scenes import SIZE, mosaic, shoot, table
 
 DNG = Path(__file__).parents[2] / "data" / "dng"
 
@@ -85,21 +83,6 @@ def test_real_photo_lies_where_the_eye_sees_it(real_pose: Pose) -> None:
     assert real_pose.score > 0.9
 
 
-def test_real_photo_needs_no_second_opinion(real_pose: Pose) -> None:
-    """The Passport's other page is in view, too, but is no chart that the finder knows."""
-    assert real_pose.notes == ()
-
-
-def test_real_photo_measures_the_printed_gap(real_pose: Pose) -> None:
-    """The Passport's classic page is printed with 12.4 mm patches every 15.0 mm."""
-    top, left = real_pose.patches[:6], real_pose.patches[::6]
-    width = np.linalg.norm(top[:, 1] - top[:, 0], axis=1).mean()
-    height = np.linalg.norm(left[:, 3] - left[:, 0], axis=1).mean()
-    pitch_x = np.linalg.norm(np.diff(top.mean(axis=1), axis=0), axis=1).mean()
-    pitch_y = np.linalg.norm(np.diff(left.mean(axis=1), axis=0), axis=1).mean()
-    assert [width / pitch_x, height / pitch_y] == pytest.approx([12.4 / 15, 12.4 / 15], abs=0.02)
-
-
 def test_real_photo_gives_the_means_of_hand_picked_corners(real: Mosaic, real_pose: Pose) -> None:
     """Bilinear places between four corners read by eye, plain means of 36 × 32 px boxes, LibRaw's samples."""
     import rawpy
@@ -154,29 +137,6 @@ def test_small_charts(chart: str) -> None:
     assert worst(find_chart(mosaic(frames.chart), table(chart)), frames.pose) < 0.03
 
 
-@pytest.mark.full
-def test_semi_gloss_chart_is_found() -> None:
-    frames = shoot(Scene(layout=LAYOUTS["sg140"], size=SMALL, fill=0.9, rotation=180), None, "D55", "sg140")
-    pose = find_chart(mosaic(frames.chart), semi_gloss())
-    assert worst(pose, frames.pose) < 0.05
-    assert pose.quarter_turns == 2
-
-
-@pytest.mark.full
-@pytest.mark.parametrize("scene", [Scene(fill=0.5, rotation=20, tilt=15), Scene(fill=0.25, rotation=190, blur=2.0)])
-def test_corners_by_hand_half_a_patch_off(scene: Scene) -> None:
-    """All the same way, or each another way: by half the patch's edge, in eight directions."""
-    frames, photo = photo_of(scene)
-    half = np.linalg.norm(frames.pose.patches[0, 1] - frames.pose.patches[0, 0]) / 2
-    for turn in range(8):
-        angles = np.pi / 4 * (turn + np.array([[0, 0, 0, 0], [0, 3, 5, 2]]))
-        for angle in angles:
-            by_hand = frames.pose.corners + half * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-            pose = find_chart(photo, table(), corners=by_hand)
-            assert pose.notes == ()
-            assert worst(pose, frames.pose) < 0.03
-
-
 def test_a_photo_too_blurred_to_search_is_called_blurred() -> None:
     _, photo = photo_of(Scene(fill=0.25, rotation=30, tilt=20, blur=10.0), size=SMALL)
     with pytest.raises(Blurred, match="sharpest edges are"):
@@ -229,38 +189,3 @@ def test_table_of_another_layout() -> None:
     _, photo = photo_of(Scene())
     with pytest.raises(InvalidArgument, match="does not fit the layout sg140"):
         find_chart(photo, replace(table(), layout=LAYOUTS["sg140"]))
-
-
-def test_agreement_knows_no_exposure_and_no_cast() -> None:
-    rng = np.random.default_rng(5)
-    seen, expected = rng.uniform(0.05, 1, (24, 3)), rng.uniform(0.05, 1, (24, 3))
-    cast = np.array([900.0, 400.0, 100.0])
-    assert agreement(expected * cast, expected) == pytest.approx(1, abs=1e-12)
-    assert agreement(seen * cast, expected) == pytest.approx(agreement(seen, expected), abs=1e-12)
-
-
-@pytest.mark.full
-@pytest.mark.parametrize("printed", ["classic24", "nano24", "passport24"])
-def test_refine_measures_position_and_gap(printed: str) -> None:
-    """A quarter of a pitch off and with another chart's gap, to a hundredth of a pitch."""
-    frames = shoot(Scene(layout=LAYOUTS[printed], size=SIZE, rotation=10, tilt=15, blur=1.0), None, "D55", printed)
-    image = np.sqrt(frames.chart[::2, ::2].astype(float) + frames.chart[1::2, 1::2] - 1000)
-    pitch = SIZE[0] * 0.6 / 6 / 2
-    guess = frames.pose.corners / 2 + 0.25 * pitch * np.array([[1, 1], [-1, 0], [0, 1], [-1, 1]])
-    corners, side, locked = refine_corners(image, guess, LAYOUTS["mini24"])
-    assert np.abs(corners - (frames.pose.corners - 0.5) / 2).max() < 0.02 * pitch
-    assert side == pytest.approx(LAYOUTS[printed].side, abs=0.01)
-    assert locked > 0.8
-
-
-def test_corners_in_words_are_none() -> None:
-    _, photo = photo_of(Scene(), size=SMALL)
-    with pytest.raises(InvalidArgument, match="corners are not numbers"):
-        find_chart(photo, table(), corners="top left")  # type: ignore[arg-type]
-
-
-def test_refine_on_nothing_keeps_the_corners() -> None:
-    corners = np.array([[10.0, 10], [90, 10], [90, 70], [10, 70]])
-    kept, _, locked = refine_corners(np.zeros((100, 100)), corners, LAYOUTS["classic24"])
-    assert locked == 0
-    np.testing.assert_allclose(kept, corners, atol=1e-9)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -11,17 +10,15 @@ import pytest
 import camssf.photo.find.search as opencv
 import camssf.photo.find.search as searching
 from benchmarks.claims.finder_drawings import DRAWINGS, EMPTY, Drawing, as_mosaic, as_preview, truth
-from camssf.errors import ChartNotFound, InvalidArgument
+from camssf.errors import ChartNotFound
 from camssf.grid import Floats
 from camssf.photo.find.candidates import FoundCharts, find_candidates
 from camssf.photo.find.chart_colours import chart_colours
-from camssf.photo.find.lattices import fitted, inverse, mapped
-from camssf.photo.find.picture import Thumbnail, codes_of_bytes, codes_of_light, codes_of_mosaic
+from camssf.photo.find.picture import codes_of_bytes, codes_of_mosaic
 from camssf.photo.find.pose import find_chart
-from camssf.photo.find.search import OPENCV, OWN, SURE, Detector, matches_in, plain_signals
-from camssf.photo.read.dng import Mosaic, read_dng
+from camssf.photo.find.search import OPENCV, OWN, Detector
+from camssf.photo.read.dng import read_dng
 from camssf.photo.read.raw import read_raw
-from camssf.spectra.layouts import LAYOUTS, ChartLayout
 from tests.photo.test_chart import DNG, SCENES, SMALL, edge, photo_of
 from tests.support.scenes import table
 from tools import chart_colours as tool
@@ -86,28 +83,6 @@ def test_the_real_photo_of_a_whole_chart() -> None:
         assert np.linalg.norm(centres[corners] - marked, axis=1).max() < pitch / 20
 
 
-@pytest.mark.parametrize("shape", [(31, 100), (100, 100, 2), (100,)])
-def test_what_is_no_picture(shape: tuple[int, ...]) -> None:
-    with pytest.raises(InvalidArgument, match="picture"):
-        codes_of_bytes(np.zeros(shape, np.uint8))
-
-
-def test_a_black_picture_and_one_that_is_not_finite() -> None:
-    assert find_candidates(codes_of_light(np.zeros((64, 64, 3)))).findings == ("none",)
-    assert find_candidates(codes_of_light(np.full((64, 64), np.nan))).findings == ("none",)
-
-
-def test_a_fitted_homography_gives_its_points_back() -> None:
-    h = (40.0, 3.0, 100.0, -2.0, 38.0, 80.0, 0.01, -0.02, 1.0)
-    pairs = [(float(u), float(v), *mapped(h, u, v)) for u in range(6) for v in range(4)]
-    again = fitted(pairs)
-    assert again is not None
-    for u, v, x, y in pairs:
-        np.testing.assert_allclose(mapped(again, u, v), (x, y), atol=1e-9)
-        np.testing.assert_allclose(mapped(inverse(again), x, y), (u, v), atol=1e-9)
-    assert fitted([(float(u), 0.0, 10.0 * u, 5.0) for u in range(9)]) is None  # a line fixes none
-
-
 @pytest.mark.repository
 def test_the_stored_colours_are_what_their_sources_give(capsys: pytest.CaptureFixture[str]) -> None:
     assert tool.main(["--check"]) == 0, capsys.readouterr()
@@ -139,22 +114,3 @@ def test_a_mirrored_chart_that_only_one_finds_is_refused_as_mirrored(
     find_nothing(monkeypatch, blind)
     with pytest.raises(ChartNotFound, match="mirrored"):
         find_chart(as_mosaic(drawing), table())
-
-
-@pytest.mark.parametrize(("agrees", "attempts"), [(True, 0), (False, 1)])
-def test_opencv_proposes_only_where_the_finder_is_not_sure(agrees: bool, attempts: int) -> None:
-    """In its first attempt it finds the same chart, which ends the search."""
-    drawing = next(d for d in DRAWINGS if d.name == ("40 % wide, checks" if agrees else "shade 0.25, plain"))
-    made = []
-
-    def counted(photo: Mosaic, layout: ChartLayout, expected: Floats) -> Iterator[tuple[Thumbnail, list[Floats]]]:
-        for attempt in OPENCV.proposals(photo, layout, expected):
-            made.append(attempt)
-            yield attempt
-
-    detectors = (OWN, replace(OPENCV, proposals=counted))
-    matches = matches_in(as_mosaic(small(drawing)), LAYOUTS["classic24"], plain_signals(table()), detectors)
-    assert len(made) == attempts
-    assert (matches[0].score >= SURE) == agrees
-    for match in matches:
-        np.testing.assert_allclose(match.corners, matches[0].corners, atol=0.01)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import tracemalloc
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ import rawpy
 import tifffile
 from numpy.typing import NDArray
 
-from camssf.errors import CalibrationError, NotSensorRaw, RawError, UnreadableRaw, UnsupportedRaw
+from camssf.errors import CalibrationError, RawError, UnreadableRaw, UnsupportedRaw
 from camssf.photo.read.dng import Mosaic, read_dng
 from golden.dngs import BAD_PIXELS, GAIN_MAP, LONG, RATIONAL, SHORT, Dng, Tags, opcode_list
 from golden.forms import ROOT
@@ -29,11 +28,6 @@ ORDERS = {"RGGB": (0, 1, 1, 2), "GRBG": (1, 0, 2, 1), "GBRG": (1, 2, 0, 1), "BGG
 
 def noise(height: int = 64, width: int = 96, bits: int = 16, seed: int = 0) -> NDArray[np.uint16]:
     return np.random.default_rng(seed).integers(0, 2**bits, (height, width), dtype=np.uint16)
-
-
-def ramp(height: int = 64, width: int = 96, bits: int = 14) -> NDArray[np.uint16]:
-    """Smooth enough that lossless JPEG makes sense of it."""
-    return (np.add.outer(np.arange(height), np.arange(width)) * 57 % 2**bits).astype(np.uint16)
 
 
 def write(folder: Path, dng: Dng | bytes, name: str = "photo.dng") -> Path:
@@ -54,7 +48,7 @@ def libraw_colours(path: Path) -> tuple[NDArray[np.uint16], NDArray[np.uint8], t
 
 
 @pytest.mark.parametrize("order", ORDERS)
-@pytest.mark.parametrize("area", [None, (4, 6, 60, 90), (3, 6, 60, 90), (4, 5, 60, 91), (3, 5, 62, 92)])
+@pytest.mark.parametrize("area", [None, (4, 6, 60, 90), (3, 5, 62, 92)])
 def test_colours_and_active_area_are_libraws(tmp_path: Path, order: str, area: tuple[int, ...] | None) -> None:
     samples = noise()
     path = write(tmp_path, Dng(samples, cfa=bytes(ORDERS[order]), tags={50829: (LONG, area)} if area else {}))
@@ -73,20 +67,6 @@ def test_colours_and_active_area_are_libraws(tmp_path: Path, order: str, area: t
             np.testing.assert_array_equal(found.samples, raw.raw_image_visible)
 
 
-def test_a_picture_too_small_for_libraw_comes_back(tmp_path: Path) -> None:
-    for width in (6, 12, 16, 24):  # of the JPEG
-        samples = ramp(4, width)
-        np.testing.assert_array_equal(read(tmp_path, samples=samples, bits=14, compression=7).samples, samples)
-
-
-def test_pieces_outside_the_active_area_are_not_decoded(tmp_path: Path) -> None:
-    dng = Dng(ramp(64, 64), bits=14, compression=7, tile=(32, 32), tags={50829: (LONG, [32, 0, 64, 64])})
-    content = dng.encode()
-    end = 8 + len(dng.pieces()[0])
-    damaged = content[: end - 20] + bytes(20) + content[end:]
-    np.testing.assert_array_equal(read_dng(write(tmp_path, damaged)).samples, ramp(64, 64)[32:])
-
-
 @pytest.mark.parametrize("order", ORDERS)
 def test_black_and_white_level_are_libraws(tmp_path: Path, order: str) -> None:
     tags = {50713: (SHORT, [2, 2]), 50714: (SHORT, [210, 220, 230, 240]), 50717: (LONG, [15000])}
@@ -97,11 +77,6 @@ def test_black_and_white_level_are_libraws(tmp_path: Path, order: str) -> None:
         np.testing.assert_array_equal(np.array(raw.black_level_per_channel)[raw.raw_pattern], found.black)
 
 
-def test_black_follows_the_active_area_and_not_the_stored_corner(tmp_path: Path) -> None:
-    tags = {50713: (SHORT, [2, 2]), 50714: (SHORT, [10, 20, 30, 40]), 50829: (LONG, [3, 5, 60, 90])}
-    assert read(tmp_path, samples=noise(), tags=tags).black.tolist() == [[10, 20], [30, 40]]
-
-
 def test_what_the_file_leaves_out(tmp_path: Path) -> None:
     first = {271: None, 272: None, 33434: (RATIONAL, [0, 1000]), 34855: (SHORT, [0])}
     found = read(tmp_path, samples=noise(), first=first, tags={51009: opcode_list(BAD_PIXELS)})
@@ -110,11 +85,6 @@ def test_what_the_file_leaves_out(tmp_path: Path) -> None:
     assert read(tmp_path, samples=noise(), first={50708: None}).unique_model == ""
     assert (found.exposure, found.iso, found.gain_map) == (None, None, False)
     assert found.color_matrix1 is found.color_matrix2 is found.as_shot_neutral is None
-
-
-@pytest.mark.parametrize("tag", [51008, 51009, 51022])
-def test_gain_map_is_seen_in_every_opcode_list(tmp_path: Path, tag: int) -> None:
-    assert read(tmp_path, samples=noise(), tags={tag: opcode_list(GAIN_MAP)}).gain_map
 
 
 def of(**dng: Any) -> bytes:
@@ -136,35 +106,11 @@ REFUSED: dict[str, tuple[bytes, type[RawError], str]] = {
     "Olympus": (b"IIRO\x08\0\0\0" + b"\0" * 90, UnsupportedRaw, "no DNG"),
     "Panasonic": (b"IIU\0\x18\0\0\0" + b"\0" * 90, UnsupportedRaw, "no DNG"),
     "TIFF picture": (of(first={50706: None}, tags={262: (SHORT, [1])}), UnreadableRaw, "TIFF picture"),
-    "JPEG XL LinearRaw": (of(tags={262: (SHORT, [34892]), 259: (SHORT, [52546])}), NotSensorRaw, "demosaiced"),
-    "no deflate": (tagged(tag=259, kind=SHORT, value=[8]), UnreadableRaw, "deflated"),
-    "deflate, differences of 12 bits": (
-        of(bits=12, compression=8, tags={317: (SHORT, [2])}),
-        UnsupportedRaw,
-        "predictor 2 on samples of 12 bits",
-    ),
     "two reds": (of(cfa=bytes((0, 0, 1, 2))), UnsupportedRaw, "RRGB"),
-    "no colour filters": (of(tags={33422: None}), UnsupportedRaw, "unnamed"),
-    "staggered layout": (tagged(tag=50711, kind=SHORT, value=[2]), UnsupportedRaw, "colour filters"),
-    "lowest bit first, 16 bit": (tagged(tag=266, kind=SHORT, value=[2]), UnsupportedRaw, "FillOrder 2"),
-    "lowest bit first, JPEG": (of(compression=7, tags={266: (SHORT, [2])}), UnsupportedRaw, "FillOrder 2"),
-    "area inside out": (tagged(tag=50829, kind=LONG, value=[60, 0, 4, 96]), UnreadableRaw, "active area"),
     "area of three numbers": (tagged(tag=50829, kind=LONG, value=[0, 0, 9]), UnreadableRaw, "tag 50829"),
     "no width": (of(tags={256: None}), UnreadableRaw, "0 × 64"),
     "strips that overlap": (of(rows_per_strip=32, tags={273: (LONG, [8, 1000])}), UnreadableRaw, "too short"),
-    "black too short": (of(tags={50713: (SHORT, [2, 2]), 50714: (SHORT, [1, 2, 3])}), UnreadableRaw, "tag 50714"),
     "white 0": (tagged(tag=50717, kind=LONG, value=[0]), UnreadableRaw, "white level"),
-    "JPEG that restarts within a line": (
-        of(compression=7, jpeg={"restart_rows": 4}).replace(b"\xff\xdd\0\4\0\xc0", b"\xff\xdd\0\4\0\xc1"),
-        UnreadableRaw,
-        "restarts within a line",
-    ),
-    "JPEG restarts out of order": (
-        of(compression=7, jpeg={"restart_rows": 4}).replace(b"\xff\xd1", b"\xff\xd2"),
-        UnreadableRaw,
-        "no proper end",
-    ),
-    "table beyond 16 bits": (tagged(tag=50712, kind=LONG, value=[0, 65536]), UnreadableRaw, "16 bits"),
     "table too long": (tagged(tag=50712, kind=SHORT, value=[1] * 65537), UnreadableRaw, "too many values"),
 }
 
@@ -212,29 +158,6 @@ def test_a_small_file_asks_for_little_memory(tmp_path: Path, name: str) -> None:
     assert int(grown) < 50_000  # kB
 
 
-@pytest.mark.full
-def test_jpeg_that_is_not_ours_is_refused(tmp_path: Path) -> None:
-    imagecodecs = pytest.importorskip("imagecodecs", reason="imagecodecs writes the JPEG")
-    samples = ramp(bits=14)
-    baseline = imagecodecs.jpeg_encode((samples >> 6).astype(np.uint8), level=90)
-
-    class Lossy(Dng):
-        def pieces(self) -> list[bytes]:
-            return [bytes(baseline)]
-
-    with pytest.raises(UnsupportedRaw, match="lossy JPEG"):
-        read_dng(write(tmp_path, Lossy(samples, bits=14, compression=7)))
-    with pytest.raises(UnreadableRaw, match="in a piece of"):
-        read_dng(write(tmp_path, Dng(samples, bits=14, compression=7, tags={257: (LONG, [66]), 278: (LONG, [66])})))
-    # the second half overwritten by zeros, as a broken copy leaves it
-    tiled = Dng(samples, bits=14, compression=7, tile=(32, 32))
-    sizes = [len(piece) for piece in tiled.pieces()]
-    content, end = tiled.encode(), 8 + sum(sizes[:4])
-    broken = content[: end - 20] + bytes(20) + content[end:]
-    with pytest.raises(UnreadableRaw, match="no proper end"):
-        read_dng(write(tmp_path, broken))
-
-
 def test_folder_missing_file_and_forbidden_names(tmp_path: Path) -> None:
     with pytest.raises(UnreadableRaw, match="folder"):
         read_dng(tmp_path)
@@ -244,23 +167,10 @@ def test_folder_missing_file_and_forbidden_names(tmp_path: Path) -> None:
         read_dng(f"{tmp_path}/a\0b.dng")
 
 
-def odd_ones() -> dict[str, bytes]:
+def test_truncated_anywhere(tmp_path: Path) -> None:
     area = {50829: (LONG, [4, 6, 60, 90]), 50713: (SHORT, [2, 2]), 50714: (SHORT, [10, 20, 30, 40])}
     rich = area | {51009: opcode_list(GAIN_MAP, BAD_PIXELS), 50712: (SHORT, list(range(512)))}
-    files = {
-        "plain": Dng(noise()),
-        "packed": Dng(noise(bits=12), bits=12, rows_per_strip=10),
-        "rich": Dng(noise(), order=">", place="sub", tags=rich, exif={33434: (RATIONAL, [1, 50])}),
-        "jpeg": Dng(ramp(), bits=14, compression=7, tile=(32, 32), place="sub"),
-    }
-    return {name: dng.encode() for name, dng in files.items()}
-
-
-@pytest.mark.parametrize(
-    "name", ["rich", *(pytest.param(name, marks=pytest.mark.full) for name in ("plain", "packed", "jpeg"))]
-)
-def test_truncated_anywhere(tmp_path: Path, name: str) -> None:
-    content = odd_ones()[name]
+    content = Dng(noise(), order=">", place="sub", tags=rich, exif={33434: (RATIONAL, [1, 50])}).encode()
     lengths = {*range(40), *range(len(content) - 400, len(content)), *range(40, len(content), 97)}
     whole = read_dng(write(tmp_path, content))
     for length in sorted(lengths):
@@ -273,29 +183,6 @@ def test_truncated_anywhere(tmp_path: Path, name: str) -> None:
         assert length > len(content) - 20
         np.testing.assert_array_equal(found.samples, whole.samples)
         np.testing.assert_array_equal(found.black, whole.black)
-
-
-@pytest.mark.parametrize(
-    ("compression", "tile", "decodes"), [(1, None, 0), (7, None, 1), (7, (200, 200), 1), (8, None, 0)]
-)
-def test_one_decode_and_one_copy(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, compression: int, tile: tuple[int, int] | None, decodes: int
-) -> None:
-    samples = ramp(600, 1000)
-    path = write(tmp_path, Dng(samples, bits=14, compression=compression, tile=tile))
-    read_dng(path)  # imports
-    calls = []
-    imread = rawpy.imread
-    monkeypatch.setattr(rawpy, "imread", lambda name: calls.append(name) or imread(name))
-    tracemalloc.start()
-    try:
-        found = read_dng(path)
-        _, peak = tracemalloc.get_traced_memory()
-    finally:
-        tracemalloc.stop()
-    assert len(calls) == decodes
-    assert found.samples.base is None  # not a view of LibRaw's buffer, which is gone by now
-    assert peak < 3 * path.stat().st_size + 1.5 * found.samples.nbytes + 16 * 2**18
 
 
 @pytest.mark.parametrize(
@@ -331,7 +218,7 @@ def test_real_files_against_libraw_and_tifffile(
     assert not found.gain_map
 
 
-@pytest.mark.parametrize("cut", [0.001, 0.1, 0.5, 0.9, 0.999])
+@pytest.mark.parametrize("cut", [0.001, 0.5, 0.999])
 @pytest.mark.parametrize("name", ["colorchart.dng", "blackmagic_ljpeg.dng"])
 def test_real_files_cut_short(tmp_path: Path, name: str, cut: float) -> None:
     content = (REAL / name).read_bytes()

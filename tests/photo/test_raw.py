@@ -20,7 +20,6 @@ from camssf.documents import forms
 from camssf.documents.document import document_bytes
 from camssf.error_codes import as_text, codes, explain_code
 from camssf.errors import CalibrationError, InvalidArgument, NotSensorRaw, UnreadableRaw, UnsupportedRaw
-from camssf.photo.capture import measure
 from camssf.photo.read.dng import CFA_ORDERS, read_dng
 from camssf.photo.read.raw import read_raw
 from camssf.photo.read.unit import photo_hash, read_unit
@@ -30,7 +29,6 @@ from camssf.spectra import read_lamp
 from camssf_lab.simulation.camera import Sensor
 from camssf_lab.simulation.frames import simulate
 from camssf_lab.simulation.scene import Scene
-from tests.support.captures import capture_in, document_of
 from tools import error_pages
 
 rawpy = pytest.importorskip("rawpy")
@@ -56,7 +54,7 @@ def write_raw(path: Path, samples: np.ndarray, cfa: str = "RGGB", maker: tuple[s
 
 @pytest.fixture(scope="module")
 def field(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Chart and white frame as DNG, as another maker's raw file, and as PNG and TIFF with sidecars."""
+    """Chart and white frame as DNG, as another maker's raw file, and as PNG with a sidecar."""
     folder = tmp_path_factory.mktemp("field")
     sensor = Sensor(black=0.0, white_level=65535, cfa="GBRG")
     shot = simulate("Nikon 5100 (NPL)", "D55", folder, scene=Scene(size=(900, 675)), sensor=sensor).shots[0]
@@ -65,9 +63,7 @@ def field(tmp_path_factory: pytest.TempPathFactory) -> Path:
         samples = read_dng(path).samples
         write_raw(folder / f"{name}.nef", samples, "GBRG")
         cv2.imwrite(str(folder / f"{name}.png"), samples)
-        tifffile.imwrite(folder / f"{name}.tif", samples, photometric="minisblack", metadata=None)
-        for ending in ("png", "tif"):
-            (folder / f"{name}.{ending}.json").write_text(json.dumps(SOUND | {"cfa": "GBRG"}))
+        (folder / f"{name}.png.json").write_text(json.dumps(SOUND | {"cfa": "GBRG"}))
     return folder
 
 
@@ -117,17 +113,11 @@ def test_a_known_camera_has_its_levels_and_its_white(tmp_path: Path) -> None:
 
 def test_black_levels_stand_in_their_places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """LibRaw numbers the second green 3; the mosaic wants levels by place."""
-    with pretended(monkeypatch, black=[500, 510, 530, 520]) as path:
-        assert read_raw(path(tmp_path)).black.tolist() == [[500, 510], [520, 530]]
+    path = pretended(monkeypatch, tmp_path, black_level_per_channel=[500, 510, 530, 520])
+    assert read_raw(path).black.tolist() == [[500, 510], [520, 530]]
 
 
-def test_a_dng_is_still_read_as_one(field: Path) -> None:
-    found = read_raw(field / "chart.dng")
-    assert found.levels == ""
-    assert np.array_equal(found.samples, read_dng(field / "chart.dng").samples)
-
-
-@pytest.mark.parametrize("ending", ["nef", "png", pytest.param("tif", marks=pytest.mark.full)])
+@pytest.mark.parametrize("ending", ["nef", pytest.param("png", marks=pytest.mark.full)])
 def test_the_same_samples_give_the_same_curves_and_an_assumption_more(field: Path, ending: str) -> None:
     dng, other = solved(field, "dng"), solved(field, ending)
     assert np.abs(dng.curves - other.curves).max() < 1e-9
@@ -141,46 +131,28 @@ def test_the_same_samples_give_the_same_curves_and_an_assumption_more(field: Pat
     assert document_bytes(forms.read(data, Result, "test", "")) == data
 
 
-def test_the_document_keeps_whose_word_it_was(field: Path) -> None:
-    capture = measure(Shot(field / "chart.nef", "D55", white=field / "white.nef"))
-    again = capture_in(document_of(capture))
-    assert again.shots[0].photo.levels == capture.shots[0].photo.levels != ""
-    plain = document_of(measure(field / "chart.dng", "D55"))
-    assert "levels" not in plain["capture"]["shots"][0]["photo"]
-    assert capture_in(plain).shots[0].photo.levels == ""
-
-
 # -- what LibRaw decodes and we do not take -------------------------------------------------------------------------
 
 
-class pretended:  # noqa: N801
+def pretended(monkeypatch: pytest.MonkeyPatch, folder: Path, **words: Any) -> Path:
     """LibRaw as it answers of files that no test here can have: what it says of a sound file, but for some words."""
+    real = rawpy.RawPy
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, **words: Any) -> None:
-        self.monkeypatch, self.words = monkeypatch, words
+    class Other:
+        def __init__(self) -> None:
+            self.raw = real()
 
-    def __enter__(self) -> Callable[[Path], Path]:
-        real, words = rawpy.RawPy, self.words
+        def __enter__(self) -> Any:
+            return self
 
-        class Other:
-            def __init__(self) -> None:
-                self.raw = real()
+        def __exit__(self, *error: object) -> None:
+            self.raw.close()
 
-            def __enter__(self) -> Any:
-                return self
+        def __getattr__(self, name: str) -> Any:
+            return words.get(name, getattr(self.raw, name))
 
-            def __exit__(self, *error: object) -> None:
-                self.raw.close()
-
-            def __getattr__(self, name: str) -> Any:
-                key = {"black_level_per_channel": "black"}.get(name, name)
-                return words.get(key, getattr(self.raw, name))
-
-        self.monkeypatch.setattr(rawpy, "RawPy", Other)
-        return lambda folder: write_raw(folder / "a.raf", np.full((40, 60), 9000, np.uint16))
-
-    def __exit__(self, *error: object) -> None:
-        self.monkeypatch.undo()
+    monkeypatch.setattr(rawpy, "RawPy", Other)
+    return write_raw(folder / "a.raf", np.full((40, 60), 9000, np.uint16))
 
 
 @pytest.mark.parametrize(
@@ -191,9 +163,7 @@ class pretended:  # noqa: N801
         ({"raw_type": rawpy.RawType.Stack}, NotSensorRaw, "sRAW"),
         ({"raw_image_visible": None}, NotSensorRaw, "several colours a pixel"),
         ({"color_desc": b"RGBE"}, UnsupportedRaw, "colour filters RGEB"),
-        ({"color_desc": b"GMCY"}, UnsupportedRaw, "colour filters GMYC"),
-        ({"black": [70_000] * 4}, UnsupportedRaw, "black at 70000"),
-        ({"white_level": 0}, UnsupportedRaw, "white at 0"),
+        ({"black_level_per_channel": [70_000] * 4}, UnsupportedRaw, "black at 70000"),
         ({"white_level": 2000}, UnsupportedRaw, "far above the white level"),
         ({"sizes": SimpleNamespace(raw_width=65_535, raw_height=65_535)}, UnsupportedRaw, "65535 × 65535"),
     ],
@@ -201,10 +171,10 @@ class pretended:  # noqa: N801
 def test_what_is_not_bayer_or_not_sound_is_refused(
     words: dict[str, Any], kind: type[CalibrationError], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with pretended(monkeypatch, **words) as path:
-        with pytest.raises(kind, match=said) as caught:
-            read_raw(path(tmp_path))
-        assert caught.value.advice
+    path = pretended(monkeypatch, tmp_path, **words)
+    with pytest.raises(kind, match=said) as caught:
+        read_raw(path)
+    assert caught.value.advice
 
 
 def test_damaged_and_unknown_files_are_refused(tmp_path: Path) -> None:
@@ -275,15 +245,11 @@ def test_the_hash_is_of_picture_and_sidecar_together(tmp_path: Path) -> None:
         ("", "cannot be read"),
         ("[]", "no camssf-mosaic/1"),
         (json.dumps(SOUND)[:-1] + ', "black": 3}', "a key stands twice"),
-        (SOUND | {"format": "x"}, "no camssf-mosaic/1"),
         ({"format": "camssf-mosaic/1"}, "needs cfa, black and white"),
         (SOUND | {"gamma": 2.2}, "knows no other keys"),
         (SOUND | {"cfa": "RGBG"}, "cfa must be"),
         (SOUND | {"black": [1, 2, 3, 4]}, "black must be"),
-        (SOUND | {"black": "512"}, "black must be"),
-        (SOUND | {"black": True}, "black must be"),
         (SOUND | {"white": 0}, "white must be"),
-        (SOUND | {"white": float("nan")}, "white must be"),
         (SOUND | {"iso": -1}, "iso must be"),
         (SOUND | {"make": 5}, "make must be"),
         (SOUND | {"orientation": 9}, "orientation must be"),
@@ -308,8 +274,6 @@ PLAIN = np.full((40, 60), 9000, np.uint16)
 THREE = np.full((40, 60, 3), 9000, np.uint16)
 NO_MOSAIC: dict[str, tuple[str, Any, Callable[[Path], object] | None, type[CalibrationError], str | None]] = {
     "colours of a PNG": ("a.png", THREE, None, NotSensorRaw, None),
-    "colours of a TIFF": ("a.tif", THREE, None, NotSensorRaw, None),
-    "floats": ("a.tif", np.zeros((40, 60), np.float32), None, UnsupportedRaw, "32 bits"),
     "signed": ("a.tif", np.zeros((40, 60), np.int16), None, NotSensorRaw, "int16"),
     "above white": (
         "a.png", PLAIN,

@@ -13,18 +13,16 @@ import numpy as np
 import pytest
 
 from camssf.calibration import calibrate
-from camssf.cli import main
 from camssf.documents.document import document_bytes
 from camssf.errors import InvalidArgument, UnreadableRaw, UnsupportedRaw
-from camssf.photo.capture import Capture, measure
 from camssf.photo.find.pose import Pose
 from camssf.photo.patches import measure_patches
 from camssf.photo.read.dng import Mosaic, read_dng, shading
 from camssf.photo.shot import Shot
 from camssf_lab.simulation.camera import Sensor
 from camssf_lab.simulation.scene import Scene
-from golden.dngs import BAD_PIXELS, GAIN_MAP, RATIONAL, SHORT, Dng, gain_map, opcode_list
-from tests.support.captures import capture_in, photos
+from golden.dngs import RATIONAL, SHORT, Dng, gain_map, opcode_list
+from tests.support.captures import photos
 from tests.support.scenes import mosaic, shoot
 
 SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
@@ -42,17 +40,6 @@ def read(folder: Path, samples: np.ndarray, *opcodes: bytes, tag: int = 51009, *
     return read_dng(path)
 
 
-def test_a_map_is_read_as_it_stands(tmp_path: Path) -> None:
-    opcode = gain_map(
-        [[1.0, 1.5], [2.0, 2.5], [3.0, 4.0]], (2, 3, 118, 119), (2, 1), (0.25, 0.75), (0.125, 0.5), (1, 2)
-    )
-    (found,) = read(tmp_path, noise(), BAD_PIXELS, opcode, tag=51022, order=">").gain_maps
-    assert (found.stage, found.top, found.left, found.bottom, found.right) == (3, 2, 3, 118, 119)
-    assert (found.plane, found.planes, found.row_pitch, found.column_pitch) == (1, 2, 2, 1)
-    assert (found.spacing, found.origin) == ((0.25, 0.75), (0.125, 0.5))
-    assert found.gains.tolist() == [[[1.0], [1.5]], [[2.0], [2.5]], [[3.0], [4.0]]]
-
-
 def test_bilinear_by_hand(tmp_path: Path) -> None:
     """100 × 200 px, a net of 2 × 3 points at 0, 1 and 0, 1/2, 1: at row 24.5, column 49.5 a quarter of each span."""
     whole = (0, 0, 100, 200)
@@ -67,36 +54,6 @@ def test_bilinear_by_hand(tmp_path: Path) -> None:
     )
     corners = [shading(inner, x, y)[0, 0] for y in (0, 99) for x in (0, 199)]
     assert corners == [1, 2, 3, 4]
-
-
-def test_maps_of_the_four_positions(tmp_path: Path) -> None:
-    """As Android writes them: each from its own first sample on, every second row and column."""
-    maps = [
-        gain_map([[1 + (2 * row + column + 1) / 8]], (row, column, 120, 120), (2, 2))
-        for row, column in np.ndindex(2, 2)
-    ]
-    photo = read(tmp_path, noise(), *maps)
-    assert shading(photo, 50, 50).tolist() == [[1.125, 1.25], [1.375, 1.5]]
-    twice = read(tmp_path, noise(), *maps, GAIN_MAP, gain_map([[2.0]], (0, 0, 120, 120), (1, 2)))
-    assert shading(twice, 50, 50).tolist() == [[2.25, 1.25], [2.75, 1.5]]
-
-
-def test_a_map_covers_its_rectangle_alone(tmp_path: Path) -> None:
-    photo = read(tmp_path, noise(), gain_map([[2.0]], (10, 20, 60, 80)))
-    for (x, y), factor in {(20, 10): 2, (19.4, 10): 1, (19.5, 9.5): 2, (79.4, 59.4): 2, (79.5, 30): 1}.items():
-        assert (shading(photo, x, y) == factor).all(), (x, y)
-
-
-def test_planes_of_the_third_list(tmp_path: Path) -> None:
-    """There the picture has the planes R, G, B; entry min(plane, last) of the map."""
-    area = (0, 0, 120, 120)
-    cfa = bytes((1, 2, 0, 1))  # GBRG
-    photo = read(tmp_path, noise(), gain_map([[[2.0, 4.0]]], area, plane=(0, 3)), tag=51022, cfa=cfa)
-    assert shading(photo, 9, 9).tolist() == [[4, 4], [2, 4]]
-    green = read(tmp_path, noise(), gain_map([[3.0]], area, plane=(1, 1)), tag=51022, cfa=cfa)
-    assert shading(green, 9, 9).tolist() == [[3, 1], [1, 3]]
-    second = read(tmp_path, noise(), gain_map([[3.0]], area, plane=(1, 1)))
-    assert shading(second, 9, 9).tolist() == [[1, 1], [1, 1]]  # a mosaic has plane 0 alone
 
 
 @pytest.mark.parametrize(
@@ -121,14 +78,10 @@ WHOLE = gain_map([[1.0, 2.0]], (0, 0, 9, 9))
     "opcode",
     [
         spoil(WHOLE, 32, struct.pack(">I", 3)),  # points that are not there
-        spoil(WHOLE, 32, struct.pack(">2I", 2**31, 2**31)),
-        spoil(WHOLE, 32, struct.pack(">I", 0)),
         spoil(WHOLE, 48, struct.pack(">d", 0.0)),  # spacing
-        spoil(WHOLE, 48, struct.pack(">d", np.nan)),
         spoil(WHOLE, 64, struct.pack(">d", np.inf)),  # origin
         spoil(WHOLE, 24, struct.pack(">I", 0)),  # pitch
         spoil(WHOLE, 76, struct.pack(">f", np.nan)),
-        spoil(WHOLE, 76, struct.pack(">f", 0.0)),
         struct.pack(">4I", 9, 0x01030000, 1, 20) + bytes(20),
     ],
 )
@@ -153,14 +106,6 @@ def test_signals_above_black_are_multiplied() -> None:
     np.testing.assert_allclose(got.standard_error, 1.5 * plain.standard_error, rtol=1e-15)
     for name in ("count", "clipped", "dead", "gradient"):
         assert getattr(got, name).tolist() == getattr(plain, name).tolist()
-
-
-def test_factors_of_one_change_no_bit(tmp_path: Path) -> None:
-    photo = read(tmp_path, noise(), GAIN_MAP)
-    plain, got = measure_patches(photo, PATCH), measure_patches(photo, PATCH, lens_shading="apply")
-    assert {k: v.tolist() for k, v in vars(plain.chart).items()} == {
-        k: v.tolist() for k, v in vars(got.chart).items()
-    }
 
 
 def test_what_is_asked_for_must_exist() -> None:
@@ -201,22 +146,6 @@ def shots(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return files
 
 
-def colours(capture: Capture) -> np.ndarray:
-    """Patch means above black, each channel's over its mean."""
-    above = capture.shots[0].means.chart.mean - capture.shots[0].means.black
-    return np.asarray(above / above.mean(axis=0))
-
-
-@pytest.mark.full
-def test_the_map_takes_the_fall_off_out(shots: dict[str, Path]) -> None:
-    truth = colours(measure(shots["even chart"], "D55"))
-    stored = colours(measure(shots["shaded chart"], "D55")) / truth - 1
-    applied = colours(measure(Shot(shots["shaded chart"], "D55", lens_shading="apply"))) / truth - 1
-    assert np.abs(stored).max() > 0.15
-    assert np.abs(applied).max() < 0.01
-    assert np.sqrt(np.mean(applied**2)) < 0.003  # photon noise of the dark patches
-
-
 def test_with_a_white_frame_it_cancels(shots: dict[str, Path]) -> None:
     frames = {"white": shots["shaded white"], "dark": shots["shaded dark"]}
     plain, applied = (
@@ -230,23 +159,6 @@ def test_with_a_white_frame_it_cancels(shots: dict[str, Path]) -> None:
     assert "was applied to the patches' signals of every frame" in notes[1][0]
     said = [json.loads(document_bytes(each))["capture"]["shots"][0].get("lens_shading") for each in (plain, applied)]
     assert said == [None, "apply"]
-
-
-def test_the_command_line_records_it(shots: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
-    photo = str(shots["shaded chart"])
-    assert main(["patches", photo, "--lamp", "D55", "--lens-shading", "apply"]) == 0
-    document = json.loads(capsys.readouterr().out)
-    assert document["capture"]["shots"][0]["lens_shading"] == "apply"
-    capture = capture_in(document)
-    assert capture.shots[0].lens_shading == "apply"
-    applied = measure(Shot(photo, "D55", lens_shading="apply"))
-    assert capture.shots[0].means.chart.mean.tolist() == applied.shots[0].means.chart.mean.tolist()
-    del document["sha256"]
-    document["capture"]["shots"][0]["lens_shading"] = "perhaps"
-    with pytest.raises(InvalidArgument, match=r"capture\.shots\[0\]\.lens_shading must be"):
-        capture_in(document)
-    assert main(["calibrate", photo, "--lamp", "D55", "--lens-shading", "often"]) == 2
-    assert "as-stored or apply" in capsys.readouterr().err
 
 
 def test_a_colour_applies_the_map_if_the_result_did(shots: dict[str, Path]) -> None:

@@ -24,8 +24,8 @@ from camssf.recovery.misfit import (
     signals_at_answer,
 )
 from camssf.spectra import read_chart, read_lamp
-from camssf.verdict.cause import BY_WHITE, put_first, tables_of_causes, weigh_causes
-from camssf.verdict.cause_groups import GROUPS, Causes
+from camssf.verdict.cause import put_first, tables_of_causes, weigh_causes
+from camssf.verdict.cause_groups import Causes
 from camssf.verdict.goodness_of_fit import explained_signals, places
 from camssf.verdict.reasons import Fatal, because
 from golden.forms import resolve
@@ -48,9 +48,7 @@ def causes(scene: Scene, witnesses: Collection[str] = ()) -> Causes:
 
 SPOILT: dict[str, Callable[[Floats], Floats]] = {
     "patch": lambda y: np.where(np.arange(24)[:, None] == 13, 1.4 * y, y),
-    "patch ": lambda y: np.where(np.isin(np.arange(24), (8, 9, 14, 15))[:, None], [0.25, 0.18, 0.12], y),
     "offset": lambda y: 0.97 * y + 0.03,
-    "offset ": lambda y: y + 0.03 * np.abs(np.random.default_rng(3).normal(size=(24, 1))),
     "white": lambda y: y * [1.15, 1.0, 0.85],
     "clipped": lambda y: np.minimum(y, [0.55 * y[:, 0].max(), 9.0, 9.0]),
     "shadow": lambda y: y * np.where(X > 0, 0.7, 1.0),
@@ -64,7 +62,7 @@ SPOILT: dict[str, Callable[[Floats], Floats]] = {
 @pytest.mark.parametrize("name", SPOILT)
 def test_the_group_of_what_was_done(name: str) -> None:
     weighed = causes(Scene(SPOILT[name](clean())))
-    assert weighed.group == name.strip(), weighed.probability
+    assert weighed.group == name, weighed.probability
     assert name != "patch" or weighed.patch == 13
     assert weighed.probability["none"] < 0.1
 
@@ -78,14 +76,6 @@ def test_nothing_spoils_a_clean_capture() -> None:
 def test_without_a_white_frame_it_is_not_the_cause() -> None:
     scene = Scene(0.8 * clean(), white=False)
     assert "white" not in causes(scene).probability
-
-
-def test_the_raw_white_speaks_for_light_white_frame_and_clipping() -> None:
-    scene = Scene(clean())
-    before, after = ({k: np.log(p) for k, p in causes(scene, w).probability.items()} for w in ((), BY_WHITE))
-    more = {name: after[name] - before[name] - after["none"] + before["none"] for name in before}
-    for name, odds in more.items():
-        assert odds == pytest.approx(np.log(20.0) if name in ("tint", "white", "clipped") else 0.0, abs=1e-9)
 
 
 def test_the_evidence_is_that_of_normal_signals() -> None:
@@ -116,20 +106,6 @@ def test_the_evidence_is_that_of_normal_signals() -> None:
     assert found["patch"] == pytest.approx(np.logaddexp.reduce(gains) - np.log(len(gains)), rel=1e-7)
 
 
-def test_the_likeliest_cause_comes_first_and_keeps_the_status() -> None:
-    scene = Scene(SPOILT["tone"](clean()))
-    weighed, one = causes(scene), scene.told(scene.lamps).goodness_of_fit_of_shot(0, scene.ssf)
-    wide = because("band_too_wide", 0.4, {"width": 0.4})
-    for fatal in (False, True):
-        unexplained = because("unexplained", 9.0, {"size": 3.0}, fatal=fatal)
-        first, second = put_first([wide, unexplained], weighed, one, scene.told(scene.lamps))
-        assert (first.key, first.value, first.threshold) == ("not_sensor_raw.tone", 9.0, unexplained.threshold)
-        assert isinstance(first, Fatal) == fatal
-        assert second is wide
-    (first, second) = put_first([wide], weighed, one, scene.told(scene.lamps))  # no rule doubts the signals
-    assert (first.key, first.value, first.threshold, second) == ("not_sensor_raw.tone", None, None, wide)
-
-
 def test_what_the_noise_shows_comes_before_any_cause() -> None:
     scene = Scene(SPOILT["tone"](clean()))
     weighed, one = causes(scene), scene.told(scene.lamps).goodness_of_fit_of_shot(0, scene.ssf)
@@ -138,18 +114,6 @@ def test_what_the_noise_shows_comes_before_any_cause() -> None:
     first, second = put_first([unexplained, mixed], weighed, one, scene.told(scene.lamps))
     assert (first.key, second.key) == ("not_sensor_raw.mixed", "not_sensor_raw.tone")
     assert isinstance(first, Fatal)
-
-
-def test_a_doubt_for_another_reason_stays_first() -> None:
-    scene = Scene(clean())
-    wide = because("band_too_wide", 0.4, {"width": 0.4})
-    one = scene.told(scene.lamps).goodness_of_fit_of_shot(0, scene.ssf)
-    assert put_first([wide], causes(scene), one, scene.told(scene.lamps)) == [wide]
-
-
-def test_every_cause_belongs_to_one_group() -> None:
-    members = [name for names in GROUPS.values() for name in names]
-    assert sorted(members) == sorted([*CAUSES, "lamp"])
 
 
 def spoilt_capture(patches: Mapping[int, float]) -> Capture:
@@ -179,9 +143,3 @@ def test_several_bad_patches_are_not_left_out() -> None:
     """Which ones is not known."""
     with pytest.raises(CalibrationError):
         solve(spoilt_capture({1: 0.5, 13: 0.6, 16: 1.5}))
-
-
-def test_a_clean_capture_keeps_its_patches() -> None:
-    result = solve(spoilt_capture({}))
-    assert np.array(result.answer.used).all()
-    assert "patch_left_out" not in {each.code for each in result.assumptions}

@@ -10,16 +10,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.optimize import nnls
 
-from camssf.recovery import pivoting as walking
 from camssf.recovery.elastic_net import ElasticNet, soft
 from camssf.recovery.layers import DEPTH
 from camssf.recovery.pivoting import PROVEN, SETTLED
-from golden.forms import ROOT
 from golden.linear_model import LinearModel, solve
-from golden.reading import read_case
-from golden.running import problem
 from tests.support.problems import duality_gap, gamma_max, joint_sensing, random_sensing, whiten, whiten_in_80_bits
 
 pytestmark = pytest.mark.requirement("R-OPTIMUM")
@@ -61,29 +56,6 @@ def test_objectives_agree_with_scikit_learn(
         assert l2 == 0 or np.abs(code.values[c] - x).max() <= 1e-3 * max(1.0, np.abs(x).max())
 
 
-@given(sizes)
-@settings(max_examples=40, deadline=None, derandomize=True)
-def test_vanishing_penalties_agree_with_nnls(size: tuple[int, int, int]) -> None:
-    sensing = random_sensing(*size)
-    code = solve(sensing, 0.0, 1e-7 * gamma_max(sensing), nonnegative=True)
-    for c in range(3):
-        _, residual = nnls(sensing.matrix[c], sensing.target[c])
-        ours = np.linalg.norm(sensing.target[c] - sensing.matrix[c] @ code.values[c])
-        assert ours == pytest.approx(residual, abs=1e-4 * np.linalg.norm(sensing.target[c]))
-
-
-@given(sizes, st.floats(0.01, 100.0))
-@settings(max_examples=30, deadline=None, derandomize=True)
-def test_without_l1_it_is_the_closed_form(size: tuple[int, int, int], l2: float) -> None:
-    sensing = random_sensing(*size, correlated=True)
-    code = solve(sensing, l2, np.zeros(3))
-    for c in range(3):
-        A, b = whitened(sensing, c)
-        ridge = np.linalg.solve(A.T @ A + l2 * np.eye(A.shape[1]), A.T @ b)
-        assert code.values[c] == pytest.approx(ridge, rel=1e-7, abs=1e-9)
-        assert code.gap[c] <= 1e-12
-
-
 @given(
     sizes, st.sampled_from([1e-5, 1e-3, 0.1]), st.booleans(), st.sampled_from([0.0, 1.0]), st.sampled_from([0, DEPTH])
 )
@@ -113,63 +85,6 @@ def test_optimality_conditions(
         assert np.abs(w[x < 0] + gamma[c]).max(initial=0) <= slack
 
 
-def test_edge_problems() -> None:
-    sensing = random_sensing(5, 12, 8)
-    gamma = gamma_max(sensing)
-    assert not solve(sensing, 0.0, 1.0001 * gamma).values.any()  # γ so large that the code is zero
-    silent = LinearModel(sensing.matrix, 0 * sensing.target, sensing.covariance)
-    code = solve(silent, 0.0, np.ones(3))
-    assert not code.values.any()
-    assert not code.gap.any()
-    twins = LinearModel(
-        np.concatenate([sensing.matrix] * 2, axis=2), sensing.target, sensing.covariance
-    )  # every atom twice: the code is not unique, the prediction is
-    double, single = solve(twins, 0.0, 0.01 * gamma), solve(sensing, 0.0, 0.01 * gamma)
-    assert (double.gap <= 1e-9).all()
-    assert double.objective == pytest.approx(single.objective, rel=1e-9)
-    alone = LinearModel(sensing.matrix[:, :, :1], sensing.target, sensing.covariance)
-    by_hand = soft(np.einsum("cr,cr->c", alone.matrix[:, :, 0], alone.target), 1.0, False)
-    by_hand /= np.einsum("cr,cr->c", alone.matrix[:, :, 0], alone.matrix[:, :, 0])
-    assert solve(alone, 0.0, np.ones(3)).values[:, 0] == pytest.approx(by_hand, rel=1e-10)
-
-
-def test_finish_does_what_the_layers_do_not() -> None:
-    sensing = random_sensing(11, 20, 18)
-    gamma = 1e-3 * gamma_max(sensing)
-    layers = solve(sensing, 0.0, gamma, finish=0)
-    exact = solve(sensing, 0.0, gamma)
-    assert (layers.gap > 1e-6).any()
-    assert (exact.gap <= 1e-10).all()
-    assert exact.layers_gap == pytest.approx(layers.gap)
-    deeper = solve(sensing, 0.0, gamma, finish=0, depth=2000)
-    assert (deeper.gap < layers.gap).all()
-    useless_start = solve(sensing, 0.0, gamma, depth=0)
-    assert useless_start.values == pytest.approx(exact.values, rel=1e-8, abs=1e-10)
-
-
-def test_a_walk_of_dependent_atoms_starts_anew_from_where_it_ended(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Three patches under the paper's 18 atoms: the first walk's answer is no answer, the second one's is proven."""
-    case = read_case(ROOT / "cases" / "ssf" / "gaussian-three-patches.json")
-    rows, gamma = problem(case), np.full(3, case["inputs"]["gamma"])
-    code = solve(rows, 0.0, gamma, nonnegative=True)
-    assert (code.gap <= 1e-9).all()
-    monkeypatch.setattr(walking, "WALKS", 1)
-    once = solve(rows, 0.0, gamma, nonnegative=True)
-    assert (once.gap > 0.1).any()
-    proven = once.gap <= 1e-9
-    assert (once.values[proven] == code.values[proven]).all()  # who was proven at once is left alone
-    assert ((once.values != 0) == (code.values != 0)).all()  # the first walk's support was right
-
-
-@pytest.mark.parametrize("layers", ["splitting", "ista"])
-def test_the_finish_is_exact_whatever_layers_began(layers: str) -> None:
-    sensing = random_sensing(5, 20, 12)
-    gamma = 0.1 * gamma_max(sensing)
-    code = solve(sensing, 0.5, gamma, layers=layers)
-    assert (code.gap < 1e-12).all()
-    assert code.values == pytest.approx(solve(sensing, 0.5, gamma, depth=0).values, abs=1e-10)
-
-
 def in_80_bits(
     A: np.ndarray, b: np.ndarray, l2: float, gamma: float, nonnegative: bool, x: np.ndarray
 ) -> tuple[np.longdouble, np.longdouble]:
@@ -197,10 +112,7 @@ def test_where_nothing_is_worth_its_penalty_zero_is_proven(nonnegative: bool) ->
 
 CAPTURES: list[dict[str, Any]] = [
     {"patches": 12},
-    {"patches": 24},
-    {"patches": 12, "lamps": ("D55", "A")},
     {"patches": 24, "lamps": ("FL2", "LED-B3", "A")},
-    {"patches": 24, "lamps": ("D55",), "kind": "white-led"},
     {"patches": 12, "lamps": ("D55", "A"), "kind": "fluorescent"},
 ]
 
@@ -219,22 +131,6 @@ def test_the_layers_carry_the_product_s_problem(capture: dict[str, Any]) -> None
     assert walked.layers_gap[0] > SETTLED
     assert walked.gap[0] <= 1e-15
     assert np.abs(code.values - walked.values).max() < 1e-7
-
-
-@pytest.mark.parametrize("nonnegative", [False, True])
-@pytest.mark.parametrize("l2", [0.0, 1.0])
-@pytest.mark.parametrize("share", [1e-6, 1e-3, 0.3])
-def test_the_walk_arrives_from_nowhere(share: float, l2: float, nonnegative: bool) -> None:
-    """72 atoms, no layer at all: the finish reaches its proof, and layers that prove themselves take none."""
-    for sensing in (joint_sensing(patches=24), joint_sensing(patches=12, lamps=("D55", "A"))):
-        gamma = share * gamma_max(sensing)
-        walked = solve(sensing, l2, gamma, nonnegative=nonnegative, depth=0)
-        assert walked.finish_steps[0] > 0
-        assert walked.gap[0] <= 1e-9
-        code = solve(sensing, l2, gamma, nonnegative=nonnegative)
-        assert code.gap[0] <= 1e-9
-        assert (code.finish_steps[0] == 0) == (code.layers_gap[0] <= SETTLED)
-        assert code.objective[0] == pytest.approx(walked.objective[0], rel=2e-9)
 
 
 @pytest.mark.parametrize("which", ["random", "joint", "modes"])

@@ -12,10 +12,7 @@ import pytest
 from camssf.errors import InvalidArgument, NotConverged
 from camssf.recovery import onnx_model
 from camssf.recovery.basis import read_basis, widened
-from camssf.recovery.inputs import basis_arrays, observation_arrays
-from camssf.recovery.observation import Observation
 from camssf.recovery.prediction import predict, predict_together
-from camssf.recovery.reference_model import ReferenceModel
 from camssf.recovery.sensitivity import Problem, solve_on_basis, solve_together
 from golden.compare import norm
 from tests.recovery.test_dense_model import BASES, random_captures
@@ -73,36 +70,6 @@ def test_a_penalty_that_leaves_nothing_is_refused() -> None:
             recovered(y, reflectance, lamp, basis="gaussian", gamma=1e9, engine=which)
 
 
-def test_families_are_solved_in_one_call_as_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same curves, bands and evidence as of each basis by itself; one call of the session."""
-    reflectance, lamp = chart_and_lamp("D55", slice(0, 24))
-    y = theory(reflectance, lamp, toy_camera())[None]
-    given = Observation(y, reflectance, lamp, standard_error=np.hypot(0.004 * y, 1e-3))
-    families = ("phones", "cameras", "ryyb")
-    calls = []
-    session = onnx_model.load_model("phones").session
-
-    class Counted:
-        get_outputs = session.get_outputs
-
-        def run(self, *arguments: object) -> object:
-            calls.append(arguments)
-            return session.run(*arguments)
-
-    models = {name: replace(onnx_model.load_model(name), session=Counted()) for name in families}
-    monkeypatch.setattr("camssf.recovery.sensitivity.load_model", models.__getitem__)
-    found = solve_together([Problem(given, name) for name in families])
-    assert len(calls) == 1
-    monkeypatch.undo()
-    for name, one in zip(families, found, strict=True):
-        alone = solve_on_basis(given, name)
-        assert one.basis == name
-        assert one.values == pytest.approx(alone.values, rel=1e-11, abs=1e-13 * alone.values.max())
-        assert one.log_evidence == pytest.approx(alone.log_evidence, rel=1e-12)
-        assert one.std == pytest.approx(alone.std, rel=1e-10, abs=1e-13 * alone.values.max())
-        assert one.predicted == pytest.approx(alone.predicted, rel=1e-12)
-
-
 @pytest.mark.parametrize("seed", seeds(9))
 def test_folds_solved_together_are_those_of_each_without_its_patches(seed: int) -> None:
     """Curves, predictions of the left-out patches and their bands: a mask is as good as leaving out."""
@@ -130,21 +97,3 @@ def test_folds_solved_together_are_those_of_each_without_its_patches(seed: int) 
         ).std  # fmt: skip
         assert band.std[:, ~kept] == pytest.approx(std[:, kept.sum() :], rel=1e-9)
         assert band.std[:, kept] == pytest.approx(std[:, : kept.sum()], rel=1e-9)
-
-
-def test_a_smaller_basis_with_atoms_of_zeros_gives_its_own_answer() -> None:
-    """15 atoms in the model of 24: curves, bands, evidence and predictions of the reference on the 15."""
-    whole = read_basis("phones")
-    small = replace(whole, dictionary=whole.dictionary[:, :, :15])
-    (given,) = random_captures(1)
-    y = given.signals
-    inputs = observation_arrays(given, small) | {
-        "chart": y, "white": np.ones_like(y), "dark": np.zeros_like(y), "l2": 1.0, "gamma": 0.05, "nonnegative": 0.0,
-        "prior_scale": 1.0, "explain": 1.0,
-    }  # fmt: skip
-    model = replace(onnx_model.load_model("phones"), arrays=basis_arrays(small, 24))
-    found, expected = model.run(inputs), ReferenceModel(small).run(inputs)
-    for name in ("ssf", "ssf_std", "evidence", "predicted", "predicted_std", "budget", "lamp_estimate"):
-        assert norm(found[name], expected[name]) <= 1e-11, name
-    assert norm(found["code"][:15], expected["code"]) <= 1e-11
-    assert not found["code"][15:].any()

@@ -10,11 +10,8 @@ import pytest
 
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery.basis import read_basis, widened
-from camssf.recovery.evidence import log_evidences
-from camssf.recovery.inputs import OF_HYPOTHESES
 from camssf.recovery.observation import Observation
 from camssf.recovery.onnx_model import SHIPPED, Model, load_model
-from camssf.recovery.sensitivity import Ssf
 from camssf.recovery.unnamed_light import by_modes
 from camssf.spectra import read_lamp
 from golden.compare import blur, norm, optimality
@@ -98,45 +95,14 @@ def of_basis(basis: str) -> dict[str, Any]:
     return seeded(SEEDED.index(basis))
 
 
-def both(arguments: dict[str, Any]) -> tuple[Ssf, Ssf]:
-    return recovered(**arguments, engine="onnx"), recovered(**arguments, engine="reference")
-
-
-@pytest.mark.parametrize("seed", seeds(60))
+@pytest.mark.parametrize("seed", seeds(24))
 def test_seeded_problems(seed: int) -> None:
-    onnx, reference = both(seeded(seed))
+    onnx, reference = (recovered(**seeded(seed), engine=engine) for engine in ("onnx", "reference"))
     assert (onnx.engine, reference.engine) == ("onnx", "reference")
     assert max(onnx.proof.gap.max(), reference.proof.gap.max()) <= 1e-9
     assert (onnx.std is None) == (reference.std is None)
     for name in ("values", "predicted", "lamp", *(() if onnx.std is None else ("std",))):
         assert norm(getattr(onnx, name), getattr(reference, name)) <= 1e-10, name
-
-
-def far(seed: int) -> dict[str, Any]:
-    """Arguments whose lamps are told as anything: humps up to 300 times the lamp, exact signals, 30 % tolerance."""
-    a = seeded(2 * seed)
-    rng = np.random.default_rng([77, seed])
-    k, q, size = len(a["lamp"]), int(rng.integers(1, 7)), 10 ** rng.uniform(-0.5, 2.5)
-    centre, width = rng.uniform(400, 700, (2, k, q, 1)), rng.uniform(10, 60, (k, q, 1))
-    modes = size * rng.normal(size=(k, q, 1)) * np.exp(-0.5 * ((WAVELENGTHS - centre[0]) / width) ** 2)
-    floor = a["standard_error"] * rng.choice([0.0, 0.1])
-    return a | {"lamp_modes": modes, "lamp_tolerance": 0.3, "standard_error": floor}
-
-
-@pytest.mark.parametrize("seed", seeds(40))
-def test_engines_agree_as_far_as_the_last_place_of_the_inputs_tells(seed: int) -> None:
-    """Lamps so loose that the first look's condition is 1e12 and more: no engine adds to what one unit in the last
-    place of the inputs does. An explicit inverse in the reference did, by up to 1e-2 of the peak."""
-    a = far(seed)
-    onnx, reference = both(a)
-    rng = np.random.default_rng(seed)
-    inherent = 0.0
-    for _ in range(3):
-        given = {name: a[name] for name in ("signals", "reflectance", "lamp")}
-        moved = {name: x * (1 + 2.0**-52 * rng.integers(-1, 2, x.shape)) for name, x in given.items()}
-        inherent = max(inherent, norm(recovered(**a | moved, engine="onnx").values, onnx.values))
-    assert max(onnx.proof.gap.max(), reference.proof.gap.max()) <= 1e-9
-    assert norm(onnx.values, reference.values) <= 30 * inherent + 1e-10
 
 
 def model_inputs_of(observation: Observation, prior_scale: float = 1.0, explain: float = 0.0) -> dict[str, Floats]:
@@ -174,7 +140,7 @@ def unlike(given: tuple[Floats, Floats], expected: tuple[Floats, Floats]) -> flo
     return float(max(apart, np.max(np.abs(spread - known))))
 
 
-@pytest.mark.parametrize("seed", seeds(0, 24, 2))
+@pytest.mark.parametrize("seed", seeds(0, 12, 2))
 def test_the_posterior_of_the_lamps_modes(seed: int) -> None:
     """Light itself, as `light_of` asks for it: every smooth error is a mode; one shot to three."""
     a = seeded(seed)
@@ -186,20 +152,6 @@ def test_the_posterior_of_the_lamps_modes(seed: int) -> None:
         found = modes_told(load_model(basis), evidence, scale)
         assert found[0].shape == evidence.lamp_modes.shape[:2]
         assert unlike(found, posterior(linear_model(evidence, widened(read_basis(basis), scale)))) <= 1e-10
-
-
-def test_without_modes_or_a_prior_nothing_is_said_of_them() -> None:
-    """The prior stands where there are none; the paper's basis has none to speak of."""
-    a = seeded(2)
-    mean, spread = modes_told(load_model("phones"), observed(**a)[0])
-    assert (mean == 0).all()
-    assert (spread == np.eye(len(spread))).all()
-    paper = next(a for a in map(seeded, range(1, 9, 2)) if a["basis"] == "gaussian")
-    mean, spread = modes_told(load_model("gaussian"), observed(**paper | {"lamp_modes": np.ones((1, 2, 681))})[0])
-    assert mean.shape == (1, 2)
-    assert spread.shape == (2, 2)
-    assert np.isnan(mean).all()
-    assert np.isnan(spread).all()
 
 
 @pytest.mark.parametrize("basis", SHIPPED)
@@ -216,59 +168,6 @@ def test_budget_and_bands_only_where_the_call_asks_for_them(basis: str) -> None:
     }
 
 
-@pytest.mark.parametrize("loose", [True, False], ids=["kinds of light", "named lamps"])
-def test_hypotheses_are_weighed_in_one_call(loose: bool) -> None:
-    """Lamps, their modes and faded charts: each has the reference's evidence, whatever stands beside it."""
-    k, rng = 2, np.random.default_rng(2)
-    chart, day = chart_and_lamp("D55", slice(0, 24))
-    y = np.stack([theory(chart, day, toy_camera())] * k) * (1 + 0.01 * rng.normal(size=(k, 24, 3)))
-    kinds = [read_lamp(name) for name in (("daylight", "bulb", "white-led") if loose else ("D65", "A", "FL2"))]
-    guesses = [
-        Observation(
-            y, chart * (1 - 0.05 * i), np.stack([kind.values] * k), standard_error=np.full(y.shape, 0.004),
-            chart_tolerance=np.full(24, 0.03), lamp_tolerance=np.full(k, kind.tolerance),
-            lamp_modes=np.stack([np.vstack([kind.modes, np.zeros((8 - len(kind.modes), WAVELENGTHS.size))])] * k),
-        )
-        for i, kind in enumerate(kinds)
-    ]  # fmt: skip
-    given = [model_inputs_of(guess, prior_scale=0.7) for guess in guesses]
-    stack = given[0] | {name: np.stack([each[name] for each in given]) for name in OF_HYPOTHESES}
-    for basis in ("phones", "cameras"):
-        (found,) = load_model(basis).session.run(
-            ["evidence"], stack | load_model(basis).arrays | {"solve": np.array(0.0)}
-        )
-        expected = log_evidences(guesses, widened(read_basis(basis), 0.7))
-        assert found == pytest.approx(expected, rel=1e-10)
-        assert np.ptp(expected) > 1
-
-
-@pytest.mark.parametrize("basis", SHIPPED)
-def test_the_order_of_patches_changes_nothing(basis: str) -> None:
-    a = of_basis(basis)
-    order = np.random.default_rng(5).permutation(len(a["reflectance"]))
-    turned = a | {name: a[name][:, order] for name in ("signals", "standard_error")}
-    turned["reflectance"] = a["reflectance"][order]
-    assert norm(recovered(**turned).values, recovered(**a).values) < 1e-9
-
-
-@pytest.mark.parametrize("basis", SHIPPED)
-def test_exposure_and_lamp_scale_change_nothing(basis: str) -> None:
-    a = of_basis(basis)
-    y = a["signals"]
-    ones = np.ones_like(y)
-    plain = recovered(**a, frames=(y, ones, 0 * ones))
-    louder = recovered(**a, frames=(64 + 4096 * y, 64 + 4096 * ones, 64 * ones))
-    assert norm(louder.values, plain.values) < 1e-9
-    assert louder.channel_gain == pytest.approx([1, 1, 1])
-    assert norm(recovered(**a | {"lamp": 1000 * a["lamp"]}).peak()[0], plain.peak()[0]) < 1e-9
-
-
-@pytest.mark.parametrize("basis", SHIPPED)
-def test_the_same_call_gives_the_same_bits(basis: str) -> None:
-    a = of_basis(basis)
-    assert recovered(**a).values.tobytes() == recovered(**a).values.tobytes()
-
-
 @pytest.mark.parametrize("basis", SHIPPED)
 def test_every_input_must_be_given(basis: str) -> None:
     """No input has a default: ONNX Runtime for Java takes no value for one that has."""
@@ -280,55 +179,15 @@ def test_every_input_must_be_given(basis: str) -> None:
             model.run({other: value for other, value in given.items() if other != name})
 
 
-@pytest.mark.parametrize("basis", SHIPPED)
-def test_codes_are_nonnegative_where_the_call_says_so(basis: str) -> None:
-    model, given = load_model(basis), model_inputs_of(observed(**of_basis(basis))[0])
-    assert (model.run(given | {"nonnegative": np.array(1.0)})["code"] >= 0).all()
-    assert (model.run(given | {"nonnegative": np.array(0.0)})["code"] < 0).any()
-
-
 # -- the files, by the onnx package -------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def command() -> Any:
-    pytest.importorskip("onnx", reason="onnx is not installed (extra: export)")
-    from camssf_onnx import __main__
-
-    return __main__
-
-
 @pytest.mark.full
-def test_check_passes(command: Any, capsys: pytest.CaptureFixture[str]) -> None:
-    assert command.main(["check"]) == 0
+def test_check_passes(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("onnx", reason="onnx is not installed (extra: export)")
+    from camssf_onnx.__main__ import main
+
+    assert main(["check"]) == 0
     out = capsys.readouterr().out
     assert out.count("the same bytes") == 10  # models: three of the calibration, five of surfaces; bases and spaces
     assert out.splitlines()[-1] == "10 passed, 0 failed"
-
-
-@pytest.mark.full
-def test_faults_are_found(command: Any) -> None:
-    import onnx
-
-    content = (command.DATA / "camssf-learned.onnx").read_bytes()
-    assert command.faults(content) == []
-
-    def changed(change: Any) -> str:
-        model = onnx.load_model_from_string(content)
-        change(model)
-        return "; ".join(command.faults(model.SerializeToString()))
-
-    assert "IR 10" in changed(lambda m: setattr(m, "ir_version", 10))
-    assert "opsets" in changed(lambda m: setattr(m.opset_import[0], "version", 17))
-    assert "opsets" in changed(lambda m: m.opset_import.add(domain="com.microsoft", version=1))
-    assert "com.microsoft.Inverse" in changed(lambda m: m.graph.node.add(op_type="Inverse", domain="com.microsoft"))
-    body = "com.example.Odd"
-    assert body in changed(
-        lambda m: (
-            next(n for n in m.graph.node if n.op_type == "If")
-            .attribute[0]
-            .g.node.add(op_type="Odd", domain="com.example")
-        )
-    )
-    assert "bytes" in changed(lambda m: setattr(m.graph, "doc_string", "x" * 400_000))
-    assert "invalid" in changed(lambda m: m.graph.node[-1].input.append("nowhere"))

@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from camssf.calibration import solve
 from camssf.colorimetry import chromaticity, uv
 from camssf.grid import WAVELENGTHS
-from camssf.photo.capture import Capture
-from camssf.photo.read.colour_matrix import WHITE_POINTS, ColourMatrix, colour_matrix
+from camssf.photo.read.colour_matrix import WHITE_POINTS, colour_matrix
 from camssf.recovery.covariance import LAMP_CORRELATION, smooth_errors
 from camssf.recovery.raw_white import given_raw_white, narrow
 from camssf.rules import rules
 from camssf.spectra import colour_science, read_lamp
 from camssf.spectra.bundled import observer
 from camssf.spectra.lights import unnamed_light
-from golden.forms import resolve
-from golden.scenes import PHONE
-from tests.calibration.test_any_light import unnamed
-from tests.recovery.test_choice import capture
 
 FLAT = np.ones(WAVELENGTHS.size)
 
@@ -80,22 +72,3 @@ def test_a_kind_is_narrowed_as_by_draws() -> None:
     before, after = (float(np.sum(each.modes[:, 60] ** 2)) for each in (lamp, narrowed))  # at 410 nm
     assert after / before == pytest.approx(spread, rel=0.5)
     assert narrow(lamp, measured + 0.05, FLAT)[1] < log_density - 5.0
-
-
-def test_the_white_narrows_the_answer_and_a_wrong_matrix_does_not_harm() -> None:
-    given = unnamed(capture(resolve(PHONE), ["D:9000"], make="Apple"))
-    plain, helped, wrong = solve(given), solve(with_matrix(given, 1.0)), solve(with_matrix(given, 3.0))
-    (light,), (before,) = helped.ssf.lights, plain.ssf.lights
-    assert light is not None
-    assert before is not None
-    assert light.kelvin_std < before.kelvin_std
-    assert abs(light.kelvin - 9000.0) < 2.0 * light.kelvin_std
-    assert wrong.ssf.values == pytest.approx(plain.ssf.values, rel=1e-9)
-
-
-def with_matrix(given: Capture, tint: float) -> Capture:
-    """The capture's file with a matrix that takes its equal raw white for D:9000, of `tint` times too much green."""
-    x, y, z = read_lamp("D:9000").values @ observer("1931")
-    matrix = ColourMatrix("D65", (1.0 / x, 0.0, 0.0, 0.0, tint / y, 0.0, 0.0, 0.0, 1.0 / z))
-    (shot,) = given.shots
-    return replace(given, shots=(replace(shot, photo=replace(shot.photo, colour_matrices=(matrix,))),))

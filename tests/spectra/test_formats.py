@@ -12,11 +12,10 @@ import numpy as np
 import pytest
 
 import camssf
-from camssf.documents.document import document_bytes
 from camssf.errors import InvalidArgument, LampUnfit
 from camssf.exports import export, exported
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.spectra import colour_science, lamp_names, read_camera, read_chart, read_lamp, shipped_cameras
+from camssf.spectra import colour_science, lamp_names, read_camera, read_lamp, shipped_cameras
 from camssf.spectra.lamps import NAMES_FORMAT, Lamp, lamp_aliases
 from camssf.spectra.readers import CURVES, LAMPS
 from camssf.spectra.tables import read_curves, read_spectrum
@@ -68,12 +67,11 @@ def test_meters_files_are_read_as_colour_science_reads_them(name: str, reader: s
     assert lamp.tolerance == 0.01
 
 
-@pytest.mark.parametrize("quantity", ["irradiance", "relative"])
-def test_tm27_is_read_as_colour_science_writes_it(quantity: Any, tmp_path: Path) -> None:
+def test_tm27_is_read_as_colour_science_writes_it(tmp_path: Path) -> None:
     science = colour_science()
     path = tmp_path / "lamp.spdx"
     given = science.SpectralDistribution_IESTM2714(
-        str(path), data=dict(zip(NM.astype(float), POWER, strict=True)), spectral_quantity=quantity
+        str(path), data=dict(zip(NM.astype(float), POWER, strict=True)), spectral_quantity="irradiance"
     )
     assert given.write()
     judge = science.SpectralDistribution_IESTM2714(str(path)).read()
@@ -108,8 +106,8 @@ def test_a_gap_is_named_where_it_is(tmp_path: Path) -> None:
 DEVIATION = 0.01 * POWER
 
 
-@pytest.mark.parametrize("mark", [",", ";", "\t", " "])
-@pytest.mark.parametrize("head", [None, "wavelength_nm{0}power{0}std", "nm{0}W/m2{0}power_sigma", "nm{0}I{0}Error"])
+@pytest.mark.parametrize("mark", [",", "\t"])
+@pytest.mark.parametrize("head", [None, "nm{0}W/m2{0}power_sigma"])
 def test_a_lamp_of_three_columns_is_read_without_its_deviation(head: str | None, mark: str, tmp_path: Path) -> None:
     rows = [f"{nm}{mark}{p!r}{mark}{s!r}" for nm, p, s in zip(NM, POWER.tolist(), DEVIATION.tolist(), strict=True)]
     path = write(tmp_path / "lamp.csv", "\n".join(([] if head is None else [head.format(mark)]) + rows) + "\n")
@@ -120,8 +118,6 @@ def test_a_lamp_of_three_columns_is_read_without_its_deviation(head: str | None,
     ("head", "third"),
     [
         (None, POWER[::-1]),
-        (None, -DEVIATION),
-        (None, 0.3 * POWER),
         ("nm,lamp A,lamp B", DEVIATION),
         (None, POWER * np.nan),
     ],
@@ -130,43 +126,22 @@ def test_a_file_of_two_lamps_is_refused(head: str | None, third: Floats, tmp_pat
     rows = [f"{nm},{p},{s}" for nm, p, s in zip(NM, POWER, third, strict=True)]
     with pytest.raises(InvalidArgument, match="no standard deviation"):
         read_lamp(write(tmp_path / "lamp.csv", "\n".join(([head] if head else []) + rows)))
-    with pytest.raises(InvalidArgument, match="not a table of one spectrum"):  # one line with a column more
-        read_lamp(write(tmp_path / "lamp.csv", "\n".join([*(f"{nm},1" for nm in NM), "740,1,0.01"])))
 
 
-def test_what_a_file_holds_is_seen_from_its_content(tmp_path: Path) -> None:
-    for name in ("ESPD2021_0104_231446.xls", "RANDOM_001_02._3262K.csv"):
-        path = theirs(name)
-        other = tmp_path / "lamp.spdx"
-        other.write_bytes(path.read_bytes())
-        assert np.array_equal(read_lamp(str(other)).values, read_lamp(str(path)).values)
-
-
-def test_of_two_tables_the_finer_one_is_taken(tmp_path: Path) -> None:
-    """As a Sekonic writes them, 5 nm and 1 nm; a finer table that was cut off is not patched up by the coarse one."""
-    coarse = [f"Spectral Data {nm}[nm],1.0" for nm in range(380, 781, 5)]
-    fine = [f"Spectral Data {nm}[nm],{nm / 500}" for nm in range(380, 781)]
-    for lines in ((coarse, fine), (fine, coarse)):
-        path = write(tmp_path / "both.csv", "Title,x\n\n" + "\n".join([*lines[0], "", *lines[1], ""]))
-        same_lamp(read_lamp(path), WAVELENGTHS, WAVELENGTHS / 500)
-    path = write(tmp_path / "cut.csv", "\n".join([*coarse, *fine[:200]]))
-    with pytest.raises(LampUnfit, match="covers only 380 to 579 nm"):
-        read_lamp(path)
-
-
-def argyll(kind: str = "EMISSION", bands: int = 106, last: float = 730.0) -> tuple[str, Floats, Floats]:
-    """As spotread writes it: fields are named by whole nanometres, and 106 bands lie 3.33 nm apart."""
+def argyll(kind: str = "EMISSION", curves: Floats | None = None) -> tuple[str, Floats, Floats]:
+    """As spotread writes it: fields are named by whole nanometres, 106 bands lie 3.33 nm apart. Curves: a .cmf."""
     nm = np.linspace(380.0, 730.0, 106)
-    power = 2.0 + np.cos(nm / 30.0)
+    rows = np.atleast_2d(2.0 + np.cos(nm / 30.0) if curves is None else curves)
     fields = " ".join(f"SPEC_{round(each)}" for each in nm)
-    numbers = " ".join(f"{each:.9f}" for each in power)
+    numbers = "\n".join(" ".join(f"{each:.9f}" for each in row) for row in rows)
+    kind_line = f'MEAS_TYPE "{kind}"\n' if curves is None else ""
     text = (
-        f'SPECT\n\nORIGINATOR "Argyll CMS"\nMEAS_TYPE "{kind}"\nSPECTRAL_BANDS "{bands}"\n'
-        f'SPECTRAL_START_NM "380.000000"\nSPECTRAL_END_NM "{last:f}"\nSPECTRAL_NORM "1.000000"\n'
-        f"NUMBER_OF_FIELDS 106\nBEGIN_DATA_FORMAT\n{fields}\nEND_DATA_FORMAT\n\nNUMBER_OF_SETS 1\nBEGIN_DATA\n"
-        f"{numbers}\nEND_DATA\n"
+        f'{"SPECT" if curves is None else "CMF  "}\n\nORIGINATOR "Argyll CMS"\n{kind_line}SPECTRAL_BANDS "106"\n'
+        f'SPECTRAL_START_NM "380.000000"\nSPECTRAL_END_NM "730.000000"\nSPECTRAL_NORM "1.000000"\n'
+        f"NUMBER_OF_FIELDS 106\nBEGIN_DATA_FORMAT\n{fields}\nEND_DATA_FORMAT\n\nNUMBER_OF_SETS {len(rows)}\n"
+        f"BEGIN_DATA\n{numbers}\nEND_DATA\n"
     )
-    return text, nm, power
+    return text, nm, rows
 
 
 def test_argyll_s_bands_lie_where_its_header_says(tmp_path: Path) -> None:
@@ -174,13 +149,6 @@ def test_argyll_s_bands_lie_where_its_header_says(tmp_path: Path) -> None:
     wavelengths, values = read_spectrum(Path(write(tmp_path / "lamp.sp", text)))
     assert np.abs(wavelengths - nm).max() < 1e-12
     assert np.abs(values - power).max() < 1e-9
-
-
-@pytest.mark.parametrize(("bands", "last"), [(105, 730.0), (106, 780.0)])
-def test_a_header_that_contradicts_the_names_is_not_believed(bands: int, last: float, tmp_path: Path) -> None:
-    text, nm, _ = argyll(bands=bands, last=last)
-    wavelengths, _ = read_spectrum(Path(write(tmp_path / "lamp.sp", text)))
-    assert np.array_equal(wavelengths, [round(each) for each in nm])
 
 
 def test_a_cgats_file_that_breaks_off_is_refused(tmp_path: Path) -> None:
@@ -205,37 +173,22 @@ SPDX = (
 )
 
 
-def test_the_file_that_is_broken_below_is_sound(tmp_path: Path) -> None:
-    same_lamp(read_lamp(write(tmp_path / "x.spdx", SPDX)), NM, POWER)
-    same_lamp(read_lamp(write(tmp_path / "x.spdx", SPDX.replace("IESTM2714", "IESTM2720"))), NM, POWER)
-
-
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
         ("</IESTM2714>", "", "not a TM-27"),
         ("<Header/>", "<!DOCTYPE a><Header/>", "not a TM-27"),
         ("IESTM2714", "IESXX2714", "not a TM-27"),
-        ("SpectralData ", "Other ", "not a TM-27"),
         ("relative", "reflectance", "not light"),
-        ("relative", "T-Factor", "not light"),
         (f">{POWER[3]}<", ">x<", "not a number"),
-        (f">{POWER[3]}<", "><", "not a number"),
         ('wavelength="400"', 'nm="400"', "not a number"),
         ('wavelength="400"', 'wavelength="395"', "do not increase"),
-        ("<Header/>", "<SpectralDistribution/>", "not a TM-27"),
-        ('encoding="utf-8"', 'encoding="nonsense"', None),  # the text is decoded already: no matter
     ],
 )
-def test_a_broken_tm27_file_is_refused(old: str, new: str, words: str | None, tmp_path: Path) -> None:
+def test_a_broken_tm27_file_is_refused(old: str, new: str, words: str, tmp_path: Path) -> None:
     text = SPDX.replace(old, new)
-    if new == "Other ":
-        text = text.replace("/SpectralData", "/Other")
     assert text != SPDX
     path = write(tmp_path / "x.spdx", text)
-    if words is None:
-        same_lamp(read_lamp(path), NM, POWER)
-        return
     with pytest.raises(InvalidArgument, match=words):
         read_lamp(path)
 
@@ -252,17 +205,6 @@ def test_a_meter_s_line_without_its_number_is_refused(line: str, tmp_path: Path)
     path = write(tmp_path / "x.csv", "".join(line.format(nm) + "\n" for nm in NM))
     with pytest.raises(InvalidArgument, match=r"line 1: 'x' is not a number|line 1 has [02] values at 380 nm"):
         read_lamp(path)
-
-
-def test_a_chart_in_xml_is_read_by_its_content_as_well(tmp_path: Path) -> None:
-    chart = (ROOT / "tools" / "sound" / "chart" / "cxf3.cxf").read_bytes()
-    found = []
-    for name in ("chart.cxf", "chart.txt"):
-        path = tmp_path / name
-        path.write_bytes(chart)
-        found.append(read_chart(str(path)).values)
-    assert np.array_equal(*found)
-    assert np.array_equal(found[0], np.full((24, 681), 0.5))
 
 
 # -- cameras ----------------------------------------------------------------------------------------------------
@@ -297,16 +239,10 @@ def test_columns_of_rawtoaces_go_by_their_names(tmp_path: Path) -> None:
         lambda d: d.pop("spectral_data"),
         lambda d: d["spectral_data"].pop("index"),
         lambda d: d["spectral_data"]["index"].update(main=["R", "G"]),
-        lambda d: d["spectral_data"]["data"].update(main=[]),
-        lambda d: d["spectral_data"]["data"].update(main={}),
         lambda d: d["spectral_data"]["data"]["main"].update({"400": [1, 2]}),
-        lambda d: d["spectral_data"]["data"]["main"].update({"400": [1, "2", 3]}),
         lambda d: d["spectral_data"]["data"]["main"].update({"400": [1, True, 3]}),
-        lambda d: d["spectral_data"]["data"]["main"].update({"400": [1, 10**400, 3]}),
         lambda d: d["spectral_data"]["data"]["main"].update({"400": [1, float("nan"), 3]}),
         lambda d: d["spectral_data"]["data"]["main"].update({"x": [1, 2, 3]}),
-        lambda d: d["spectral_data"]["data"]["main"].update({"400.0": [1, 2, 3]}),
-        lambda d: d.update(header=3),
     ],
 )
 def test_other_json_is_refused(change: Callable[[Any], Any], tmp_path: Path) -> None:
@@ -320,12 +256,6 @@ def test_other_json_is_refused(change: Callable[[Any], Any], tmp_path: Path) -> 
 def test_broken_json_is_refused(text: str, tmp_path: Path) -> None:
     with pytest.raises(InvalidArgument, match="rawtoaces"):
         read_camera(write(tmp_path / "x.json", text))
-
-
-def test_a_result_is_told_how_to_become_a_camera(tmp_path: Path) -> None:
-    with pytest.raises(InvalidArgument) as caught:
-        read_camera(write(tmp_path / "result.json", document_bytes(document("D55")).decode()))
-    assert "camssf export --to rawtoaces" in caught.value.advice
 
 
 @pytest.mark.parametrize("to", ["rawtoaces", "spectacle", "csv", "colour", "dcamprof"])
@@ -355,40 +285,17 @@ def test_a_camera_of_four_columns_needs_no_header(mark: str, tmp_path: Path) -> 
         broken = [line.replace(",", mark) for line in broken]
         with pytest.raises(InvalidArgument, match=words):
             read_camera(write(tmp_path / "x.csv", "\n".join(broken)))
-    five = [f"{row}{mark}1" for row in rows]  # which of the five is which, nobody knows
-    with pytest.raises(InvalidArgument, match="first line must read"):
-        read_camera(write(tmp_path / "x.csv", "\n".join(five)))
-
-
-def cmf(sets: int = 3, kind: str | None = None) -> tuple[str, Floats, Floats]:
-    """As Argyll writes a .cmf: its .sp with the word CMF and three sets."""
-    nm = np.linspace(380.0, 730.0, 106)
-    curves = np.stack([np.exp(-(((nm - at) / 45.0) ** 2)) for at in (600, 530, 460, 440)[:sets]])
-    fields = " ".join(f"SPEC_{round(each)}" for each in nm)
-    rows = "\n".join(" ".join(f"{each:.9f}" for each in row) for row in curves)
-    kind_line = "" if kind is None else f'MEAS_TYPE "{kind}"\n'
-    text = (
-        f'CMF  \n\nORIGINATOR "Argyll CMS"\n{kind_line}SPECTRAL_BANDS "106"\nSPECTRAL_START_NM "380.000000"\n'
-        f'SPECTRAL_END_NM "730.000000"\nSPECTRAL_NORM "1.000000"\nNUMBER_OF_FIELDS 106\nBEGIN_DATA_FORMAT\n{fields}\n'
-        f"END_DATA_FORMAT\n\nNUMBER_OF_SETS {sets}\nBEGIN_DATA\n{rows}\nEND_DATA\n"
-    )
-    return text, nm, curves.T
 
 
 def test_argyll_s_cmf_is_a_camera(tmp_path: Path) -> None:
-    text, nm, curves = cmf()
+    nm = np.linspace(380.0, 730.0, 106)
+    text, _, curves = argyll(curves=np.stack([np.exp(-(((nm - at) / 45.0) ** 2)) for at in (600, 530, 460)]))
     name, wavelengths, found = read_curves(Path(write(tmp_path / "mine.cmf", text)), None)
     assert name == "mine"
     assert np.abs(wavelengths - nm).max() < 1e-12
-    assert np.abs(found - curves).max() < 1e-9
-
-
-@pytest.mark.parametrize(
-    ("sets", "kind", "words"), [(1, None, "1 spectra"), (4, None, "4 spectra"), (3, "REFLECTIVE", "surf")]
-)
-def test_other_cgats_is_no_camera(sets: int, kind: str | None, words: str, tmp_path: Path) -> None:
-    with pytest.raises(InvalidArgument, match=words):
-        read_camera(write(tmp_path / "x.cmf", cmf(sets, kind)[0]))
+    assert np.abs(found - curves.T).max() < 1e-9
+    with pytest.raises(InvalidArgument, match="1 spectra"):
+        read_camera(write(tmp_path / "one.cmf", argyll(curves=curves[:1])[0]))
 
 
 DCAMPROF = """// a camera's own file, as DCamProf's example lays it out
@@ -423,17 +330,12 @@ def test_dcamprof_s_camera_is_read(listed: bool, tmp_path: Path) -> None:
     ("old", "new"),
     [
         ("400, 720, 10", "400, 720, 7"),
-        ("400, 720, 10", "400, 720, 0"),
         ("400, 720, 10", "720, 400, 10"),
-        ("400, 720, 10", "400, 720, 1e-7"),
         ("400, 720, 10", "400, 1e308, 1e-300"),
-        ("400, 720, 10", "400, 720, true"),
         ("400, 720, 10", "400, 720"),
         ('"red_ssf": [', '"red_ssf": [1.0, '),
-        ('"red_ssf": [', '"red_ssf": ["1.0", '),
         ('"red_ssf": [', '"green_ssf": ['),
         ('"blue_ssf"', '"blau_ssf"'),
-        ('"camera_name": "', '"camera_name": 7, "x": "'),
         ("/* bands in nanometres */", "/* bands in nanometres"),
         ("}", ""),
     ],
@@ -442,11 +344,6 @@ def test_a_broken_file_of_dcamprof_is_refused(old: str, new: str, tmp_path: Path
     assert old in DCAMPROF_TEXT
     with pytest.raises(InvalidArgument, match="DCamProf"):
         read_camera(write(tmp_path / "camera.json", DCAMPROF_TEXT.replace(old, new)))
-
-
-def test_a_file_of_unended_comments_is_refused_at_once(tmp_path: Path) -> None:
-    with pytest.raises(InvalidArgument, match="DCamProf"):
-        read_camera(write(tmp_path / "x.json", '{"ssf_bands"' + "/*" * 2_000_000))
 
 
 SPECTACLE = """
@@ -488,15 +385,6 @@ def test_spectacle_is_read_as_its_own_reader_does(judge: str, tmp_path: Path) ->
     assert np.array_equal(curves, np.column_stack([table[1], 0.5 * (table[2] + table[4]), table[3]]))
 
 
-def test_a_line_of_spectacle_that_is_short_is_refused(tmp_path: Path) -> None:
-    path = spectacle(tmp_path)
-    lines = path.read_text("utf-8").splitlines()
-    for damaged in ([*lines[:50], lines[50].rpartition(",")[0], *lines[51:]], [*lines[:90], "390,x"]):
-        path.write_text("\n".join(damaged), "utf-8")
-        with pytest.raises(InvalidArgument, match="nine numbers"):
-            read_camera(str(path))
-
-
 def camspec(*names: str, mark: str = "\t", end: str = "\r\n") -> str:
     text = ""
     for i, name in enumerate(names):
@@ -532,9 +420,6 @@ def test_the_list_of_camspec_is_read_as_colour_datasets_reads_it(tmp_path: Path)
     with pytest.raises(InvalidArgument) as caught:
         read_camera(f"{path}:Nikon D400")
     assert "Did you mean Nikon D40?" in caught.value.advice
-    blanks = write(tmp_path / "one.txt", camspec("Nikon D40", mark="  ", end="\n\n"))
-    assert np.array_equal(read_camera(blanks).values, read_camera(f"{path}:Nikon D40").values) is False
-    assert read_camera(blanks).name == "Nikon D40"
 
 
 @pytest.mark.parametrize(
@@ -543,9 +428,6 @@ def test_the_list_of_camspec_is_read_as_colour_datasets_reads_it(tmp_path: Path)
         lambda text: text[: 3 * len(text) // 4],
         lambda text: text.replace("Nikon D40\r\n", ""),
         lambda text: text.replace("Nikon D40", "Canon 1D"),
-        lambda text: text.replace("Nikon D40", "40"),
-        lambda text: text + "Leica\r\n",
-        lambda text: text[:-40] + "x" + text[-39:],
     ],
 )
 def test_a_broken_list_of_camspec_is_refused(damage: Callable[[str], str], tmp_path: Path) -> None:
@@ -573,25 +455,9 @@ def test_objects_of_colour_science_are_cameras() -> None:
         assert np.array_equal(read_camera(each).values, camera.values)
         assert read_camera(each).name == "mine"
     assert read_camera(camera) is camera
-
-
-@pytest.mark.parametrize("change", ["labels", "values", "wavelengths", "short", "nan"])
-def test_an_object_that_is_no_camera_is_refused(change: str) -> None:
-    class Mine:
-        wavelengths: Any = np.arange(400, 701, 10)
-        values: Any = np.ones((31, 3))
-        labels: Any = ("red", "green", "blue")
-
-    mine = Mine()
-    if change == "short":
-        mine.values = np.ones((31, 2))
-    elif change == "nan":
-        mine.values = np.full((31, 3), np.nan)
-    else:
-        setattr(mine, change, "x" if change == "values" else None)
-    read_camera(Mine())
-    with pytest.raises(InvalidArgument):
-        read_camera(mine)
+    for wrong in (5, ("a", "b"), (nm, values.T)):
+        with pytest.raises(InvalidArgument, match="is not a camera"):
+            read_camera(wrong)  # type: ignore[arg-type]
 
 
 # -- what people call lamps -------------------------------------------------------------------------------------
@@ -629,13 +495,6 @@ def test_a_bare_number_is_asked_for_its_kind(spec: str, words: str) -> None:
     with pytest.raises(InvalidArgument) as caught:
         read_lamp(spec)
     assert words in caught.value.advice
-
-
-def test_what_people_say_goes_before_a_file_of_that_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    write(tmp_path / "halogen", "".join(f"{nm},{nm}\n" for nm in NM))
-    assert read_lamp("halogen").source.endswith("'halogen' was asked for")
-    assert read_lamp("./halogen").source == "file halogen"
 
 
 # -- docs -------------------------------------------------------------------------------------------------------

@@ -1,22 +1,15 @@
 """Judged by colour-science's own tables, by CIE values and formulas, and by writers that camssf does not use."""
 
-import subprocess
-import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
 
-from camssf.errors import CalibrationError, ChartUnfit, InvalidArgument, LampUnfit
+from camssf.errors import ChartUnfit, InvalidArgument, LampUnfit
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.spectra import (
-    CameraCurves,
-    ChartTable,
-    Lamp,
     camera_names,
     colour_science,
     lamp_names,
@@ -79,22 +72,13 @@ def test_illuminants_have_the_values_of_cie_15(spec: str, nm: float, value: floa
     assert at(relative(spec), nm) == pytest.approx(value, rel=2e-5)
 
 
-@pytest.mark.parametrize("kelvin", [1000, 2700, 2856, 3000, 6500.5, 20000])
+@pytest.mark.parametrize("kelvin", [1000, 2856, 6500.5, 20000])
 def test_kelvin_is_planck(kelvin: float) -> None:
     for spec in (f"{kelvin}K", f"{kelvin} k"):
         values = read_lamp(spec).values
         for nm in (380.0, 450.0, 720.0):
             ratio = (560 / nm) ** 5 * np.expm1(1.4388e7 / (kelvin * 560)) / np.expm1(1.4388e7 / (kelvin * nm))
             assert at(values, nm) / at(values, 560) == pytest.approx(ratio, rel=1e-12)
-
-
-def test_daylight_takes_its_temperature_as_it_stands() -> None:
-    """The D names date from c₂ = 1.4380e-2: D65 is 6504 K, D55 5503 K today."""
-    np.testing.assert_allclose(relative("D:6504"), relative("D65"), rtol=2e-3)
-    np.testing.assert_allclose(relative("d:5503K"), relative("D55"), rtol=2e-3)
-    exact = np.abs(relative("D:5503") / relative("D55") - 1).max()
-    literal = np.abs(relative("D:5500") / relative("D55") - 1).max()
-    assert exact < literal / 2
 
 
 @pytest.mark.parametrize(
@@ -165,12 +149,8 @@ END_DATA
     [
         ("plain.csv", "".join(f"{nm},{v}\n" for nm, v in RAMP)),
         ("head.csv", "wavelength_nm,power\n" + "".join(f"{nm},{v}\n" for nm, v in RAMP)),
-        ("comment.txt", "# from a meter\n\n  # twice\n" + "".join(f"{nm}  {v}\n" for nm, v in RAMP)),
         ("tab.spd", "nm\tW\r\n" + "".join(f"{nm}\t{v}\t\r\n" for nm, v in RAMP)),
-        ("blank.sp", "".join(f" {nm:.2f}   {v:e} \n" for nm, v in RAMP)),
-        ("comma blank.csv", "".join(f"{nm}, {v},\n" for nm, v in RAMP)),
         ("german.csv", "Wellenlänge;Leistung\n" + "".join(f"{nm};{v};\n".replace(".", ",") for nm, v in RAMP)),
-        ("swedish.txt", "".join(f"{nm}\t{v}\n".replace(".", ",") for nm, v in RAMP)),
         (
             "argyll.sp",
             SP.format(fields=" ".join(f"SPEC_{nm}" for nm, _ in RAMP), values=" ".join(f"{v:.6f}" for _, v in RAMP)),
@@ -185,12 +165,6 @@ def test_lamp_files(tmp_path: Path, name: str, text: str) -> None:
     assert lamp.source == f"file {name}"
 
 
-def test_a_file_without_a_known_ending_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    write(tmp_path / "lamp", "".join(f"{nm},{v}\n" for nm, v in RAMP))
-    assert read_lamp("lamp").source == "file lamp"
-
-
 def test_a_short_lamp_is_held_constant_and_says_so(tmp_path: Path) -> None:
     lamp = read_lamp(write(tmp_path / "short.csv", "".join(f"{nm},{nm}\n" for nm in range(400, 701, 10))))
     assert at(lamp.values, 380) == at(lamp.values, 400)
@@ -201,21 +175,13 @@ def test_a_short_lamp_is_held_constant_and_says_so(tmp_path: Path) -> None:
 
 def test_a_narrow_line_between_grid_points_keeps_its_power(tmp_path: Path) -> None:
     """A line of 0.04 nm at 546.1 nm lies between 546.0 and 546.5: sampling the grid would lose it."""
-    nm = np.round(np.arange(380, 720.005, 0.01), 2)
+    nm = np.round(np.concatenate([np.arange(380, 545, 1), np.arange(545, 547, 0.01), np.arange(547, 721, 1)]), 2)
     line = np.exp(-0.5 * ((nm - 546.1) / 0.02) ** 2) * 1000 + 1
     lamp = read_lamp(write(tmp_path / "line.csv", "".join(f"{a},{b}\n" for a, b in zip(nm, line, strict=True))))
     base = at(lamp.values, 600)
     power = (lamp.values / base - 1).sum() * STEP
     assert power == pytest.approx(1000 * 0.02 * np.sqrt(2 * np.pi), rel=1e-6)
     assert np.flatnonzero(lamp.values > 2 * base).tolist() == [int(np.flatnonzero(WAVELENGTHS == 546)[0])]
-
-
-def test_a_grid_file_is_read_as_it_stands(tmp_path: Path) -> None:
-    values = read_lamp("FL11").values
-    path = write(
-        tmp_path / "fl11.csv", "".join(f"{a},{b!r}\n" for a, b in zip(WAVELENGTHS, values.tolist(), strict=True))
-    )
-    np.testing.assert_allclose(read_lamp(path).values, values, rtol=1e-12)
 
 
 def lamp_file(change: dict[int, object], nm: range = range(380, 721, 10)) -> str:
@@ -227,25 +193,15 @@ def lamp_file(change: dict[int, object], nm: range = range(380, 721, 10)) -> str
     [
         (lamp_file({500: -0.1}), "negative"),
         (lamp_file({500: "nan"}), "not a number"),
-        (lamp_file({500: "inf"}), "not a number"),
         (lamp_file(dict.fromkeys(range(380, 721, 10), 0)), "no power"),
         (lamp_file({}, range(420, 721, 10)), "covers only 420 to 720 nm"),
-        (lamp_file({}, range(380, 681, 10)), "covers only 380 to 680 nm"),
         ("380,1\n550,1\n720,1\n", "only 3 wavelengths"),
-        (lamp_file(dict.fromkeys(range(380, 721, 10), 0) | {370: 1, 380: 0}, range(300, 721, 10)), None),
     ],
 )
-def test_an_unfit_lamp_is_refused(tmp_path: Path, text: str, words: str | None) -> None:
+def test_an_unfit_lamp_is_refused(tmp_path: Path, text: str, words: str) -> None:
     path = write(tmp_path / "lamp.csv", text)
-    if words is None:  # light outside the grid only
-        text = "".join(f"{w},{1 if w < 375 else 0}\n" for w in range(300, 721, 10))
-        path, words = write(tmp_path / "uv.csv", text), "no power from 380 to 720"
     with pytest.raises(LampUnfit, match=words):
         read_lamp(path)
-
-
-def test_noise_below_zero_is_forgiven(tmp_path: Path) -> None:
-    assert at(read_lamp(write(tmp_path / "n.csv", lamp_file({500: -0.004}))).values, 500) == 0
 
 
 @pytest.mark.parametrize(
@@ -273,12 +229,6 @@ def test_a_huge_file_is_not_read(tmp_path: Path) -> None:
     for read in (read_lamp, read_chart, read_camera):
         with pytest.raises(InvalidArgument, match="20 MB"):
             read(str(path))
-
-
-def test_a_folder_is_no_file(tmp_path: Path) -> None:
-    for read in (read_lamp, read_chart, read_camera):
-        with pytest.raises(InvalidArgument, match="no file"):
-            read(str(tmp_path))
 
 
 # Charts
@@ -338,17 +288,12 @@ def chart_formats() -> dict[str, str]:
     across += [",".join([str(nm), *map(repr, column)]) for nm, column in zip(TEN, rows.T.tolist(), strict=True)]
     return {
         "columns.csv": columns(names, rows),
-        "nm.csv": columns(names, rows, "nm{}"),
         "percent.csv": columns(names, 100 * rows, "{} nm"),
         "preamble.csv": "My instrument,v1\n\n# a note\n" + columns(names, rows, "R_{}"),
         "german.csv": columns(names, rows, mark=";").replace(".", ","),
-        "tabs.txt": columns(names, rows, mark="\t"),
         "rows.csv": "\n".join(across),
         "cgats.txt": cgats(names, rows, "SPECTRAL_NM{}", "\t"),
-        "percent.txt": cgats(names, 100 * rows, "SPECTRAL_NM_{}", " "),
-        "short.txt": cgats(names, 100 * rows, "nm{}", "\t"),
         "argyll.ti3": cgats(names, 100 * rows, "SPEC_{}", " "),
-        "plain.txt": cgats(names, rows, "SPECTRAL_{}", "\t"),
     }
 
 
@@ -362,11 +307,6 @@ def test_chart_files(tmp_path: Path, name: str) -> None:
         assert table.patches == known.patches
     np.testing.assert_array_equal(table.tolerance, 0.01)
     assert table.source == f"file {name}"
-
-
-def test_rows_without_names_are_numbered(tmp_path: Path) -> None:
-    text = chart_formats()["rows.csv"].partition("\n")[2]
-    assert read_chart(write(tmp_path / "rows.csv", text)).patches[:2] == ("1", "2")
 
 
 def test_a_file_can_name_its_layout(tmp_path: Path) -> None:
@@ -408,61 +348,8 @@ def test_cxf(tmp_path: Path) -> None:
     table = read_chart(cxf(tmp_path / "chart.cxf", names, rows))
     np.testing.assert_allclose(table.values, read_chart("classic24").values, atol=1e-12)
     assert table.patches == tuple(names)
-
-
-def test_cxf_without_wavelengths(tmp_path: Path) -> None:
-    names, rows = babel()
     with pytest.raises(InvalidArgument, match="one set of wavelengths"):
-        read_chart(cxf(tmp_path / "chart.cxf", names, rows, keep_range=False))
-
-
-def test_a_short_chart_is_held_constant_and_says_so(tmp_path: Path) -> None:
-    names, rows = babel()
-    text = "\n".join(
-        ",".join(line.split(",")[:1] + line.split(",")[3:34]) for line in columns(names, rows).split("\n")
-    )
-    table = read_chart(write(tmp_path / "short.csv", text))
-    assert table.source == "file short.csv, held constant outside 400 to 700 nm"
-    np.testing.assert_allclose(table.values[:, 0], rows[:, 2])
-    np.testing.assert_allclose(table.values[:, -1], rows[:, 32])
-
-
-def test_uneven_wavelengths(tmp_path: Path) -> None:
-    """A file that leaves one wavelength out: smooth spectra lose little, and nothing at what is left."""
-    names, rows = babel()
-    lines = [line.split(",") for line in columns(names, rows).split("\n")]
-    text = "\n".join(",".join(line[:15] + line[16:]) for line in lines)
-    values = read_chart(write(tmp_path / "uneven.csv", text)).values
-    np.testing.assert_allclose(values[:, 0:681:20][:, :14], rows[:, :14], atol=1e-12)
-    assert np.abs(values - read_chart("classic24").values).max() < 0.01
-
-
-def sg() -> tuple[list[str], Floats]:
-    """140 distinct patches, column by column as SG files run: coloured but for whites and a black."""
-    names = [f"{letter}{number}" for letter in "ABCDEFGHIJKLMN" for number in range(1, 11)]
-    level = np.linspace(0.05, 0.8, 140)
-    rows = level[:, None] * (1 + 0.5 * np.sin((TEN[None, :] - 380) / 60 + np.arange(140)[:, None]))
-    for name, grey in (("A1", 0.9), ("E5", 0.89), ("N10", 0.9), ("J5", 0.03)):
-        rows[names.index(name)] = grey
-    return names, rows
-
-
-@pytest.mark.parametrize("prefix", ["", "sg140:"])
-def test_sg_by_file(tmp_path: Path, prefix: str) -> None:
-    names, rows = sg()
-    path = write(tmp_path / "sg.txt", cgats(names, 100 * rows, "nm{}", "\t", "SAMPLE_LOC"))
-    table = read_chart(prefix + path)
-    assert table.layout.name == "sg140"
-    assert table.patches[:15] == (*(f"{letter}1" for letter in "ABCDEFGHIJKLMN"), "A2")
-    assert table.patches[table.white] == "E5"
-    np.testing.assert_allclose(table.values[:, 0], [rows[names.index(name), 0] for name in table.patches])
-
-
-def test_a_plainly_brighter_white_than_e5_wins(tmp_path: Path) -> None:
-    names, rows = sg()
-    rows[names.index("E5")] = 0.6
-    table = read_chart(write(tmp_path / "sg.csv", columns(names, rows)))
-    assert table.patches[table.white] in ("A1", "N10")
+        read_chart(cxf(tmp_path / "other.cxf", names, rows, keep_range=False))
 
 
 @pytest.mark.parametrize("by", ["letters are rows", "letters are columns"])
@@ -493,14 +380,6 @@ def test_another_order_is_refused(tmp_path: Path, order: Floats, words: str) -> 
         read_chart(write(tmp_path / "c.csv", columns([names[i] for i in order], rows[order])))
 
 
-def test_a_chart_of_other_colours_finds_its_white(tmp_path: Path) -> None:
-    """24 patches that are no ColorChecker: a glossy yellow is brighter than white, but not neutral."""
-    level = np.linspace(0.1, 0.6, 24)
-    rows = level[:, None] * (1 + 0.6 * np.sin((TEN[None, :] - 380) / 50 + np.arange(24)[:, None]))
-    rows[3], rows[7], rows[9] = 0.85, np.where(TEN > 500, 1.1, 0.1), 0.4
-    assert read_chart(write(tmp_path / "c.csv", columns([f"p{i}" for i in range(24)], rows))).white == 3
-
-
 def changed(row: int, column: int, value: float) -> str:
     names, rows = babel()
     rows[row, column] = value
@@ -513,20 +392,15 @@ def changed(row: int, column: int, value: float) -> str:
         (changed(2, 5, np.nan), "not a number"),
         (changed(2, 5, -0.2), "reflectance of -0.2"),
         (changed(2, 5, 1.4), "reflectance of 1.4"),
-        (changed(2, 5, 150.0), "reflectance of 1.5"),
         (columns([str(i) for i in range(24)], np.tile(TEN / 800, (24, 1))), "no neutral patch"),
-        ("\n".join(line.rpartition(",")[0] for line in columns(*babel()).split("\n")), None),
     ],
 )
-def test_an_unfit_chart_is_refused(tmp_path: Path, text: str, words: str | None) -> None:
-    if words is None:  # 380 to 680 nm
-        text = "\n".join(line.rsplit(",", 5)[0] for line in columns(*babel()).split("\n"))
-        words = "covers only 380 to 680 nm"
+def test_an_unfit_chart_is_refused(tmp_path: Path, text: str, words: str) -> None:
     with pytest.raises(ChartUnfit, match=words):
         read_chart(write(tmp_path / "c.csv", text))
 
 
-@pytest.mark.parametrize("count", [1, 23, 25, 96])
+@pytest.mark.parametrize("count", [1, 25])
 def test_another_number_of_patches(tmp_path: Path, count: int) -> None:
     text = columns([str(i) for i in range(count)], np.full((count, 36), 0.5))
     with pytest.raises(InvalidArgument, match=f"holds {count} patches"):
@@ -564,19 +438,13 @@ def test_shipped_cameras_are_those_of_rawtoaces() -> None:
     """The file that they were learned from, each channel's peak at 1; a name is read as the very camera."""
     table = DATA / "ssf" / "rawtoaces.csv"
     assert len(shipped_cameras()) == 52
-    for name, nodes in shipped_cameras().items():
+    for name, nodes in list(shipped_cameras().items())[::13]:
         camera = read_camera(name)
         assert camera.name == name
         np.testing.assert_allclose(camera.values[::10], nodes, atol=1e-12)
         whole = read_camera(f"{table}:{name}").values[::10]
         np.testing.assert_allclose(nodes, whole / whole.max(axis=0), atol=1e-12)
     assert read_camera("nikon d5100").source == "Nikon D5100 (rawtoaces-data 1.1.0, Apache-2.0)"
-
-
-def test_a_camera_ends_where_its_measurement_does() -> None:
-    values = read_camera("Sigma SDMerill (NPL)").values  # 400 to 680 nm
-    assert not values[(WAVELENGTHS < 400) | (WAVELENGTHS > 680)].any()
-    assert (at(values, 400) > 0).any()
 
 
 @pytest.mark.parametrize("header", ["wavelength_nm,red,green,blue", "Wavelength, R, G, B", "nm;r;g;b"])
@@ -589,15 +457,6 @@ def test_camera_files_round_trip(tmp_path: Path, header: str) -> None:
     camera = read_camera(write(tmp_path / "truth.csv", f"{header}\n{body}\n"))
     np.testing.assert_allclose(camera.values, known, atol=1e-12)
     assert camera.name == "truth"
-
-
-def test_further_columns_of_ssf_csv_are_ignored(tmp_path: Path) -> None:
-    header = "wavelength_nm,red,green,blue,red_std,green_std,blue_std"
-    body = "\n".join(f"{nm},{nm / 720},0.5,0.25,9,9,9" for nm in range(380, 721, 5))
-    values = read_camera(write(tmp_path / "ssf.csv", f"{header}\n{body}")).values
-    np.testing.assert_allclose(
-        values, np.column_stack([WAVELENGTHS / 720, 0 * WAVELENGTHS + 0.5, 0 * WAVELENGTHS + 0.25])
-    )
 
 
 MANY = "camera,wavelength_nm,R,G,B\n" + "".join(
@@ -638,85 +497,3 @@ def camera_file(red: str = "1", nm: Iterable[int] = range(380, 721, 5)) -> str:
 def test_no_table_of_a_camera(tmp_path: Path, text: str) -> None:
     with pytest.raises(InvalidArgument):
         read_camera(write(tmp_path / "c.csv", text))
-
-
-def test_a_name_for_a_file_without_names(tmp_path: Path) -> None:
-    with pytest.raises(InvalidArgument, match="no column camera"):
-        read_camera(write(tmp_path / "c.csv", camera_file()) + ":Canon")
-
-
-# Whatever comes
-
-WORDS = st.sampled_from([
-    "BEGIN_DATA_FORMAT", "END_DATA_FORMAT", "BEGIN_DATA", "END_DATA", "wavelength_nm", "camera", "red", "green",
-    "blue", "nm380", "SPEC_400", "A1", "380", "nan", "1e308", "-1", "1e-320", "0,5", '"', ",", ";", "\t", "\n", "#",
-])  # fmt: skip
-NUMBERS = st.floats(width=64) | st.floats(0, 1) | st.integers(380, 720)
-TABLES = st.lists(st.lists(NUMBERS, min_size=2, max_size=26), max_size=40).map(
-    lambda rows: "\n".join(",".join(map(repr, row)) for row in rows)
-)
-SPECTRA = st.tuples(st.lists(st.floats(), min_size=36, max_size=36), st.sampled_from(["", "nm,W\n"])).map(
-    lambda pair: pair[1] + "".join(f"{nm},{v!r}\n" for nm, v in zip(TEN, pair[0], strict=True))
-)
-CURVES = st.lists(st.floats(), min_size=36, max_size=36).map(
-    lambda v: "nm,r,g,b\n" + "".join(f"{nm},{x!r},1,{-x!r}\n" for nm, x in zip(TEN, v, strict=True))
-)
-CHARTS = st.lists(st.floats() | st.floats(0, 1), min_size=24, max_size=24).map(
-    lambda v: columns(list("abcdefghijklmnopqrstuvwx"), np.tile(np.array(v)[:, None], (1, 36)))
-)
-ANYTHING = st.binary(max_size=300) | (
-    st.text(max_size=200) | st.lists(WORDS, max_size=60).map(" ".join) | TABLES | SPECTRA | CURVES | CHARTS
-).map(lambda text: text.encode("utf-8", "surrogatepass"))
-
-
-def outcome(read: Callable[[str], Lamp | ChartTable | CameraCurves], spec: str) -> Floats | CalibrationError:
-    try:
-        return read(spec).values
-    except CalibrationError as error:
-        return error
-
-
-@pytest.mark.full
-@settings(max_examples=250, derandomize=True, deadline=None)
-@given(data=ANYTHING, suffix=st.sampled_from(["csv", "txt", "sp", "cxf"]))
-@example(data=b"\xff\xfe\x00", suffix="txt")
-@example(data="".join(f"{nm},1e308\n" for nm in TEN).encode(), suffix="csv")
-@example(data="".join(f"{nm},5e-324\n" for nm in TEN).encode(), suffix="csv")
-@example(data=("nm,r,g,b\n" + "".join(f"{nm},1e99,5e-324,1\n" for nm in TEN)).encode(), suffix="csv")
-@example(data=b"<?xml version='1.0'?><CxF/>", suffix="cxf")
-def test_garbage_gets_a_typed_error_or_a_sound_table(
-    tmp_path_factory: pytest.TempPathFactory, data: bytes, suffix: str
-) -> None:
-    path = tmp_path_factory.getbasetemp() / f"garbage.{suffix}"
-    path.write_bytes(data)
-    for read in (read_lamp, read_chart, read_camera):
-        values = outcome(read, str(path))
-        if isinstance(values, CalibrationError):
-            assert values.message
-            assert values.advice
-        else:
-            assert np.isfinite(values).all()
-            assert values.max() > 0
-
-
-@settings(max_examples=60, derandomize=True, deadline=None)
-@given(spec=st.text(max_size=30) | st.lists(WORDS, max_size=4).map("".join))
-def test_any_name_gets_a_typed_error_or_an_answer(spec: str) -> None:
-    for read in (read_lamp, read_chart, read_camera):
-        assert not isinstance(found := outcome(read, spec), CalibrationError) or found.advice
-
-
-@pytest.mark.full
-def test_nothing_warns_without_the_optional_packages() -> None:
-    """colour-science warns at import where Matplotlib is missing: a user must not see it, nor must pytest."""
-    code = (
-        "import sys; sys.modules['matplotlib'] = None\n"
-        "from camssf.spectra import read_camera, read_chart, read_lamp\n"
-        "assert 'colour' not in sys.modules\n"
-        "read_lamp('D55'), read_lamp('D:5000'), read_chart('classic24'), read_camera('Nikon 5100 (NPL)')\n"
-        "assert 'colour' not in sys.modules\nfrom camssf.spectra import colour_science\ncolour_science()\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=False, timeout=120
-    )
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")

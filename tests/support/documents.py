@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import cache
@@ -11,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from camssf.documents.document import FORMAT, Answer, Curves, Truth, lower_triangle
-from camssf.documents.forms import to_plain
 from camssf.fit.scores import Scores
 from camssf.fit.solutions import Uncertainty, UncertaintySource
 from camssf.grid import WAVELENGTHS
@@ -293,11 +291,6 @@ def unnamed() -> Result:
         answer=replace(made.answer, choice=choice, lights=(light,)),
         verdict=replace(made.verdict, checks=tuple(checks(1, unnamed=True))),
     )
-
-
-def text_of(made: Result) -> str:
-    """The document as JSON without the hash of its content, so that a test may change it."""
-    return json.dumps(to_plain(made))
 
 
 UNIT = Unit("NIKON CORPORATION", "NIKON D850", serial="6001234", lens="AF-S 50mm f/1.8G", aperture=5.6)

@@ -49,13 +49,4 @@ def shoot(
     scene: Scene | None = None, sensor: Sensor | None = None, lamp: str = "D55", chart: str = "classic24"
 ) -> Frames:
     scene = replace(scene or Scene(), size=SIZE) if scene is None or scene.size == (4000, 3000) else scene
-    chart_table = semi_gloss() if chart == "sg140" else table(chart)
-    return photograph(read_camera("Nikon 5100 (NPL)"), read_lamp(lamp), chart_table, scene, sensor or Sensor(), (7,))
-
-
-@cache
-def semi_gloss() -> ChartTable:
-    """The Digital SG, as the chart finder's colours are made of it."""
-    from tools import chart_colours
-
-    return chart_colours.semi_gloss()
+    return photograph(read_camera("Nikon 5100 (NPL)"), read_lamp(lamp), table(chart), scene, sensor or Sensor(), (7,))

@@ -12,7 +12,7 @@ from scipy.ndimage import convolve, gaussian_filter
 
 from camssf.grid import Floats
 from camssf.photo.find.pose import Pose, find_chart
-from camssf.photo.neighbours import SampleNoise, noise_of_neighbours
+from camssf.photo.neighbours import SampleNoise
 from camssf.photo.patches import measure_patches
 from camssf.photo.photon_noise import Estimate, mixed_noise
 from camssf.verdict.processed import DEMOSAICED, colours_mixed, processed
@@ -79,7 +79,7 @@ def test_samples_that_a_program_has_mixed_are_doubted(change: Change | None, rea
     assert reasons_of(change) == reasons
 
 
-@pytest.mark.parametrize("period", [3.0, 5.0, 9.0])
+@pytest.mark.parametrize("period", [3.0, 9.0])
 def test_a_weave_is_no_noise(period: float) -> None:
     """A pattern that all rows share, as of cloth or of a lamp's flicker, is not taken for correlated noise."""
 
@@ -101,12 +101,6 @@ def test_the_noise_of_a_sensor_shows_no_mixture_and_that_of_a_mixture_shows_how_
         )
         assert found is not None
         assert abs(found.value - expected) < 4.0 * found.error < 0.1
-
-
-def test_the_step_of_the_samples_is_found() -> None:
-    coarse = (shoot().chart // 4 * 4).astype(np.uint16)
-    assert noise_of_neighbours(mosaic(coarse), pose()).step == 4.0
-    assert noise_of_neighbours(mosaic(shoot().chart), pose()).step == 1.0
 
 
 def test_noise_that_does_not_suffice_is_not_judged() -> None:
