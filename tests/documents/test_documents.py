@@ -69,6 +69,7 @@ TAKE_OUT = object()
 FAULTS: list[tuple[str, Any, str]] = [
     ("answer.x\n" + "y" * 200, 1, 'answer has the unknown key "x\\n' + "y" * 76 + "."),
     ("version", TAKE_OUT, "the document lacks version"),
+    ("answer.l2", 10**5000, "answer.l2 must be a number, is too large"),
     (MEAN + ".3.1", 10**400, "capture.shots[0].means.chart.mean[3][1] must be a number"),
     ("answer.proof.finish_steps.0", 1.5, "answer.proof.finish_steps[0] must be a whole number from 0 to 1e+12"),
     ("answer.proof.finish_steps", [0, 0, 0], "answer.proof must hold one number a problem, 1 or 3 of them"),
