@@ -2,6 +2,7 @@
 
 import csv
 import json
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -144,6 +145,21 @@ def test_upkeep(one: Registry, said: Said) -> None:
     assert "damaged" in said("verify", one.folder, status=cli.PARTED)[1]
 
 
+def test_compare(one: Registry, said: Said) -> None:
+    """The status tells an alarm; a unit is named by its number, a model's spread counts what it leaves out."""
+    others = [replace(row, key=f"b{row.key[1:]}", serial="B2") for row in history(13, 0)]
+    one.add(
+        [*history(13, 6), *others, far_off(serial="r"), far_off(key="a" * 64, status="refused", red=(), serial="")]
+    )
+    drift = ("compare", one.folder, "--serial", "A1")
+    assert said.document(*drift, status=cli.PARTED)["alarm"] is True
+    assert "red centre" in said(*drift, status=cli.PARTED)[1]
+    assert said.document("compare", one.folder, "--serial", "B2")["alarm"] is False
+    found = said.document("compare", one.folder, "--model", "Model")
+    assert (found["units"], found["left_out"]) == (2, {"doubtful": 1, "refused": 1})
+    assert "left out: 1 doubtful, 1 refused" in said("compare", one.folder, "--model", "Model")[1]
+
+
 def test_a_newest_result_that_was_left_out_is_not_no_drift(one: Registry, said: Said) -> None:
     one.add([*history(5, 0), far_off()])
     words = ("compare", one.folder, "--serial", "A1")
@@ -171,6 +187,7 @@ CALLS = [
     ("compare phones --model Model", "There is 1 unit of Model with a serial number and accepted results"),
     ("export phones -o x.txt", "x.txt ends in neither .parquet nor .csv."),
     ("add phones no.json", ""),
+    ("add phones else/letter.txt", "else/letter.txt is text, no result and no passport"),
     ("add phones empty.json", ""),
     ("add phones result.json --captured soon", ""),
     ("add phones result.json --serial A --captured 9000-01-01", "lies in the future"),
