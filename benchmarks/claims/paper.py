@@ -6,7 +6,7 @@ one that is best on the other makers' cameras under the same lamp and noise. RMS
 700 nm, mean of R, G, B; noise σ = ν hypot(y, 0.2) with ν = 0, 0.5 % or 1 %; 12 patches are numbers 7 to 18.
 
 Leaves benchmarks/results/paper.json, which `python -m tools.results paper` keeps as docs/paper.json, and of which
-`python -m tools.paper_figures` makes the pictures.
+`python -m tools.paper_picture` makes the picture.
 """
 
 from __future__ import annotations

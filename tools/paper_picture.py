@@ -1,4 +1,4 @@
-"""The figures of docs/paper.md from the last run of `python -m benchmarks paper`: `python -m tools.paper_figures`."""
+"""The picture of docs/paper.md from the last run of `python -m benchmarks paper`: `python -m tools.paper_picture`."""
 
 from __future__ import annotations
 
@@ -12,29 +12,7 @@ from benchmarks.shared import RESULTS
 from camssf.grid import BAND, WAVELENGTHS
 from tools.pictures import RGB, legend, save_png, subplots
 
-IMAGES = Path(__file__).parents[1] / "docs" / "images"
-PAPER, PRODUCT = "l1 on Gaussians (the paper)", "elastic net on cameras (camssf)"
-PAPER_SHADE, PRODUCT_SHADE = "#7d3c98", "#117a65"
-
-
-def colours(found: dict[str, Any]) -> Any:
-    """Fig. 3a."""
-    figure, panels = subplots(1, 2, (10, 3.8), sharey=True)
-    rows = found["colours"]
-    for panel, noise in zip(panels, ("0.0", "0.005"), strict=True):
-        for key, label, shade in (("paper", PAPER, PAPER_SHADE), ("product", PRODUCT, PRODUCT_SHADE)):
-            row = rows[key][noise]
-            panel.plot(rows["counts"], row["mean"], "o-", color=shade, markersize=3, label=label)
-            panel.fill_between(rows["counts"], row["low"], row["high"], color=shade, alpha=0.15, linewidth=0)
-        panel.set_title("no noise" if noise == "0.0" else f"noise {float(noise):.1%}")
-        panel.set_xlabel("chromatic patches")
-        panel.set_xticks(rows["counts"][::3])
-        panel.grid(alpha=0.3)
-    panels[0].axhline(0.0281, color="black", linewidth=0.8, linestyle="--", label="the paper, its camera, 12 patches")
-    panels[0].set_ylabel("RMSE, mean and 80 % of the runs")
-    panels[0].set_ylim(0, 0.4)
-    panels[0].legend(fontsize=8)
-    return figure
+PLACE = Path(__file__).parents[1] / "docs" / "images" / "paper-phones.png"
 
 
 def phones(found: dict[str, Any]) -> Any:
@@ -72,10 +50,8 @@ def phones(found: dict[str, Any]) -> Any:
 
 
 def main() -> None:
-    """Draw them."""
-    found = json.loads((RESULTS / "paper.json").read_text("utf-8"))
-    for make in (colours, phones):
-        save_png(make(found), IMAGES / f"paper-{make.__name__}.png")
+    """Draw it."""
+    save_png(phones(json.loads((RESULTS / "paper.json").read_text("utf-8"))), PLACE)
 
 
 if __name__ == "__main__":
