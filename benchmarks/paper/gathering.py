@@ -50,26 +50,18 @@ def by_key(results: dict[int, Scores]) -> dict[str, dict[int, list[float]]]:
 
 
 def gather_colours(results: dict[int, Scores]) -> dict[str, Any]:
-    """Mean, spread (a tenth of the runs lie below and above it) by method, noise and count."""
+    """Mean by method, noise and count."""
     found: dict[str, Any] = {"counts": list(COUNTS), "combinations": [len(combinations_of(c)) for c in COUNTS]}
     for key, runs in by_key(results).items():
         name, noise, count = key.split("|")
         values = np.concatenate([runs[index] for index in runs])
         refused = int(np.isnan(values).sum())
         values = values[~np.isnan(values)]
-        row = found.setdefault(name, {}).setdefault(
-            noise, {"mean": [], "low": [], "high": [], "runs": [], "refused": 0}
-        )
+        row = found.setdefault(name, {}).setdefault(noise, {"mean": [], "runs": [], "refused": 0})
         assert count == str(COUNTS[len(row["mean"])])
         row["mean"].append(values.mean().item())
-        row["low"].append(np.quantile(values, 0.1).item())
-        row["high"].append(np.quantile(values, 0.9).item())
         row["runs"].append(len(values))
         row["refused"] += refused
-    two = [i for i in results if cameras()[i].name.endswith("(NPL)")]
-    for i in two:
-        values = [results[i][f"paper|0.0|{count}"] for count in COUNTS]
-        found.setdefault("public", {})[cameras()[i].name] = [float(np.nanmean(v)) for v in values]
     return found
 
 
