@@ -54,7 +54,7 @@ def test_the_home_page_leads_to_five_groups_and_the_repository(site: Path) -> No
     ("registry", "penalties of the fit"), ("passport", "valid from then on"), ("errors", "exit status"),
     ("tables", "Philips TL84"), ("real", "auto, no Nikon"),
     ("reference/errors", 'id="camssf.errors.Glare"'),
-    ("cli", "Where the report goes"), ("paper", "pseudo-inverse: wavelengths, clipped"),
+    ("cli", "Where the report goes"), ("paper", "non-negativity: wavelengths, clipped"),
 ])  # fmt: skip
 def test_what_is_not_kept_is_on_the_site(page: str, shown: str, site: Path) -> None:
     """Pages and tables that tools/site_pages.py makes."""
