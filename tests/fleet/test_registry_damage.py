@@ -1,5 +1,6 @@
 """The registry: every acknowledged row once, whoever writes, dies, gathers or reads."""
 
+import hashlib
 import os
 import subprocess
 from contextlib import suppress
@@ -100,6 +101,16 @@ def test_a_compaction_leaves_damaged_and_strange_files_alone(one: Registry, tmp_
     file.write_bytes(whole)
     assert one.query("SELECT serial FROM rows WHERE key LIKE '%2'") == [{"serial": "S2"}]
     assert not [fault for fault in verify(one).faults if "still in a file" not in fault and "is missing" not in fault]
+
+
+@pytest.mark.parametrize("columns_", ["'x' AS foo", "* REPLACE ('x' AS revision)"])
+def test_a_file_of_another_program_with_a_right_name_is_named(one: Registry, tmp_path: Path, columns_: str) -> None:
+    one.add([made(1)])
+    strange = rewritten(files_where(one, "kind = 'result'")[0], columns_, tmp_path / "strange")
+    name = f"{hashlib.sha256(strange.read_bytes()).hexdigest()}.parquet"
+    strange.rename(one.folder / name)
+    (fault,) = verify(one).faults
+    assert fault.startswith(f"{one.folder / name} is no file of a registry (its columns ")
 
 
 @pytest.mark.requirement("R-REGISTRY")
