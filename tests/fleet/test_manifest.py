@@ -111,6 +111,11 @@ def test_faults_are_their_rows_own(tmp_path: Path) -> None:
             assert (words in job.fault) if words else not job.fault, job
 
 
+def test_a_further_column_needs_a_registry(tmp_path: Path) -> None:
+    with pytest.raises(InvalidArgument, match="an unknown column"):
+        written(tmp_path, "name,photo,lamp,lens\na,x,D55,50mm\n").read_all()
+
+
 def test_parquet_reads_as_its_csv_with_further_columns(tmp_path: Path) -> None:
     text = "cam,a.dng,D55,S1,2026-01-02,lab,1\ncam,b.dng,A,S1,2026-01-02,lab,1\nother,c.dng,A,,,,\n"
     rows = list(written(tmp_path, "name,photo,lamp,serial,captured,site,n\n" + text))

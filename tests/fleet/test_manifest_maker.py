@@ -54,6 +54,12 @@ def test_a_name_is_a_unit_and_a_lamp(name: str, unit: str, lamp: str, tmp_path: 
     assert row[:3] == [unit, name, lamp]
 
 
+def test_a_picture_needs_its_sidecar_and_folders_are_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "S3_D55.dng").mkdir()
+    rows = made(tmp_path, "S1_D55.png", "S1_D55.png.json", "S2_D55.png", "S2_D55.jpg")
+    assert [row[1] for row in rows] == ["S1_D55.png"]
+
+
 @pytest.mark.parametrize(
     ("names", "words"),
     [

@@ -163,6 +163,13 @@ def test_writers_that_contradict_each_other_at_once(one: Registry, monkeypatch: 
     assert (serials, verify(one).faults) == ([{"serial": "mine"}], ())
 
 
+def test_two_writers_that_begin_a_registry_together(one: Registry, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The other one writes its first file between this one's two looks into the folder."""
+    meanwhile(monkeypatch, "RecordFiles.sizes", lambda: Registry(one.folder, new=True).add([made(1)]))
+    Registry(one.folder, new=True).add([made(2)])
+    assert len(keys(one)) == 2
+
+
 @pytest.mark.requirement("R-REGISTRY")
 def test_a_fact_that_is_said_of_a_result_that_is_being_deleted_is_named(
     one: Registry, monkeypatch: pytest.MonkeyPatch
