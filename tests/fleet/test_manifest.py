@@ -10,6 +10,7 @@ import pytest
 from camssf.errors import InvalidArgument
 from camssf.photo.read.unit import Unit
 from camssf_fleet.archive import task_of
+from camssf_fleet.batch import inputs_hash
 from camssf_fleet.manifest import Manifest
 from camssf_fleet.record_queries import connection
 
@@ -144,3 +145,16 @@ def test_a_task_is_known_by_what_it_would_be_made_from(tmp_path: Path) -> None:
     os.utime(tmp_path / "lamp.csv", (1, 1))
     tasks += [task(), task(f"{head}\ncam,a,lamp.csv,\n"), task(f"{head},serial\n{row},9\n")]
     assert len(set(tasks)) == len(tasks)
+
+
+def test_a_cluster_is_told_where_the_basis_lies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A worker may stand elsewhere; what a result is named after is the same."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("mine.npz", "p"):
+        Path(name).write_bytes(b"one")
+    Path("m.csv").write_text("name,photo,lamp\ncam,p,D55\n")
+    (job,), (sent,) = Manifest("m.csv", basis="mine.npz"), Manifest("m.csv", basis="mine.npz").absolute()
+    assert (sent.photos, sent.basis) == ((str(tmp_path / "p"),), str(tmp_path / "mine.npz"))
+    assert inputs_hash(sent) == inputs_hash(job)
+    (job,) = Manifest("m.csv").absolute()
+    assert job.basis == "auto"

@@ -10,9 +10,10 @@ from typing import Any, TypeAlias
 import pytest
 
 from camssf import cli
-from camssf.errors import UnreadableRaw
+from camssf.errors import InvalidArgument, UnreadableRaw
 from camssf_fleet.manifest import Job
 from camssf_fleet.outcome import Outcome
+from camssf_fleet.record_files import DAMAGED
 from camssf_fleet.record_queries import connection
 from camssf_fleet.registry import Registry
 from tests.support.desk import Desk, stub, template
@@ -239,3 +240,14 @@ def test_a_lost_row_comes_back_without_its_photo(
         verify()
     photo.write_text("Phone c2")
     assert desk.run(work=unreadable).failed == 0
+
+
+def test_of_a_damaged_file_all_say_the_same(home: Path, verify: Verify) -> None:
+    LOSSES["a cut file"](home)
+    advice = verify(status=cli.PARTED)[0]["advice"]
+    with pytest.raises(InvalidArgument, match="damaged or missing") as raised:
+        Desk(home).run()
+    assert raised.value.advice == DAMAGED
+    for words in ("away", "backup", "camssf batch"):
+        assert words in advice
+        assert words in DAMAGED
