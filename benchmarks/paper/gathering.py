@@ -13,7 +13,6 @@ from benchmarks.paper.experiments import (
     TWELVE,
     Scores,
     cameras,
-    combinations_of,
 )
 from benchmarks.paper.rivals import FIGURE_4, READINGS, method
 from benchmarks.shared import chart
@@ -51,7 +50,7 @@ def by_key(results: dict[int, Scores]) -> dict[str, dict[int, list[float]]]:
 
 def gather_colours(results: dict[int, Scores]) -> dict[str, Any]:
     """Mean by method, noise and count."""
-    found: dict[str, Any] = {"counts": list(COUNTS), "combinations": [len(combinations_of(c)) for c in COUNTS]}
+    found: dict[str, Any] = {"counts": list(COUNTS)}
     for key, runs in by_key(results).items():
         name, noise, count = key.split("|")
         values = np.concatenate([runs[index] for index in runs])

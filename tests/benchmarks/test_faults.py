@@ -13,7 +13,7 @@ import pytest
 from benchmarks.faults import FAULTS, SEVERITIES, apply_fault
 from camssf.calibration import calibrate
 from camssf.errors import CalibrationError, InvalidArgument
-from camssf.grid import WAVELENGTHS, Floats
+from camssf.grid import Floats
 from camssf.photo.read.dng import read_dng
 from camssf.spectra import read_camera, read_chart, read_lamp
 from camssf_lab.simulation.camera import Sensor
@@ -25,19 +25,6 @@ from camssf_lab.simulation.shot_plan import ShotPlan
 DOCS = Path(__file__).parents[2] / "docs"
 SIZE = (360, 270)
 QUIET = Sensor(noise=False)
-ISSUE = {
-    "clipped highlights": "clipped", "one channel clipped": "clipped-channel", "underexposed": "underexposed",
-    "wrong black level": "black", "dark frame at other exposure/ISO": "dark-iso",
-    "white and chart frame swapped": "swapped", "white frame under another lamp": "white-lamp",
-    "lamp named wrongly": "wrong-lamp", "two lamps mixed": "two-lamps", "glare/veiling flare": "glare",
-    "specular spot on a patch": "specular", "shadow across the chart": "shadow",
-    "vignetting without a white frame": "vignetting", "lens shading already applied or not": "shading",
-    "motion blur": "motion", "defocus": "defocus", "chart upside down": "upside-down", "mirrored": "mirrored",
-    "partly covered": "covered", "faded": "faded", "wrong-vintage chart": "vintage", "wrong chart type": "wrong-type",
-    "printed copy": "printed", "tone-mapped": "tone-mapped", "demosaiced": "demosaiced", "wrong CFA order": "cfa",
-    "hot pixels": "hot-pixels", "8-bit quantised": "coarse",
-}  # fmt: skip
-"""Of the list of faults that the verdict must face."""
 
 
 @cache
@@ -67,15 +54,9 @@ def patch(samples: Floats, number: int, colour: str, scene: Scene) -> float:
     return float(samples[np.ix_(rows, columns)].mean()) - QUIET.black
 
 
-def test_the_list_is_whole() -> None:
-    assert set(ISSUE.values()) <= set(FAULTS)
-    for name, fault in FAULTS.items():
-        assert fault.name == name
-        assert len(set(fault.degrees)) == len(SEVERITIES)
-
-
 @pytest.mark.parametrize("name", FAULTS)
 def test_every_severity_is_another_capture(name: str) -> None:
+    assert len(set(FAULTS[name].degrees)) == len(SEVERITIES)
     seen = {repr([sound().stated_lamp, sound().sensor, sound().file_tags("chart"), *hashes(clean(), sound())])}
     for severity in SEVERITIES:
         changed, frames = struck(name, severity)
@@ -154,9 +135,6 @@ def test_wrong_names(lamp: str, told: tuple[str, ...]) -> None:
 
 
 def test_software() -> None:
-    for severity, bits in ((1, 10), (2, 8), (3, 5)):
-        _, frames = struck("coarse", severity)
-        assert np.unique(frames.chart).size <= 2**bits
     changed, frames = struck("tone-mapped", 3)
     for number in (0, 18):
         linear = patch(clean().chart, number, "G", changed.scene) / (changed.sensor.white_level - QUIET.black)
@@ -165,9 +143,6 @@ def test_software() -> None:
     _, frames = struck("demosaiced", 1)
     inside = slice(2, -2)
     np.testing.assert_array_equal(frames.chart[inside, inside], clean().chart[inside, inside])  # known sites stay
-    changed, frames = struck("demosaiced", 3)
-    red = [patch(f.chart, 14, c, changed.scene) for f in (clean(), frames) for c in "RGB"]
-    assert red[3] / red[4] > 1.5 * red[0] / red[1]  # more colourful
 
 
 def test_a_printed_copy_looks_alike_and_is_none() -> None:
@@ -204,13 +179,6 @@ def test_files_say_what_the_plan_says(tmp_path: Path) -> None:
     assert files(tmp_path, "wrong-lamp", 3).shots[0].lamp == "A"
 
 
-def test_only_the_last_lamp_s_shot_is_spoilt(tmp_path: Path) -> None:
-    done = simulate(
-        "Nikon 5100 (NPL)", ["D55", "A"], tmp_path, scene=Scene(size=(360, 270)), change=apply_fault("vignetting", 1)
-    )
-    assert [shot.white is None for shot in done.shots] == [False, True]
-
-
 @pytest.mark.requirement("R-FAULTS")
 @pytest.mark.full
 @pytest.mark.parametrize(
@@ -237,43 +205,6 @@ def test_the_worst_is_caught_from_real_files(tmp_path: Path, name: str, codes: s
     except CalibrationError as error:
         found = {reason.code for reason in error.reasons} | {error.code}
     assert codes <= found
-
-
-# in the field
-
-
-def test_field_mode(tmp_path: Path) -> None:
-    """No frames, the lamp by its kind: works, says what it takes for granted, and knows less."""
-    done = simulate(
-        "Nikon 5100 (NPL)", ["D:5300"], tmp_path, scene=Scene(size=(720, 540), fill=0.4, vignetting=0.1), seed=8
-    )
-    shot = done.shots[0]
-    known = calibrate(shot.shot, truth=done.truth)
-    rough = calibrate(shot.chart, "daylight", truth=done.truth)
-    assert rough.verdict.status == "accepted"
-    assert {"white_from_patch", "dark_from_black_level"} <= {a.code for a in rough.assumptions}
-    assert any("called daylight" in assumption.message for assumption in rough.assumptions)
-    assert known.uncertainty is not None
-    assert rough.uncertainty is not None
-    assert rough.uncertainty.half_width > known.uncertainty.half_width
-    curves, std = rough.ssf.peak()
-    assert std is not None
-    truth = read_camera(str(done.truth)).values
-    inside = np.abs(curves - truth / truth.max(axis=0)) <= 1.96 * std
-    assert inside[(WAVELENGTHS >= 400) & (WAVELENGTHS <= 700)].mean() >= 0.9
-
-
-def test_a_dark_lens_in_the_field(tmp_path: Path) -> None:
-    """Without a white frame: how the light falls off is solved for with the curves."""
-    shot = simulate(
-        "Nikon 5100 (NPL)", ["D:5300"], tmp_path, scene=Scene(size=(720, 540), fill=0.6, vignetting=0.75)
-    ).shots[0]
-    done = calibrate(shot.chart, "daylight", truth=tmp_path / "truth.csv")
-    assert done.verdict.status == "accepted"
-    assert done.answer is not None
-    assert done.answer.level.min() < 0.75
-    assert done.scores.rmse is not None
-    assert done.scores.rmse.mean() < 0.04
 
 
 # docs

@@ -99,17 +99,3 @@ def test_gaussians_come_back_where_all_is_determined(name: str, reading: float) 
     atoms = gaussian_basis().dictionary[0]
     truth = atoms[:, [12, 8, 4]] + 0.5 * atoms[:, [13, 9, 5]]
     assert off(method(name).estimate(capture(truth, hats()), reading), truth) < 1e-3
-
-
-@pytest.mark.full
-def test_the_smallest_non_negative_solution() -> None:
-    """Against Clarabel: min ‖s‖ under F s = y, s ≥ 0; on ten patches, whose equations it can meet."""
-    cp = pytest.importorskip("cvxpy")
-    given = capture(TRUTH, read_chart("classic24").values[6:12])
-    found = method("pinv").estimate(given, 1.0)
-    assert found.min() >= 0.0
-    assert given.rows() @ found == pytest.approx(given.signals, rel=2e-4)
-    s = cp.Variable(681, nonneg=True)
-    exact = cp.Problem(cp.Minimize(cp.sum_squares(s)), [given.rows() @ s == given.signals[:, 1]])
-    exact.solve(solver=cp.CLARABEL)
-    assert np.linalg.norm(found[:, 1]) == pytest.approx(np.linalg.norm(s.value), rel=0.01)
