@@ -10,6 +10,7 @@ import pytest
 
 from camssf.grid import WAVELENGTHS
 from camssf.report.build import report
+from camssf.report.sections import patches as patch_view
 from camssf.report.sections import photos as photo_view
 from camssf.verdict.reasons import Verdict
 from tests.report.conftest import TAGS, Page, html_of, number, patches_in, points, put
@@ -120,6 +121,20 @@ def test_residuals_are_predicted_minus_measured() -> None:
     ):
         value = number(value_shown)
         assert value == 0 or (float(x) > 50) == (value > 0)
+
+
+def test_a_bar_holds_noise_and_what_the_prediction_leaves_open() -> None:
+    plain = document()
+    unseen = np.isfinite(patches_in(plain).unseen)
+    banded = changed(
+        plain, answer__predicted_std=np.full((1, 24, 3), 0.5), answer__unseen_std=np.where(unseen, 1.0, np.nan)[None]
+    )
+    assert "the measurement&#39;s own noise" in html_of(plain)
+    page, patches = html_of(banded), patches_in(banded)
+    assert "own noise" not in page
+    assert f"Of {unseen.sum()} unseen values 100% lie within their bars." in page
+    by_hand = 100 * 1.96 * np.hypot(np.where(unseen, 1.0, 0.5), patches.standard_error) / patches.signal
+    assert patch_view.errors(patches)[1] == pytest.approx(by_hand, rel=1e-4)
 
 
 DISPLAY = {
