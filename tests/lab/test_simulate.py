@@ -195,8 +195,8 @@ def test_vignetting_is_cos4() -> None:
     assert frames.white[224, 300] == pytest.approx(frames.white_levels[0], rel=1e-3)
 
 
-@pytest.mark.parametrize(("rotation", "tilt"), [(30, 0), (0, 55), (200, 35), (-70, -45)])
-def test_pose_is_a_pinholes(rotation: float, tilt: float) -> None:
+@pytest.mark.parametrize(("rotation", "tilt", "turns"), [(30, 0, 0), (0, 55, 0), (200, 35, 2), (-70, -45, 3)])
+def test_pose_is_a_pinholes(rotation: float, tilt: float, turns: int) -> None:
     """OpenCV's projection of the chart's corners: focal length one picture width, chart turned, then tilted."""
     import cv2
 
@@ -212,6 +212,7 @@ def test_pose_is_a_pinholes(rotation: float, tilt: float) -> None:
     distance = 1 / 0.6  # the block's width over its share of the picture, at a focal length of one
     points, _ = cv2.projectPoints(np.c_[corners, np.zeros(4)], rvec, np.array([0, 0, distance]), lens, None)
     np.testing.assert_allclose(pose.corners, points[:, 0], atol=1e-9)
+    assert pose.quarter_turns == turns
 
 
 @pytest.mark.parametrize(("surround", "share"), [("white", 0.9), ("grey", 0.2), ("black", 0.02)])

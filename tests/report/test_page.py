@@ -8,15 +8,34 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from camssf.documents.document import Curves
 from camssf.grid import WAVELENGTHS
+from camssf.recovery.basis import read_basis
 from camssf.report.build import report
 from camssf.report.sections import patches as patch_view
 from camssf.report.sections import photos as photo_view
+from camssf.report.sections.curves import curves_of
 from camssf.verdict.reasons import Verdict
 from tests.report.conftest import TAGS, Page, html_of, number, patches_in, points, put
 from tests.support.documents import CHANNELS, changed, document, known, preview, refused, unnamed
 
 STORED = Path(__file__).with_name("pages.txt")
+
+
+def test_the_curves_are_drawn_smooth_through_the_document_s_values() -> None:
+    """The straight lines between values every 5 nm are not to be seen; no peak moves and nothing overshoots."""
+    phone = read_basis("phones").mean.T
+    for values, step in ((phone, 20), (read_basis("cameras").mean.T, 10)):
+        values = values / values.max(axis=0)
+        made = changed(document(), answer__curves=Curves.of(values), answer__std=None)
+        drawn, shown = curves_of(made), curves_of(made).smooth()
+        assert np.abs(shown.ssf - values)[::step].max() < 1e-12
+        assert np.abs(shown.ssf - values).max() < 0.07
+        assert np.array_equal(shown.ssf.argmax(axis=0), values.argmax(axis=0))
+        assert shown.ssf.max() <= 1 + 1e-12
+        assert np.array_equal(drawn.ssf, values)  # the numbers stay those of the document
+        bends = [np.abs(np.diff(each, 2, axis=0)).max() for each in (shown.ssf, values)]
+        assert bends[0] < 0.6 * bends[1]
 
 
 def test_page_is_well_formed_accessible_and_needs_nothing_else() -> None:
