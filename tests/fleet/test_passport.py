@@ -11,6 +11,7 @@ import pytest
 
 from camssf.documents import forms
 from camssf.documents.document import Document, document_bytes
+from camssf.documents.excerpt import Excerpt
 from camssf.errors import InvalidArgument, PassportInvalid
 from camssf.exports import exported
 from camssf.photo.read.unit import Unit, serial_check
@@ -137,6 +138,28 @@ def test_the_excerpt_is_what_the_signed_result_holds() -> None:
     data = b'{"format": "camssf-result/1"}'
     of_none = replace(drawn, result_sha256=hashlib.sha256(data).hexdigest())
     refuses(sign(of_none, fixed_key()), "not in the form", result=data)
+
+
+def test_an_excerpt_keeps_curves_bands_and_verdict() -> None:
+    whole, part = document(), excerpt_of(document())
+    answer, held = whole.answer, part.answer()
+    assert held.curves.values == pytest.approx(answer.curves.values, abs=5.1e-6)
+    assert held.std.values == pytest.approx(answer.std.values, abs=5.1e-6)
+    apart = ("curves", "std", "code_covariance", "used", "level", "predicted", "unseen", "uncertainty")
+    for name in vars(answer).keys() - set(apart):
+        assert forms.to_plain(getattr(held, name)) == forms.to_plain(getattr(answer, name)), name
+    uncertainty = forms.to_plain(answer.uncertainty)
+    assert forms.to_plain(held.uncertainty) == {k: value for k, value in uncertainty.items() if value is not None}
+    assert (part.verdict.status, part.verdict.checks) == (whole.verdict.status, whole.verdict.checks)
+    for stated, reason in zip(part.verdict.reasons, whole.verdict.reasons, strict=True):
+        assert vars(stated) == {name: getattr(reason, name) for name in vars(stated)}
+    assert (part.assumptions, part.hashes.inputs) == (whole.assumptions, whole.capture.hashes)
+    photo = whole.capture.photos[0]
+    assert (part.shots[0].photo.name, part.shots[0].photo.sha256) == (photo.name, photo.sha256)
+    plain = forms.to_plain(part)
+    form = {"pose", "patches", "saturation", "lamp", "photo", "white", "dark", "white_reference", "dark_reference"}
+    assert set(plain["shots"][0]) == form
+    assert forms.to_plain(forms.from_plain(plain, Excerpt, "it", "")) == plain
 
 
 def test_what_was_printed_can_be_verified_again() -> None:
