@@ -210,8 +210,10 @@ def test_the_report_draws_the_light() -> None:
     ("name", "words"),
     [
         ("D:12000", r"called D:12000; by the signals another daylight of [\d,]+ ± \d+ K \(\d+%\)"),
-        ("D55", r"called D55; by the signals D55 itself \(\d\d%\) or another daylight"),
-        ("daylight", r"called daylight; by the signals of 5,\d\d\d ± \d+ K"),
+        pytest.param(
+            "D55", r"called D55; by the signals D55 itself \(\d\d%\) or another daylight", marks=pytest.mark.full
+        ),
+        pytest.param("daylight", r"called daylight; by the signals of 5,\d\d\d ± \d+ K", marks=pytest.mark.full),
     ],
 )
 def test_a_light_that_was_called_by_a_name_is_said_so_in_result_terminal_and_report(

@@ -169,7 +169,8 @@ NEW = {"keep.txt": b"mine", "result.json": b"new", "ssf.csv": b"new", "report.ht
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork there")
-@pytest.mark.parametrize("first", [False, pytest.param(True, marks=pytest.mark.full)])
+@pytest.mark.full
+@pytest.mark.parametrize("first", [False, True])
 def test_a_kill_leaves_all_old_files_or_all_new_ones(tmp_path: Path, first: bool) -> None:
     """For whoever reads one file next, and for the next run, which leaves nothing else behind."""
     folder = tmp_path / "out"

@@ -295,6 +295,7 @@ def test_the_torch_needs_a_photo_with_the_torch_off_and_no_white_frame(frames: d
         measure(Shot("on.dng", "torch", **frames))
 
 
+@pytest.mark.full
 def test_the_torch_s_spectrum_is_measured_against_a_named_lamp() -> None:
     """Together with a calibration in daylight: found within its band, and more certain than by the torch alone."""
     true = read_lamp("LED-B3").values

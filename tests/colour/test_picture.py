@@ -199,6 +199,7 @@ def linear(numbers: Floats) -> Floats:
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
+@pytest.mark.full
 def test_the_uncertainty_is_that_of_standard_colour_with_the_noise_of_a_pixel() -> None:
     photo = scene(sensor=Sensor())
     signal = white(photo)

@@ -139,7 +139,7 @@ def few(value: Any) -> Any:
 PARTS = ("format", "capture", "answer", "verdict", "assumptions")
 
 
-@pytest.mark.parametrize("part", PARTS)
+@pytest.mark.parametrize("part", [pytest.param("capture", marks=pytest.mark.full), *sorted({*PARTS} - {"capture"})])
 def test_no_field_may_be_missing(part: str, result: Json) -> None:
     """Each key of each part in turn, on either side."""
     assert set(result) == {"version", *PARTS}
@@ -202,6 +202,7 @@ def test_a_result_on_a_stated_basis() -> None:
     assert (finding.stage, finding.words) == ("inputs", "answer.prior_scale is missing here")
 
 
+@pytest.mark.full
 def test_a_result_in_a_light_that_nobody_named() -> None:
     """Nobody named it here, either: the same hypotheses, by the same weights."""
     document = measured(lamp="auto", options=Options(basis="phones"))
@@ -249,6 +250,7 @@ def test_a_refusal_agrees_with_a_refusal() -> None:
     assert first(compared(document, **frames)).stage == "verdict"
 
 
+@pytest.mark.full
 def test_a_refusal_on_a_stated_basis() -> None:
     """Such a result holds no basis: it is given again."""
     stated = Options(basis="phones")
@@ -267,6 +269,7 @@ def test_a_refusal_before_any_patch() -> None:
     assert read_dng(frame("white")).sha256 == document["capture"]["unfinished"]["photo"]["sha256"]
 
 
+@pytest.mark.full
 def test_the_command(result: Json, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, false = tmp_path / "phone.json", copy.deepcopy(result)
     scale(false["answer"]["curves"]["green"], 320, 1e-6)

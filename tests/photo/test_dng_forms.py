@@ -134,6 +134,7 @@ def test_a_matrix_of_a_light_without_a_spectrum_is_left_out(tmp_path: Path, code
     assert f"made for light source {code or 0}, whose spectrum" in found.matrices_left_out
 
 
+@pytest.mark.full
 def test_a_result_says_which_matrix_was_left_out(tmp_path: Path) -> None:
     """The lamp is not doubted for a matrix that no camera has; the capture's document keeps the words."""
     (made,) = captures.photos().shots

@@ -146,6 +146,7 @@ def shots(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return files
 
 
+@pytest.mark.full
 def test_with_a_white_frame_it_cancels(shots: dict[str, Path]) -> None:
     frames = {"white": shots["shaded white"], "dark": shots["shaded dark"]}
     plain, applied = (

@@ -247,6 +247,7 @@ def test_a_phone_s_curves_in_a_camera_s_file_are_unusual() -> None:
 # -- rivals ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.full
 @pytest.mark.requirement("R-WRONG-LAMP")
 def test_lamps_of_a_phone() -> None:
     """Right ones stand, wrong ones are doubted, and a better one is named."""
@@ -301,6 +302,7 @@ def test_the_choice_in_words() -> None:
     assert foreign.prior_odds is None  # a basis that no maker's name speaks for
 
 
+@pytest.mark.full
 @pytest.mark.requirement("R-UNUSUAL")
 def test_a_phone_with_yellow_for_green_is_a_phone() -> None:
     """In a phone's file it is no unusual camera, and its light may be unnamed."""

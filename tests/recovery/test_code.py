@@ -59,7 +59,7 @@ def test_objectives_agree_with_scikit_learn(
 @given(
     sizes, st.sampled_from([1e-5, 1e-3, 0.1]), st.booleans(), st.sampled_from([0.0, 1.0]), st.sampled_from([0, DEPTH])
 )
-@settings(max_examples=80, deadline=None, derandomize=True)
+@settings(max_examples=40, deadline=None, derandomize=True)
 def test_optimality_conditions(
     size: tuple[int, int, int], share: float, nonnegative: bool, l2: float, depth: int
 ) -> None:
