@@ -9,16 +9,13 @@ the photo has a table between that and Ohta's, or beyond it. Noise hypot(0.1 %, 
   that is off by up to 10 % of the picture, a chart of 30 to 85 % of the width, turned and tilted by up to 30°, a
   gradient of the light of up to 15 % across it, and a coloured wall whose light grows to at most 3 % on one side.
 
-Each with the lamp named (`known`) and not (`auto`); the last also without gain modes, as it was before there were
-any. Phones are solved with a basis of the other phones, and with one of the other makers' phones.
+Each with the lamp named (`known`) and not (`auto`). Phones are solved with a basis of the other phones, and with one
+of the other makers' phones.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
-from unittest import mock
 
 import numpy as np
 
@@ -47,7 +44,7 @@ from camssf.spectra import Light, read_chart, read_lamp
 from camssf.spectra.bundled import surfaces
 from camssf_lab.simulation.scene import Scene, true_pose
 
-FRAMED, FIELD, BARE = "framed", "field", "field, no gain modes"
+FRAMED, FIELD = "framed", "field"
 KNOWN, AUTO = "known", "auto"
 SIZE = (4000, 3000)
 LOST, GRADIENT, WALL = (0.1, 0.6), 0.15, 0.03
@@ -118,21 +115,10 @@ def photographed(device: Device, lamp: str, stated: Light, at: Place, row: str, 
     return Capture((MeasuredShot(stated, chart, *frames, at.pose, means, None),), read_chart(TABLE), None)
 
 
-@contextmanager
-def without_modes() -> Iterator[None]:
-    """As it was before there were gain modes."""
-    none = lambda capture, per_patch: (np.zeros((len(capture.shots), 0, len(capture.chart.patches))), 0.0)  # noqa: E731
-    with mock.patch("camssf.fit.capture_fit.gain_modes", none):
-        yield
-
-
 def taken(device: Device, lamp: str, light: Light, row: str, seed: int) -> Taken:
     """One capture of a row, judged."""
-    where = place(np.random.default_rng([seed, row in (FIELD, BARE)]), FIELD if row == BARE else row)
+    where = place(np.random.default_rng([seed, row == FIELD]), row)
     asked = photographed(device, lamp, light, where, row, device.maker, seed)
-    if row == BARE:
-        with without_modes():
-            return judged(asked, device, {lamp: power(lamp)})
     return judged(asked, device, {lamp: power(lamp)})
 
 
@@ -144,10 +130,9 @@ def claim(run: Run) -> None:
             with device.left_out(population.key):
                 for at, lamp in enumerate(KIND_OF):
                     seed = 1000 * number + at
-                    for row in (FRAMED, FIELD, BARE):
+                    for row in (FRAMED, FIELD):
                         groups.add(taken(device, lamp, read_lamp(lamp), row, seed), population.title, row, KNOWN)
-                        if row != BARE:
-                            groups.add(taken(device, lamp, unnamed(lamp), row, seed), population.title, row, AUTO)
+                        groups.add(taken(device, lamp, unnamed(lamp), row, seed), population.title, row, AUTO)
     columns = {"population": "", "row": "", "lamp": ""} | dict.fromkeys(("RMSE", "no photo"), ".4f")
     columns |= dict.fromkeys(("worst", "coverage", "worst device"), ".3f")
     columns |= {"accepted, doubtful, refused": "{}, {}, {}", "why": ""}
