@@ -118,6 +118,7 @@ def test_a_lamp_of_three_columns_is_read_without_its_deviation(head: str | None,
     ("head", "third"),
     [
         (None, POWER[::-1]),
+        (None, -DEVIATION),
         ("nm,lamp A,lamp B", DEVIATION),
         (None, POWER * np.nan),
     ],

@@ -204,6 +204,10 @@ def test_an_unfit_lamp_is_refused(tmp_path: Path, text: str, words: str) -> None
         read_lamp(path)
 
 
+def test_noise_below_zero_is_forgiven(tmp_path: Path) -> None:
+    assert at(read_lamp(write(tmp_path / "n.csv", lamp_file({500: -0.004}))).values, 500) == 0
+
+
 @pytest.mark.parametrize(
     "text",
     [
