@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -18,17 +19,20 @@ from camssf.colorimetry import xyz_of
 from camssf.documents.document import document_bytes
 from camssf.documents.forms import from_plain, to_plain
 from camssf.documents.schema import schema
+from camssf.errors import InvalidArgument
 from camssf.result import Result
 from camssf.spectra import read_chart
 from camssf.spectra.bundled import observer
 from camssf_colour import View
 from camssf_colour.document import ColourDocument
 from camssf_colour.picture_document import PictureDocument
+from camssf_colour.regions import against, measure_regions
 from camssf_colour.spectrum_document import SpectrumDocument
 from camssf_colour.standard import of_surfaces
 from tests.colour.conftest import place, power
 from tests.support.captures import calibrated, photos
 from tests.support.documents import changed, document
+from tests.support.scenes import mosaic
 
 CHART = read_chart("classic24").values
 SCHEMA = schema(ColourDocument)
@@ -90,6 +94,16 @@ def test_a_colour_out_of_reach_is_in_the_document_without_numbers(
     found = read_document(printed.out)
     assert [region["status"] for region in found["regions"]] == ["colour_out_of_reach", "ok"]
     assert "lab" not in found["regions"][0]
+
+
+def test_a_signal_is_against_its_reference_and_has_the_error_of_both() -> None:
+    samples = np.where(np.arange(100) < 50, 1512.0, 2512.0) + 3 * np.random.default_rng(1).normal(size=(80, 100))
+    left, right = measure_regions(mosaic(np.rint(samples).astype(np.uint16)), [(10, 10, 30, 40), (60, 10, 30, 40)])
+    y, error = against([left], right, 0.9)
+    assert np.abs(y - 0.45).max() < 1e-3
+    assert np.abs(error / (0.9 * np.hypot(left.error / 2000, 0.5 * right.error / 2000)) - 1).max() < 0.01
+    with pytest.raises(InvalidArgument, match="dark"):
+        against([left], replace(right, raw=np.ones(3), error=np.ones(3)), 0.9)
 
 
 @pytest.mark.parametrize("kind", [ColourDocument, SpectrumDocument, PictureDocument])
