@@ -112,6 +112,7 @@ def rms(found: SurfaceSpectra, truth: Floats) -> float:
 def test_spectra_reproduce_their_signals_and_colours() -> None:
     y = photographed()
     found = spectrum(exact(), LitSurfaces(known(), y, 1e-6, Reference(0.0)))
+    assert np.allclose(found.standard_deviation**2, np.diagonal(found.covariance, axis1=1, axis2=2), rtol=1e-12)
     assert np.abs(signals_of(on_grid(found.reflectance), power(), exact().values) - y).max() < 1e-4
     from camssf_colour.standard import of_surfaces
 
