@@ -167,6 +167,7 @@ def test_without_the_library_it_says_what_to_install(monkeypatch: pytest.MonkeyP
         Registry(tmp_path)
 
 
+@pytest.mark.full
 def test_another_release_has_other_columns(one: Registry, monkeypatch: pytest.MonkeyPatch) -> None:
     """An older one lacks `odds`, a newer one has `later` as well: its records stay whole here."""
     records = [_plain(vars(made(number))) | {"kind": "result", "revision": 0} for number in (1, 2, 3)]

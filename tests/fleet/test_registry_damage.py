@@ -139,6 +139,7 @@ def test_every_flipped_bit_is_found(one: Registry, tmp_path: Path, count: int) -
 
 
 @pytest.mark.requirement("R-REGISTRY")
+@pytest.mark.full
 def test_writers_that_contradict_each_other_at_once(one: Registry, monkeypatch: pytest.MonkeyPatch) -> None:
     """Neither saw the other: both records stay, `verify` names the contradiction, and a correction settles it."""
     one.add([made(1, serial=""), made(4)])
@@ -171,6 +172,7 @@ def test_two_writers_that_begin_a_registry_together(one: Registry, monkeypatch: 
 
 
 @pytest.mark.requirement("R-REGISTRY")
+@pytest.mark.full
 def test_a_fact_that_is_said_of_a_result_that_is_being_deleted_is_named(
     one: Registry, monkeypatch: pytest.MonkeyPatch
 ) -> None:
