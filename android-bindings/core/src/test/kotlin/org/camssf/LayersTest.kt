@@ -5,7 +5,7 @@ import org.junit.jupiter.api.Assertions.assertTrue
 import org.junit.jupiter.api.Test
 import java.io.File
 
-/** The rooms, read from their imports: what each may know. Python's tests/calibration/test_package.py holds the same ladder. */
+/** The rooms, read from their imports: what each may know. Python's are in pyproject.toml (import-linter). */
 class LayersTest {
     private val folder = File(System.getProperty("camssf.root"), "android-bindings/core/src/main/kotlin/org/camssf")
     private val files = folder.walk().filter { it.extension == "kt" }.toList()
