@@ -252,9 +252,9 @@ def test_a_refusal_agrees_with_a_refusal() -> None:
 
 
 @pytest.mark.full
-def test_a_refusal_on_a_stated_basis() -> None:
-    """Such a result holds no basis: it is given again."""
-    stated = Options(basis="phones")
+@pytest.mark.parametrize("stated", [Options(basis="phones"), Options(l2=4.0)], ids=["basis", "penalty"])
+def test_a_refusal_with_stated_options(stated: Options) -> None:
+    """Such a result holds neither basis nor penalties: they are given again."""
     document = measured(options=stated, lamp="2856K")
     assert document["verdict"]["status"] == "refused"
     assert first(compared(document, options=stated)) is None

@@ -104,15 +104,14 @@ def parity(
 
     Pose, lamp, chart, tolerances, basis and penalties are taken from the result. What it does not hold must be
     given again: files of lamps and charts, the white target, the patches to fit, signed coefficients, uneven light,
-    and the basis of a refusal.
+    and, of a refusal, basis and penalties.
 
     Args:
         result: from elsewhere.
         photos: DNG of each shot, in the shots' order.
         white, dark: the frames that the result lists as used.
         lamps, chart: replace the result's, if those are files at another path here.
-        options: white_reflectance, fit, nonnegative, light_per_patch, and basis, which counts for a refusal alone;
-            the others are taken from the result.
+        options: of the calibration; basis, l2 and gamma count for a refusal alone.
         progress: called with the stage in words and the part done, 0 to 1.
 
     Returns:
@@ -158,12 +157,8 @@ def parity(
     skip += ("/capture/chart/name", "/capture/chart/source") if chart and spec_file(CHART_TABLE, chart) else ()
     if capture.unfinished is not None or not capture.shots:
         tell("calibrating", 0.5)
-        alike = replace(
-            DEFAULTS, white_reflectance=options.white_reflectance, light_per_patch=options.light_per_patch,
-            basis=options.basis,
-        )  # fmt: skip
         shots = [Shot(*row) for row in zip(files, lights, frames["white"], frames["dark"], strict=True)]
-        made = to_plain(shareable(attempt(shots, chart=table, options=alike)))
+        made = to_plain(shareable(attempt(shots, chart=table, options=options)))
         _rename(made, capture, frames)
         sought = any(reason.code == "chart_not_found" for reason in result.verdict.reasons)
         skip += ("/capture", *(UNREPEATED if sought else ()))
@@ -184,15 +179,12 @@ def parity(
         hashes |= input_hash(f"shot {j}, lamp", spec)
     again = Capture(measured, table, options.white_reflectance, hashes)
     tell("solving", 0.7)
-    answer = result.answer
-    # A basis chosen by evidence must be chosen again here, with the same probabilities; there is one hypothesis's if
-    # only the light's kind was chosen. A refusal holds no basis.
-    bases = set() if answer is None else {hypothesis.basis for hypothesis in answer.choice}
-    basis = AUTO if len(bases) > 1 else options.basis if answer is None else answer.basis
-    settings = replace(DEFAULTS, basis=basis, fit=options.fit, nonnegative=options.nonnegative)
-    settings = replace(settings, light_per_patch=options.light_per_patch)
+    answer, settings = result.answer, options
     if answer is not None:
-        settings = replace(settings, l2=answer.l2, gamma=answer.gamma.tolist())
+        # A basis chosen by evidence must be chosen again here, with the same probabilities; where only the light's
+        # kind was chosen there is one.
+        basis = AUTO if len({hypothesis.basis for hypothesis in answer.choice}) > 1 else answer.basis
+        settings = replace(options, basis=basis, l2=answer.l2, gamma=answer.gamma.tolist())
     solved = attempted(lambda: solve(again, options=settings))
     if result.truth is not None:
         solved = solved.with_truth(CameraCurves(result.truth.name, result.truth.curves.values, "the result"))
