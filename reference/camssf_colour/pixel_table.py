@@ -16,7 +16,7 @@ from camssf.colorimetry import BEND, SLOPE
 from camssf.grid import Floats
 from camssf.recovery.arrays import Array, namespace
 from camssf_colour.light import Light
-from camssf_colour.posterior import components_of, covariances_of, means_of
+from camssf_colour.posterior import components_of, exact_posteriors, means_of
 from camssf_colour.reach import REACH, surface_distances
 from camssf_colour.response import surface_response
 from camssf_colour.spread import Reference
@@ -80,9 +80,10 @@ def tabulate(
         if not (components.scale > 0).all():
             raise np.linalg.LinAlgError("a surface of the prior gives no signal")
         means.append(means_of(components, node_signals(RATIO_NODES).reshape(SQUARE)))
-        covariance, of_signals = covariances_of(components, node_signals(COVARIANCE_NODES))
-        covariances.append(covariance)
-        far.append(surface_distances(DARK * node_signals(COVARIANCE_NODES), DARK**2 * of_signals, light))
+        answers = exact_posteriors(components, node_signals(COVARIANCE_NODES))
+        covariances.append(np.stack([answer.covariance[3:, 3:] for answer in answers]))
+        spread = DARK**2 * np.stack([answer.signal_covariance for answer in answers])
+        far.append(surface_distances(DARK * node_signals(COVARIANCE_NODES), spread, light))
     mean = np.tensordot(weights, np.stack(means), axes=1).reshape(-1, 3)
     coarse = np.stack(means)[:, ::STRIDE, ::STRIDE].reshape(len(means), -1, 3)
     apart = coarse - np.tensordot(weights, coarse, axes=1)

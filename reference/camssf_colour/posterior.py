@@ -190,19 +190,32 @@ def posterior_of(components: Components, y: Array, error: Array) -> SurfacePoste
     xp, c = namespace(y), y.shape[0]
     count = xp.sum(xp.ones((c,), dtype=xp.float64))
     level = xp.maximum(xp.maximum(xp.mean(y), xp.sqrt(xp.sum(error * error)) / count), DARKEST)
-    z, noise = y / level, (error / level) ** 2
+    errors = components.errors | {NOISE: _of_noise(components, (error / level) ** 2)}
+    return _posterior(components, level, y / level, errors, _spread(components, errors, c))
+
+
+def exact_posteriors(components: Components, z: Floats) -> list[SurfacePosterior]:
+    """The posteriors of exact signals z (m, c) of mean 1, as of `posterior_of`; no noise changes what they share."""
+    spread = _spread(components, components.errors, z.shape[1])
+    return [_posterior(components, np.array(1.0), one, components.errors, spread) for one in z]
+
+
+def _posterior(
+    components: Components, level: Array, z: Array, errors: Mapping[str, Array], spread: tuple[Array, Array, Array]
+) -> SurfacePosterior:
+    """The posterior of signals ℓ z, given the errors' covariances, and their `_spread`."""
+    xp, c = namespace(z), z.shape[0]
+    total, inverses, log_dets = spread
     bright = xp.mean(z)
     off = z - bright * components.expected[:, :c]
-    with_noise = components.errors | {NOISE: _of_noise(components, noise)}
-    total, inverses, log_dets = _spread(components, with_noise, c)
     squares = xp.sum((off[:, None, :] @ inverses)[:, 0, :] * off, axis=1)
     logarithms = components.log_weights - 0.5 * (log_dets + squares)
     weights = xp.exp(logarithms - xp.max(logarithms))
-    weights, total, inverses, off, variances, changes, expected, of_level, crossed, *errors = chosen(
+    weights, total, inverses, off, variances, changes, expected, of_level, crossed, *chosen_errors = chosen(
         weights > NEGLIGIBLE,
         [
             weights, total, inverses, off, components.variances, components.changes, components.expected,
-            components.of_level, components.crossed, *with_noise.values(),
+            components.of_level, components.crossed, *errors.values(),
         ],
     )  # fmt: skip
     weights = weights / xp.sum(weights)
@@ -218,7 +231,7 @@ def posterior_of(components: Components, y: Array, error: Array) -> SurfacePoste
     of_gain = _weighed(weights, gain @ crossed[:, :c, :], gain) + _weighed(weights, apart, apart)
     parts = {
         name: _weighed(weights, slopes @ of_source, slopes)
-        for name, of_source in zip(with_noise, errors, strict=True)
+        for name, of_source in zip(errors, chosen_errors, strict=True)
     }
     parts[METAMERS] = _covariance(kept, weights)[c:, c:] - both - both.mT + of_gain
     # A change of the level moves all signals.
@@ -257,41 +270,6 @@ def means_of(components: Components, z: Array) -> Array:
         return summed / mapped[:, -1:]
 
     return each_block(of_block, z)
-
-
-def covariances_of(components: Components, z: Floats) -> tuple[Floats, Floats]:
-    """Covariances (m, 3, 3) of the last three outputs and (m, c, c) of the signals, as of `posterior_of`, for many z.
-
-    z (m, c) are exact signals of mean 1, so a surface's own covariance is the same for all of them.
-    """
-    c = z.shape[1]
-    total, inverses, log_dets = _spread(components, components.errors, c)
-    gain, own_slopes = (part[:, -3:] for part in _gain(components, total, inverses))
-    slopes, seen = np.concatenate([-gain, own_slopes], axis=2), components.expected[:, :c, None]
-    crossed, of_level = components.crossed, components.of_level[:, -3:, None] * components.expected[:, None, -3:]
-    own = np.tensordot(components.variances, components.shared[:, -3:, -3:], axes=1) - of_level - of_level.mT
-    own += components.changes[..., -3:].mT @ components.changes[..., -3:]
-    both = gain @ crossed[:, -3:, :c].mT
-    own += slopes @ total @ slopes.mT - both - both.mT + gain @ crossed[:, :c, :c] @ gain.mT
-    moves = np.concatenate([np.broadcast_to(np.eye(c), (len(seen), c, c)), seen], axis=2)
-    of_signals = moves @ total[:, : c + 1, : c + 1] @ moves.mT
-    covariances = []
-    for signals in z:
-        off = signals - components.expected[:, :c]
-        logarithms = components.log_weights - 0.5 * (log_dets + np.einsum("ni,nij,nj->n", off, inverses, off))
-        weights = np.exp(logarithms - logarithms.max())
-        kept = weights > NEGLIGIBLE
-        weights = weights[kept] / weights[kept].sum()
-        means = components.expected[kept, -3:] + (gain[kept] @ off[kept, :, None])[:, :, 0]
-        apart = means - weights @ means
-        covariances.append(
-            (
-                np.tensordot(weights, own[kept], axes=1) + (weights * apart.T) @ apart,
-                np.tensordot(weights, of_signals[kept], axes=1),
-            )
-        )
-    outputs, of_z = zip(*covariances, strict=True)
-    return np.stack(outputs), np.stack(of_z)
 
 
 def _spread(components: Components, errors: Mapping[str, Array], c: Any) -> tuple[Array, Array, Array]:
