@@ -62,8 +62,11 @@ def places(tmp_path: Path) -> Places:
     return Places(tmp_path)
 
 
-WATCHED = shutil.which("strace") and not subprocess.run(["strace", "-qq", "-o", os.devnull, "true"]).returncode
-watched = pytest.mark.skipif(not WATCHED, reason="strace is not to be had here")
+@pytest.fixture
+def strace() -> None:
+    """Skips where sockets cannot be watched."""
+    if not shutil.which("strace") or subprocess.run(["strace", "-qq", "-o", os.devnull, "true"]).returncode:
+        pytest.skip("strace is not to be had here")
 
 
 EVERYTHING = """
@@ -92,7 +95,7 @@ if __name__ == "__main__":
 
 
 @pytest.mark.full
-@watched
+@pytest.mark.usefixtures("strace")
 def test_commands_and_library_leave_nothing_send_nothing_and_need_no_network(places: Places) -> None:
     """In a namespace without a network, where one is to be had."""
     (places.work / "two.csv").write_text("name,photo,lamp\na,out/shots/chart.dng,D55\nb,out/shots/chart.dng,D55\n")
@@ -120,7 +123,7 @@ def away() -> tuple[str, ...]:
     return words if had else ()
 
 
-@watched
+@pytest.mark.usefixtures("strace")
 def test_the_watch_sees_a_connection(places: Places) -> None:
     for words, expected in ((CONNECT, True), ("import socket", False)):
         done, seen = places.strace("-c", words)
