@@ -41,6 +41,7 @@ from camssf.spectra import read_camera, read_chart, read_lamp
 from camssf_fleet.manifest import Manifest
 from camssf_lab.simulation.frames import simulate
 from camssf_lab.simulation.scene import Scene
+from golden.forms import ROOT
 
 Files: TypeAlias = list[tuple[str, bytes]]
 """Suffixes and contents."""
@@ -49,7 +50,6 @@ SLOW = 10.0
 """Seconds in which a small file must be read."""
 PATIENCE = 120.0
 """Seconds after which a process is given up."""
-GOLDEN = Path(__file__).parents[1] / "golden"
 SOUND = Path(__file__).parent / "sound"
 """A file of each form that is read, by reader."""
 NUMBERS = (0, 1, 2, 3, 7, 8, 255, 256, 32767, 32768, 65535, 65536, 2**31 - 1, 2**31, 2**32 - 1)
@@ -168,7 +168,7 @@ def kept(reader: str) -> Files:
 
 def dngs(_: str) -> Files:
     """The small golden ones that are read."""
-    files = [path for path in sorted((GOLDEN / "dng").glob("*.dng")) if not path.name.startswith("error")]
+    files = [path for path in sorted((ROOT / "dng").glob("*.dng")) if not path.name.startswith("error")]
     return [("dng", path.read_bytes()) for path in files if path.stat().st_size < 6000]
 
 

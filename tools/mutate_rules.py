@@ -29,9 +29,9 @@ from typing import Any
 
 from benchmarks.shared import console, progress, table
 from benchmarks.turns import Unavailable, class_path
+from golden.forms import ROOT
 
 PLACE = Path(__file__).parents[1] / "reference" / "camssf" / "data" / "rules.json"
-GOLDEN = Path(__file__).parents[1] / "golden"
 FAULT = 3
 """Exit status of Kotlin's runner where a case does not hold."""
 CHEAP = ("verdict", "signals", "patches")
@@ -134,7 +134,7 @@ def kotlin(folder: Path, stages: Sequence[str]) -> str | None:
     done = subprocess.run(
         [
             "java", "-Xmx512m", "-XX:+UseSerialGC", "-XX:TieredStopAtLevel=1", "-cp",
-            os.pathsep.join([str(folder), class_path()]), "org.camssf.golden.Stages", str(GOLDEN), *stages,
+            os.pathsep.join([str(folder), class_path()]), "org.camssf.golden.Stages", str(ROOT), *stages,
         ],
         capture_output=True, text=True, timeout=600,
     )  # fmt: skip

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.shared import RESULTS
-from camssf.grid import BAND, WAVELENGTHS
-from tools.pictures import RGB, legend, save_png, subplots
+from camssf.grid import WAVELENGTHS
+from tools.pictures import RGB, draw_band, legend, save_png, subplots
 
 PLACE = Path(__file__).parents[1] / "docs" / "images" / "paper-phones.png"
 
@@ -31,10 +31,7 @@ def phones(found: dict[str, Any]) -> Any:
                 for c, shade in enumerate(RGB):
                     panel.plot(WAVELENGTHS, got[:, c], style, color=shade, linewidth=1)
                     if answer["std"] is not None:
-                        band = BAND * np.array(answer["std"])[:, c]
-                        panel.fill_between(
-                            WAVELENGTHS, got[:, c] - band, got[:, c] + band, color=shade, alpha=0.15, linewidth=0
-                        )
+                        draw_band(panel, got[:, c], np.array(answer["std"])[:, c], shade)
             panel.plot(WAVELENGTHS, truth, color="black", linewidth=0.8)
             panel.set_title(f"{name}, {world}", fontsize=9)
             panel.set_ylim(-0.1, 1.4)

@@ -10,7 +10,7 @@ import numpy as np
 
 from camssf.colorimetry import BEND, D65, SLOPE, srgb
 from camssf.files import write_file
-from camssf.grid import Floats
+from camssf.grid import BAND, WAVELENGTHS, Floats
 from camssf.libraries import prepare_matplotlib
 
 RGB = ("#c0392b", "#1e8449", "#2455a4")
@@ -41,6 +41,12 @@ def legend(panel: Any, entries: dict[str, dict[str, Any]], **options: Any) -> No
     for label, look in entries.items():
         panel.plot([], [], label=label, **look)
     panel.legend(**{"fontsize": 8} | options)
+
+
+def draw_band(panel: Any, curve: Floats, std: Floats, shade: str) -> None:
+    """The 95 % band of a curve (681,) with that standard deviation."""
+    low, high = curve - BAND * std, curve + BAND * std
+    panel.fill_between(WAVELENGTHS, low, high, color=shade, alpha=0.15, linewidth=0)
 
 
 def from_lab(colours: Floats) -> Floats:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from benchmarks.claims.real import CLAIM, MEASURED, PAPER, d70, solve
-from camssf.grid import BAND, WAVELENGTHS
-from tools.pictures import RGB, legend, save_png, subplots
+from benchmarks.claims.real import CLAIM, MEASURED, PAPER, TOLERANCES, d70, solve
+from camssf.grid import WAVELENGTHS
+from tools.pictures import RGB, draw_band, legend, save_png, subplots
 
 PLACE = Path(__file__).parents[1] / "docs" / "images" / "real-d70.png"
 
@@ -19,12 +19,11 @@ def main() -> None:
     nm = WAVELENGTHS[at]
     titles = {CLAIM: "camssf, no Nikon in its basis", PAPER: "l1 on Gaussians (the paper)"}
     for panel, (basis, title) in zip(panels, titles.items(), strict=True):
-        curves, std = solve(basis, MEASURED, 0.08)[1].peak()
+        curves, std = solve(basis, MEASURED, TOLERANCES[1])[1].peak()
         for c, shade in enumerate(RGB):
             panel.plot(WAVELENGTHS, curves[:, c], color=shade, linewidth=1.5)
             if std is not None:
-                low, high = (curves[:, c] + way * BAND * std[:, c] for way in (-1, 1))
-                panel.fill_between(WAVELENGTHS, low, high, color=shade, alpha=0.15, linewidth=0)
+                draw_band(panel, curves[:, c], std[:, c], shade)
             for truth, mark in zip(d70().truth.values(), ("o", "x"), strict=True):
                 panel.plot(nm, truth[at, c], mark, color=shade, markersize=3.5, markeredgewidth=0.8, fillstyle="none")
         panel.set_title(title, fontsize=10)

@@ -21,10 +21,10 @@ from pathlib import Path
 
 from benchmarks.claim import Run
 from benchmarks.turns import Unavailable, class_path
+from golden.forms import ROOT
 
 BAR = 1e-9
 JRE = "default-jre-headless"
-GOLDEN = Path(__file__).parents[2] / "golden"
 CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "camssf-arm"
 OPTIONS = {"cases": ("", "stage/name of golden cases, with spaces between (default: all)")}
 TOOLS = {"qemu-aarch64-static": "qemu-user-static", "apt-get": "apt", "dpkg-deb": "dpkg"}
@@ -109,7 +109,7 @@ def golden(command: list[str], cases: list[str]) -> tuple[tuple[str, str, int, i
         Unavailable: it did not come to its end.
     """
     heap = ["-XX:+UseSerialGC", "-Xmx768m", "-cp", class_path(), "org.camssf.golden.GoldenRunner"]
-    done = subprocess.run([*command, *heap, str(GOLDEN), *cases], capture_output=True, text=True)
+    done = subprocess.run([*command, *heap, str(ROOT), *cases], capture_output=True, text=True)
     counts = r"golden: (\d+) of (\d+) cases ran, (\d+) failed, (\d+) skipped"
     ended = re.search(rf"on (\S+), Java (\S+)\n{counts}.*within (\S+) of the peak", done.stdout)
     if ended is None:

@@ -27,6 +27,7 @@ from camssf.spectra.cameras import DEMO_PHONE
 from camssf_lab.simulation.camera import Sensor
 from camssf_lab.simulation.frames import simulate
 from camssf_lab.simulation.scene import Scene
+from golden.forms import ROOT
 
 OPTIONS = {"runs": (9, "turns that count")}
 LARGE = Scene(size=(4000, 3000))
@@ -35,7 +36,6 @@ CLOSE = 1e-9
 WARM = 8
 """Turns that are not counted where a JVM takes part."""
 COLOURS = {"named": "colour/named", "auto": "colour/auto"}
-GOLDEN = Path(__file__).parents[2] / "golden"
 SIDE = 200
 
 
@@ -102,7 +102,7 @@ def colour(run: Run) -> None:
     """Kotlin's colours of a preview."""
     rows = []
     for name, case in COLOURS.items():
-        with Jvm("org.camssf.golden.Preview", str(GOLDEN), case, str(SIDE), "200", heap=256) as jvm:
+        with Jvm("org.camssf.golden.Preview", str(ROOT), case, str(SIDE), "200", heap=256) as jvm:
             _, _, _, read, _, lab, pixels = map(float, jvm.ask(""))
         rows.append((name, int(pixels), read, lab))
         run.bar(f"lamp {name}: ms of reading and Lab", read + lab, most=5.0)
