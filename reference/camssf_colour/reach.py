@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from camssf.grid import Floats
 from camssf.messages import fail
@@ -30,14 +31,26 @@ def surface_distances(y: Floats, covariance: Floats, light: Light) -> Floats:
 
     seen = light.power[:, None] * light.curves
     matrix = fold((seen / seen.sum(axis=0)).T)  # (3, 69)
-    lengths = []
-    for signal, spread in zip(y, covariance, strict=True):
+    lengths = np.zeros(len(y))
+    for n in np.flatnonzero(~_within(y, matrix)):
+        signal, spread = y[n], covariance[n]
         floor = 1e-12 + 1e-6 * np.trace(spread) / 3.0
         root = np.linalg.cholesky(spread + floor * np.eye(3))
         whitened = np.linalg.solve(root, np.column_stack([matrix, signal]))
         fitted = lsq_linear(whitened[:, :-1], whitened[:, -1], (0.0, 1.0), method="bvls")
-        lengths.append(float(np.sqrt(2.0 * fitted.cost)))
-    return np.array(lengths)
+        lengths[n] = np.sqrt(2.0 * fitted.cost)
+    return lengths
+
+
+def _within(y: Floats, matrix: Floats) -> NDArray[np.bool_]:
+    """(m,) whether signals (m, 3) are A R of a reflectance from 0 to 1, A (3, nodes).
+
+    These signals fill a solid around that of R = ½; two columns of A span each of its faces (a zonotope).
+    """
+    first, second = np.triu_indices(matrix.shape[1], 1)
+    normals = np.cross(matrix[:, first], matrix[:, second], axis=0)
+    half_widths = 0.5 * np.abs(normals.T @ matrix).sum(axis=1)
+    return np.asarray((np.abs((y - 0.5 * matrix.sum(axis=1)) @ normals) <= half_widths).all(axis=1))
 
 
 def check_reach(reach: Floats) -> None:
