@@ -11,6 +11,8 @@ from packaging.utils import canonicalize_name
 
 EXTRAS = ("app", "passport", "fleet", "colour-science", "cxf", "plot")
 """Extras for users with libraries of their own; `test`, `dev` and `export` are for developers."""
+UNSTATED = "not stated"
+"""The licence of a package whose metadata give none."""
 CLASSIFIERS = {
     "Apache Software License": "Apache-2.0",
     "BSD License": "BSD-3-Clause",
@@ -51,7 +53,7 @@ def licence(found: Distribution) -> str:
     if len(classified) == 1:
         return classified[0]
     words = str(said.get("license", "")).strip().partition("\n")[0]
-    return WORDS.get(words, words) or " OR ".join(classified) or "not stated"
+    return WORDS.get(words, words) or " OR ".join(classified) or UNSTATED
 
 
 def closure(root: str = "camssf", extras: Sequence[str] = EXTRAS) -> list[Package]:

@@ -2,18 +2,19 @@
 
 Python's come from the installed metadata, Kotlin's from the SBOMs that `mvn -f android-bindings verify` writes. The
 purpose of a dependency, what its wheel bundles, and its known faults are in tools/soup.json; a missing or superfluous
-entry there makes the command exit with 1. Without SBOMs it leaves Kotlin out.
+entry there, no licence or the GPL make the command exit with 1. Without SBOMs it leaves Kotlin out.
 """
 
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from tools.closure import closure
+from tools.closure import UNSTATED, closure
 from tools.pages import markdown_table
 
 ROOT = Path(__file__).parents[1]
@@ -51,13 +52,19 @@ def _licence(component: Mapping[str, Any]) -> str:
         str(each.get("expression") or each["license"].get("id") or each["license"]["name"])
         for each in component.get("licenses", [])
     ]
-    return " OR ".join(said) or "not stated"
+    return " OR ".join(said) or UNSTATED
 
 
 def faults(found: Found, known: Mapping[str, Mapping[str, str]]) -> list[str]:
-    """Missing and superfluous entries of tools/soup.json."""
+    """Missing and superfluous entries of tools/soup.json, and licences that a closed app may not ship."""
     missing = [f"{name}: add its purpose and known faults to tools/soup.json." for name in found if name not in known]
-    return missing + [f"{name} in tools/soup.json is no dependency." for name in known if name not in found]
+    licences = [
+        f"{name}: its licence is {licence}."
+        for name, (_, licence) in found.items()
+        if licence == UNSTATED or re.search(r"(?<!L)GPL", licence)
+    ]
+    superfluous = [f"{name} in tools/soup.json is no dependency." for name in known if name not in found]
+    return missing + licences + superfluous
 
 
 def table(found: Found, known: Mapping[str, Mapping[str, str]]) -> str:
