@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from benchmarks.devices import PHONES, Device, no_photo, scored
-from benchmarks.problems import in_roles
 from benchmarks.shared import TABLE
 from camssf.calibration import solve
 from camssf.errors import CalibrationError
@@ -23,6 +23,7 @@ from camssf.photo.read.colour_matrix import ColourMatrix
 from camssf.recovery.basis import read_basis
 from camssf.recovery.sensitivity import Ssf
 from camssf.spectra import Light, Unnamed, read_chart, read_lamp
+from camssf.spectra.bundled import observer
 from camssf.spectra.families import FAMILIES, LampKind, principal_modes
 from camssf.spectra.layouts import LAYOUTS
 from camssf.spectra.lights import kind_of, unnamed_light
@@ -42,6 +43,9 @@ BLACK, SPAN, SATURATION = 512.0, 15000.0, 16383.0
 STATUSES = ("accepted", "doubtful", "refused")
 SOURCES = colour_science().SDS_LIGHT_SOURCES
 OPTIONS = Options(engine="reference")
+MUNSELL = Path(__file__).parents[1] / "data" / "surfaces" / "vhrel_munsell.csv"
+MATRIX_ERROR = 0.03
+"""Relative error of a maker's colour matrices."""
 
 
 def power(lamp: str) -> Floats:
@@ -93,6 +97,25 @@ def pose() -> Pose:
 def model_of(device: Device, maker: str) -> str:
     """What a file that names this maker calls the device; one that names none names no model."""
     return device.name[len(maker) :].strip() if maker else ""
+
+
+def in_roles(photo: Photo) -> tuple[Photo, Photo, Photo]:
+    """A simulated photo as chart's photo, white frame and dark frame: three files, since one file has one role."""
+    chart, white, dark = (replace(photo, sha256=digit + photo.sha256[1:]) for digit in "cad")
+    return chart, white, dark
+
+
+def makers_matrices(curves: Floats, seed: int, off: float = MATRIX_ERROR) -> tuple[ColourMatrix, ...]:
+    """Colour matrices for A and D65 as a maker may fit them to a camera (681, 3), with this relative error."""
+    table = np.loadtxt(MUNSELL, delimiter=",", skiprows=1)
+    surfaces = np.stack([np.interp(WAVELENGTHS, table[:, 0], column) for column in table.T[1:]])
+    error = np.eye(3) + off * np.random.default_rng([11, seed]).normal(size=(3, 3))
+    found = []
+    for light in ("A", "D65"):
+        reflected = surfaces * read_lamp(light).values
+        to_raw = np.linalg.lstsq(reflected @ observer("1931"), reflected @ curves, rcond=None)[0].T
+        found.append(ColourMatrix(light, tuple((error @ to_raw).ravel().tolist())))
+    return tuple(found)
 
 
 def capture(

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.claim import Run
-from benchmarks.shared import CURVES, standing_in
+from benchmarks.shared import CURVES, cameras, standing_in
 from camssf.grid import BAND, WAVELENGTHS, Floats
 from camssf.recovery.basis import Basis, interpolate, read_basis
 from camssf_lab.learning.basis import learn
@@ -92,8 +92,7 @@ def learned_without(maker: str) -> Basis:
 
 def left_out() -> tuple[dict[str, Floats], dict[str, Basis]]:
     """Cameras (681, 3) by name, and by maker the basis learned from all others."""
-    curves = {name: interpolate(curve) for name, curve in read_curves(CURVES).items()}
-    return curves, {maker: learned_without(maker) for maker in sorted(set(map(maker_of, curves)))}
+    return cameras(), {maker: learned_without(maker) for maker in sorted(set(map(maker_of, cameras())))}
 
 
 def measured_cameras() -> list[Device]:

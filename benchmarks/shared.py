@@ -25,9 +25,11 @@ from camssf.files import write_file
 from camssf.grid import Floats
 from camssf.recovery import basis as bases
 from camssf.recovery.basis import Basis, interpolate
+from camssf.recovery.covariance import LAMP_CORRELATION, smooth_errors
 from camssf.spectra import read_chart, read_lamp
 
 RESULTS = Path(__file__).parent / "results"
+LAMP_SMOOTH = 0.02
 TABLE = "classic24:babelcolor"
 """The chart's table, fixed: the chart in the photo is often Ohta's, in place of a chart without a measured table."""
 CURVES = Path(__file__).parents[1] / "data" / "ssf" / "rawtoaces.csv"
@@ -53,11 +55,11 @@ def standing_in(*others: Basis) -> Iterator[None]:
 
 
 @cache
-def cameras() -> tuple[dict[str, Floats], str]:
-    """Measured cameras, name → (681, 3), and a sentence that says which."""
+def cameras() -> dict[str, Floats]:
+    """The 52 measured cameras, name → (681, 3)."""
     from camssf_lab.learning.training import read_curves
 
-    return {name: interpolate(curve) for name, curve in read_curves(CURVES).items()}, "52 measured cameras"
+    return {name: interpolate(curve) for name, curve in read_curves(CURVES).items()}
 
 
 @cache
@@ -70,6 +72,12 @@ def chart() -> Floats:
 def lamp(name: str) -> Floats:
     """(681,)."""
     return read_lamp(name).values
+
+
+def ripple(rng: np.random.Generator) -> Floats:
+    """(681,) by what factor a lamp differs that is off by a smooth 2 %."""
+    smooth = interpolate(smooth_errors(LAMP_CORRELATION))
+    return np.asarray(np.exp(LAMP_SMOOTH * (smooth @ rng.normal(size=smooth.shape[1]))))
 
 
 def versions(*packages: str) -> dict[str, str]:

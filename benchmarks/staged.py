@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.captures import Answer, answer_to, model_of
-from benchmarks.devices import Device, scored
-from benchmarks.problems import makers_matrices
-from benchmarks.shared import TABLE, standing_in
+from benchmarks.captures import answer_to, makers_matrices
+from benchmarks.devices import scored
+from benchmarks.shared import TABLE, ripple, standing_in
 from camssf.errors import CalibrationError
 from camssf.grid import STEP, Floats
 from camssf.photo.capture import Capture, MeasuredShot, photo_of
@@ -25,13 +24,11 @@ from camssf.recovery.covariance import (
     ABSOLUTE,
     CHART_CORRELATION,
     EDGE,
-    LAMP_CORRELATION,
     RELATIVE,
     TABLE_CORRELATION,
     smooth_errors,
 )
 from camssf.spectra import CameraCurves, ChartTable, read_chart, read_lamp
-from camssf_lab.learning.training import maker_of
 from camssf_lab.simulation.camera import Sensor
 from camssf_lab.simulation.scene import Scene, true_pose
 from camssf_lab.simulation.shot import take
@@ -44,11 +41,10 @@ HARM = 0.03
 
 @dataclass(frozen=True)
 class Staged:
-    """A capture before the fault, and who takes it."""
+    """A capture before the fault, and its number."""
 
     setup: ShotPlan
     number: int
-    maker: str
 
 
 @dataclass(frozen=True)
@@ -79,8 +75,7 @@ def stage(number: int, name: str, camera: Floats, lamp: str) -> Staged:
     """A good capture: all that may differ between good captures is drawn from its number."""
     rng = np.random.default_rng([77, number])
     light = read_lamp(lamp)
-    smooth = interpolate(smooth_errors(LAMP_CORRELATION))
-    ripple = np.exp(0.02 * (smooth @ rng.normal(size=smooth.shape[1])))
+    smooth = ripple(rng)
     scene = Scene(
         size=SIZE, fill=0.55, rotation=float(rng.uniform(-6, 6)), tilt=float(rng.uniform(-8, 8)),
         vignetting=float(rng.uniform(0, 0.4)),
@@ -89,10 +84,10 @@ def stage(number: int, name: str, camera: Floats, lamp: str) -> Staged:
     curves = camera * np.array([rng.uniform(0.4, 0.9), 1.0, rng.uniform(0.5, 0.9)])
     body = CameraCurves(name, curves, "measured")
     plan = ShotPlan(
-        body, replace(light, values=light.values * ripple), real_chart(number, rng), scene, sensor, lamp, TABLE,
+        body, replace(light, values=light.values * smooth), real_chart(number, rng), scene, sensor, lamp, TABLE,
         white_level=float(np.exp(0.01 * rng.normal())),
     )  # fmt: skip
-    return Staged(plan, number, maker_of(name))
+    return Staged(plan, number)
 
 
 def real_chart(number: int, rng: np.random.Generator) -> ChartTable:
@@ -149,20 +144,10 @@ def shoot(staged: Staged, plan: ShotPlan, *, search: bool = False) -> MeasuredSh
     return MeasuredShot(lamp, facts["chart"], facts["white"], facts["dark"], pose, means, None)
 
 
-def by_maker(shot: MeasuredShot, device: Device, maker: str) -> MeasuredShot:
-    """The shot in a file that names this maker, and then the model, too, as phones do."""
-    return replace(shot, photo=replace(shot.photo, make=maker, model=model_of(device, maker)))
-
-
-def answered(*shots: MeasuredShot) -> Answer:
-    """The product's verdict of shots of one chart."""
-    return answer_to(Capture(tuple(shots), read_chart(TABLE), None))
-
-
 def solved(shots: Sequence[MeasuredShot], basis: Basis, camera: Floats) -> Outcome:
     """What becomes of a capture; the curves of a refused verdict are judged all the same."""
     with standing_in(basis):
-        answer = answered(*shots)
+        answer = answer_to(Capture(tuple(shots), read_chart(TABLE), None))
     if answer.ssf is None:
         assert answer.error is not None
         return refusal(answer.error)

@@ -27,13 +27,9 @@ import numpy as np
 from benchmarks.captures import LOW
 from benchmarks.claim import Run
 from benchmarks.devices import SEEN, errors, left_out, no_photo
-from benchmarks.shared import chart, lamp
+from benchmarks.shared import LAMP_SMOOTH, chart, lamp, ripple
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.recovery.basis import Basis, interpolate, misfit_profile
-from camssf.recovery.covariance import (
-    LAMP_CORRELATION,
-    smooth_errors,
-)
 from camssf.recovery.hypotheses import recover
 from camssf.recovery.observation import Observation
 from camssf.recovery.penalties import GAMMA, L2
@@ -51,7 +47,6 @@ TWELVE, ALL = (6, 18), (0, 24)
 HIGH = (0.005, 0.001)
 KELVIN = {"D55": (5503.0, 300.0), "A": (2856.0, 100.0)}
 """Temperature of a lamp and by how much it may be off, K; 1.4388 / 1.4380 makes D55 a daylight of 5503 K."""
-LAMP_SMOOTH = 0.02
 CHART, WHITE = 0.03, 0.01
 PRODUCT, RIDGE, PAPER = "elastic net (product)", "ridge, same prior", "paper: l1 on Gaussians"
 METHODS = (PRODUCT, RIDGE, PAPER)
@@ -139,10 +134,9 @@ def true_lamp(name: str, off: bool, rng: np.random.Generator) -> Floats:
     if not off:
         return lamp(name)
     kelvin, spread = KELVIN[name]
-    smooth = smooth_errors(LAMP_CORRELATION)
-    ripple = LAMP_SMOOTH * interpolate((smooth @ rng.normal(size=smooth.shape[1]))[:, None])[:, 0]
+    smooth = ripple(rng)
     # The ratio of two formulae bends the table, which keeps whatever the formula lacks.
-    return np.asarray(lamp(name) * power(name, kelvin + spread * rng.normal()) / power(name, kelvin) * np.exp(ripple))
+    return np.asarray(lamp(name) * power(name, kelvin + spread * rng.normal()) / power(name, kelvin) * smooth)
 
 
 def photograph(setting: Setting, camera: Floats, seen: Floats, rng: np.random.Generator) -> tuple[Floats, Floats]:

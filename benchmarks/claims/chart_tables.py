@@ -16,7 +16,7 @@ import numpy as np
 from benchmarks.captures import OPTIONS as PRODUCT
 from benchmarks.captures import capture, power, unnamed
 from benchmarks.claim import Run
-from benchmarks.claims.strangers import LAMPS, ryyb
+from benchmarks.claims.strangers import LAMPS, known_of
 from benchmarks.devices import CAMERAS, OTHERS, Device, measured_cameras, phones_left_out, scored
 from benchmarks.shared import TABLE, standing_in
 from benchmarks.staged import real_chart
@@ -54,12 +54,11 @@ def solved(photo: Capture) -> tuple[Ssf, Capture]:
 def claim(run: Run) -> None:
     """A row a chart and way of telling the lamp."""
     devices: list[tuple[Device, tuple[Basis, ...], bool]] = [
-        (camera, (replace(camera.bases[CAMERAS], name="cameras"),), False) for camera in measured_cameras()[::8]
+        (camera, (camera.known_by(CAMERAS),), False) for camera in measured_cameras()[::8]
     ]
     nodes = read_curves(run.phones) if run.options.phones else {}
     for phone in phones_left_out(nodes) if nodes else ():
-        others = {name: curves for name, curves in nodes.items() if name != phone.name}
-        devices.append((phone, (replace(phone.bases[OTHERS], name="phones"), ryyb(others)), True))
+        devices.append((phone, known_of(phone, OTHERS, nodes), True))
     kept: dict[tuple[str, str], list[tuple[float, ...]]] = {}
     for number, (device, known, is_phone) in enumerate(run.track(devices, "tables")):
         with standing_in(*known):

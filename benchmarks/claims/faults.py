@@ -18,20 +18,17 @@ earlier stage refused, before there were curves, are not counted in it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from benchmarks.claim import Run
-from benchmarks.devices import PHONES, left_out, taught
+from benchmarks.devices import CAMERAS, OTHER_MAKER, Device, measured_cameras, phones_left_out
 from benchmarks.faults import FAULTS, SEVERITIES, apply_fault
 from benchmarks.staged import HARM, Outcome, Staged, shoot, stage, tried
-from camssf.grid import Floats
-from camssf.photo.capture import MeasuredShot
-from camssf.recovery.basis import Basis, interpolate
-from camssf_lab.learning.training import maker_of, read_curves
+from camssf_lab.learning.training import read_curves
 from camssf_lab.simulation.shot_plan import ShotPlan
 
 OPTIONS = {
@@ -79,56 +76,37 @@ class Tally:
         }
 
 
-@dataclass(frozen=True)
-class Cameras:
-    """Who photographs: curves (681, 3) by name, and by maker the basis learned from all others."""
-
-    curves: Mapping[str, Floats]
-    bases: Mapping[str, Basis]
-    names: Sequence[str]
-
-    def outcome(self, staged: Staged, plan: ShotPlan, *, search: bool = False) -> Outcome:
-        """What becomes of a plan's capture."""
-        return self.judged(staged, lambda: [shoot(staged, plan, search=search)])
-
-    def judged(self, staged: Staged, shots: Callable[[], Sequence[MeasuredShot]]) -> Outcome:
-        """What becomes of shots."""
-        return tried(shots, self.bases[staged.maker], staged.setup.camera.values)
-
-
-def cameras_of(run: Run) -> Cameras:
-    """Cameras of one half, or phones."""
+def devices_of(run: Run) -> tuple[list[Device], str]:
+    """Cameras of one half, or phones, and which of their bases does not know their maker."""
     if run.options.on_phones:
-        nodes = read_curves(run.phones)
-        bases = {
-            maker: taught(nodes, [name for name in nodes if maker_of(name) != maker], label=PHONES)
-            for maker in sorted(set(map(maker_of, nodes)))
-        }
-        return Cameras({name: interpolate(curves) for name, curves in nodes.items()}, bases, list(nodes))
-    curves, bases = left_out()
+        return phones_left_out(read_curves(run.phones)), OTHER_MAKER
     half = run.options.half == "tune"
-    return Cameras(curves, bases, [name for name in curves if (maker_of(name) in TUNE) == half])
+    return [camera for camera in measured_cameras() if (camera.maker in TUNE) == half], CAMERAS
 
 
-def good_captures(cameras: Cameras, count: int) -> Iterator[tuple[Staged, Outcome]]:
+def outcome(device: Device, key: str, staged: Staged, plan: ShotPlan, *, search: bool = False) -> Outcome:
+    """What becomes of a plan's capture."""
+    return tried(lambda: [shoot(staged, plan, search=search)], device.known_by(key), device.curves)
+
+
+def good_captures(devices: Sequence[Device], key: str, count: int) -> Iterator[tuple[Device, Staged, Outcome]]:
     """Without a fault."""
-    names = cameras.names
     for number in range(count):
-        name = names[number % len(names)]
-        lamp = LAMPS[(number // len(names) * 3 + number) % len(LAMPS)]
-        staged = stage(number, name, cameras.curves[name], lamp)
-        yield staged, cameras.outcome(staged, staged.setup)
+        device = devices[number % len(devices)]
+        lamp = LAMPS[(number // len(devices) * 3 + number) % len(LAMPS)]
+        staged = stage(number, device.name, device.curves, lamp)
+        yield device, staged, outcome(device, key, staged, staged.setup)
 
 
-def spoilt(cameras: Cameras, good: Sequence[tuple[Staged, Outcome]], f: int, name: str, captures: int) -> list[Tally]:
+def spoilt(good: Sequence[tuple[Device, Staged, Outcome]], key: str, f: int, name: str, captures: int) -> list[Tally]:
     """A fault in every severity on some of the good captures."""
     tallies = []
     for severity in SEVERITIES:
         tally = Tally()
         for j in range(captures):
-            staged, known = good[(37 * f + 13 * severity + 29 * j) % len(good)]
+            device, staged, known = good[(37 * f + 13 * severity + 29 * j) % len(good)]
             plan = apply_fault(name, severity)(staged.setup)
-            tally.add(cameras.outcome(staged, plan, search=name in SEARCHED), known)
+            tally.add(outcome(device, key, staged, plan, search=name in SEARCHED), known)
         tallies.append(tally)
     return tallies
 
@@ -171,16 +149,15 @@ def confusion(tallies: dict[str, list[Tally]]) -> dict[str, Any]:
 def claim(run: Run) -> None:
     """All of it; results/faults.json is the second half's whole run."""
     captures, clean = (2, 26) if run.options.quick else (8, 208)
-    cameras = cameras_of(run)
-    good = list(run.track(good_captures(cameras, clean), "good captures"))
-    tallies = {name: spoilt(cameras, good, f, name, captures) for f, name in enumerate(run.track(FAULTS, "faults"))}
-    outcomes = [outcome for _, outcome in good]
-    every = outcomes + [outcome for own in tallies.values() for tally in own for outcome in tally.outcomes]
+    devices, key = devices_of(run)
+    good = list(run.track(good_captures(devices, key, clean), "good captures"))
+    tallies = {name: spoilt(good, key, f, name, captures) for f, name in enumerate(run.track(FAULTS, "faults"))}
+    outcomes = [known for _, _, known in good]
+    every = outcomes + [one for own in tallies.values() for tally in own for one in tally.outcomes]
     statuses = [outcome.status for outcome in outcomes]
-    names = cameras.names
     run.kept = {
         "half": run.options.half,
-        "cameras": len(names),
+        "cameras": len(devices),
         "captures_a_fault_and_severity": captures,
         "clean": {
             "captures": len(outcomes),

@@ -27,6 +27,7 @@ from benchmarks.captures import (
     Groups,
     Taken,
     frame,
+    in_roles,
     judged,
     model_of,
     power,
@@ -34,7 +35,6 @@ from benchmarks.captures import (
 )
 from benchmarks.claim import Run
 from benchmarks.devices import BY_OTHER_MAKER, BY_OTHERS, Device, populations
-from benchmarks.problems import in_roles
 from benchmarks.shared import TABLE
 from camssf.grid import Floats
 from camssf.photo.capture import Capture, MeasuredShot, Photo

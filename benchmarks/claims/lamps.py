@@ -20,9 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.captures import LOW, without
+from benchmarks.captures import LAMPS, LOW, without
 from benchmarks.claim import Run
-from benchmarks.claims.accuracy import LAMP_SMOOTH
 from benchmarks.devices import (
     BY_OTHERS,
     CAMERAS,
@@ -35,11 +34,9 @@ from benchmarks.devices import (
     phones_left_out,
     scored,
 )
-from benchmarks.shared import chart
+from benchmarks.shared import LAMP_SMOOTH, chart, ripple
 from camssf.fit.capture_fit import lamp_modes
 from camssf.grid import Floats
-from camssf.recovery.basis import interpolate
-from camssf.recovery.covariance import LAMP_CORRELATION, smooth_errors
 from camssf.recovery.hypotheses import LampGuess, recover
 from camssf.recovery.observation import Observation
 from camssf.recovery.sensitivity import SolverSettings
@@ -54,8 +51,8 @@ SETTINGS = (
 )  # fmt: skip
 SEED = 7
 DRAWN = {
-    "daylight": ("D:4800", "D:5500", "D:6500", "D:7500", "D:10000"),
-    "white-led": (*(f"LED-B{i}" for i in range(1, 6)), "LED-BH1", "LED-V1", "LED-V2"),
+    "daylight": LAMPS["daylight"],
+    "white-led": (*LAMPS["white-led"], "LED-V2"),
 }
 """Lamps that a drawn kind was not made from."""
 
@@ -75,9 +72,7 @@ def draw(kind: str, rng: np.random.Generator) -> tuple[Floats, Called]:
     else:
         kelvin = family.centre + family.spread * float(np.clip(rng.normal(), -2.0, 2.0))
         power = read_lamp(f"D:{max(kelvin, 4000.0):.0f}" if kind == "daylight" else f"{kelvin:.0f}K").values
-    smooth = smooth_errors(LAMP_CORRELATION)
-    ripple = LAMP_SMOOTH * interpolate((smooth @ rng.normal(size=smooth.shape[1]))[:, None])[:, 0]
-    return power * np.exp(ripple), light
+    return power * ripple(rng), light
 
 
 def by_kind(known: Observation, lights: Sequence[Called]) -> list[LampGuess]:

@@ -12,8 +12,6 @@ contains the D70 of rawtoaces; `phones`; and the paper's, whose only error is no
 noise. RMSE of curves of peak 1 at the 31 wavelengths of the monochromator, 400 to 700 nm, mean of red, green, blue;
 coverage: the share of these 93 values within the 95 % band. z is the goodness of fit of docs/verdict.md.
 
-Then a real photo of a chart without a truth, data/dng/colorchart.dng: verdict, band and choice by the lamp given.
-
 Leaves benchmarks/results/real.json, which `python -m tools.results real` keeps for the page.
 """
 
@@ -31,8 +29,6 @@ import numpy as np
 from benchmarks.claim import Run
 from benchmarks.devices import learned_without
 from benchmarks.shared import CURVES, standing_in
-from camssf.calibration import calibrate
-from camssf.errors import CalibrationError
 from camssf.fit.capture_fit import patch_modes
 from camssf.grid import BAND, STEP, WAVELENGTHS, Floats
 from camssf.photo.signals import Signals
@@ -45,9 +41,7 @@ from camssf.spectra.lamps import MEASURED_LAMP
 from camssf.verdict.goodness_of_fit import VerdictInputs
 from camssf_lab.learning.training import read_curves
 
-ROOT = Path(__file__).parents[2]
-REAL = ROOT / "data" / "real"
-PHOTO = ROOT / "data" / "dng" / "colorchart.dng"
+REAL = Path(__file__).parents[2] / "data" / "real"
 PASSES = {"2011": ("red", "green", "blue"), "2010": ("red2010", "green2010", "blue2010")}
 """Columns of the two passes, the later first."""
 NOISE = 0.01
@@ -57,8 +51,6 @@ CLAIM, LEFT_OUT, AUTO = "auto, no Nikon", "cameras, no Nikon", "auto"
 SHIPPED, PHONES, PAPER = "cameras", "phones", "gaussian (the paper)"
 BASES = (CLAIM, LEFT_OUT, AUTO, SHIPPED, PHONES, PAPER)
 MEAN = "mean of `cameras`, no Nikon: no photo at all"
-LAMPS = ("bulb", "3000K", "A", "LED-B1", "white-led", "FL2", "D55", "D65", "auto")
-"""What the real photo is told its light was. It was warm; nobody noted more."""
 REFERENCE = SolverSettings(engine="reference")
 SCATTERED = 0.08
 """What `scatter` finds in the capture: gains of the patches."""
@@ -259,38 +251,7 @@ def measure() -> dict[str, Any]:
         for basis in BASES
         if basis != PAPER  # which knows of no error but the signals'
     ]
-    return {
-        "rows": rows,
-        "references": references(),
-        "scatter": scatter(),
-    }
-
-
-def photograph() -> list[dict[str, Any]]:
-    """The real photo, by the lamp told."""
-    found: list[dict[str, Any]] = []
-    first: Floats | None = None
-    for lamp in LAMPS:
-        row: dict[str, Any] = {"lamp": lamp}
-        try:
-            result = calibrate(PHOTO, lamp)
-        except CalibrationError as error:
-            found.append(row | {"status": "refused", "reasons": [[error.code, str(error)]]})
-            continue
-        curves, std = result.ssf.peak()
-        first = curves if first is None else first
-        seen = (WAVELENGTHS >= 400) & (WAVELENGTHS <= 700)
-        found.append(
-            row
-            | {
-                "status": result.verdict.status,
-                "reasons": [[reason.code, reason.message] for reason in result.verdict.reasons],
-                "band": None if std is None else (BAND * std[seen]).mean(axis=0).tolist(),
-                "cameras": sum(each.probability for each in result.ssf.choice if each.basis == SHIPPED),
-                "away": float(np.sqrt(np.mean((curves - first)[seen] ** 2, axis=0)).mean()),
-            }
-        )
-    return found
+    return {"rows": rows, "references": references(), "scatter": scatter()}
 
 
 def row_of(
@@ -362,18 +323,10 @@ def show(run: Run, found: Mapping[str, Any]) -> None:
     ]
     columns = {"chart": "", "pass": "", "shared by the channels": ".1%", "left in R, G, B": "{:.1%} {:.1%} {:.1%}"}
     run.table("How far the patches are from what the true curves give", columns, shared)
-    columns = {"lamp given": "", "verdict": "", "codes": "", "difference from `bulb`": ".3f"}
-    columns["95 % band, R, G, B"] = "±{:.2f} ±{:.2f} ±{:.2f}"
-    seen = [
-        [row["lamp"], row["status"], " ".join(dict.fromkeys(code for code, _ in row["reasons"])),
-         row.get("away") or None, tuple(row.get("band") or ())]
-        for row in found["photo"]
-    ]  # fmt: skip
-    run.table("Canon 550D, no truth", columns, seen)
 
 
 def claim(run: Run) -> None:
-    """The D70, what it is held against, and the photo without a truth."""
-    found = run.kept = measure() | {"photo": photograph()}
+    """The D70, and what it is held against."""
+    found = run.kept = measure()
     show(run, found)
     check(run, found)

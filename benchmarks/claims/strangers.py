@@ -78,23 +78,26 @@ STRANGERS: dict[str, Change] = {
 }
 
 
-def ryyb(nodes: dict[str, Floats]) -> Basis:
-    """The basis `ryyb` as these phones teach it, curves (69, 3) by name."""
-    computed = with_yellow(nodes)
-    return taught(computed, list(computed), label="ryyb")
+def known_of(device: Device, key: str, nodes: dict[str, Floats]) -> tuple[Basis, Basis]:
+    """The bases `phones` and `ryyb` as all phones but this one, or but its maker's, teach them; (69, 3) by name."""
+    others = {
+        name: curves
+        for name, curves in nodes.items()
+        if name != device.name and (key == OTHERS or maker_of(name) != device.maker)
+    }
+    computed = with_yellow(others)
+    return device.known_by(key), taught(computed, list(computed), label="ryyb")
 
 
 def phones(path: Path) -> Iterator[Stranger]:
     """Each phone, changed and as it is."""
     nodes = read_curves(path)
     for device in phones_left_out(nodes):
-        others = {name: curves for name, curves in nodes.items() if name != device.name}
-        known = (replace(device.bases[OTHERS], name="phones"), ryyb(others))
+        known = known_of(device, OTHERS, nodes)
         for title, change in STRANGERS.items():
             curves = change(device.curves)
             yield title, replace(device, curves=curves / curves.max(axis=0)), known, device.maker
-        foreign = {name: curves for name, curves in nodes.items() if maker_of(name) != device.maker}
-        yield OTHER, device, (replace(device.bases[OTHER_MAKER], name="phones"), ryyb(foreign)), device.maker
+        yield OTHER, device, known_of(device, OTHER_MAKER, nodes), device.maker
         yield UNKNOWN, device, known, ""
         for title in FADED:
             yield title, device, known, device.maker
@@ -106,7 +109,7 @@ def cameras(foreign: Path | None) -> Iterator[Stranger]:
     groups += [] if foreign is None else [(FOREIGN, foreign_cameras(foreign))]
     for title, devices in groups:
         for device in devices:
-            known = (replace(device.bases[CAMERAS], name="cameras"),) if title == "cameras" else ()
+            known = (device.known_by(CAMERAS),) if title == "cameras" else ()
             for word, maker in (("", device.maker), (f", says {PHONE_MAKER}", PHONE_MAKER), (", no maker", "")):
                 yield title + word, device, known, maker
 

@@ -22,9 +22,10 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.captures import model_of
 from benchmarks.claim import Run
 from benchmarks.devices import BY_OTHER_MAKER, BY_OTHERS, FOREIGN, LEFT_OUT, Device, populations
-from benchmarks.staged import HARM, Outcome, by_maker, shoot, solved, stage
+from benchmarks.staged import HARM, Outcome, shoot, solved, stage
 from camssf.photo.capture import MeasuredShot
 from camssf.recovery.basis import Basis
 from camssf.spectra import read_chart, read_lamp
@@ -65,8 +66,9 @@ def taken(device: Device, light: str, chart: str, number: int) -> MeasuredShot:
 
 
 def judged(shot: MeasuredShot, lamp: str, maker: str, basis: Basis, device: Device) -> Outcome:
-    """The verdict of the shot under that name of its lamp."""
-    return solved([replace(by_maker(shot, device, maker), lamp=read_lamp(lamp))], basis, device.curves)
+    """The verdict of the shot under that name of its lamp; a file that names the maker names the model, too."""
+    photo = replace(shot.photo, make=maker, model=model_of(device, maker))
+    return solved([replace(shot, photo=photo, lamp=read_lamp(lamp))], basis, device.curves)
 
 
 def of_device(device: Device, basis: Basis, maker: str, number: int) -> Iterator[Told]:

@@ -5,29 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from itertools import combinations, islice
-from math import comb
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
 from benchmarks.claims.colour import unseen
-from benchmarks.devices import left_out
-from benchmarks.paper import captures
+from benchmarks.devices import errors, left_out
 from benchmarks.paper.rivals import FIGURE_4, OURS, TABLE_1, Given, method
 from benchmarks.shared import CURVES, chart, lamp
 from camssf.errors import NotConverged
 from camssf.fit.scores import rmsre
-from camssf.grid import WAVELENGTHS, Floats
+from camssf.grid import Floats
 from camssf.recovery.basis import Basis, read_basis
 from camssf.spectra import read_camera
 from camssf_lab.learning.training import maker_of, read_curves
 
 SEED = 7
-CHROMATIC, TWELVE, ALL = slice(0, 18), slice(6, 18), slice(0, 24)
-COUNTS = tuple(range(3, 19))
-MOST, EACH = 100, 4
-"""Combinations of a count of patches; how many of them a camera is shown. Each combination meets a few cameras."""
+TWELVE, ALL = slice(6, 18), slice(0, 24)
 NOISES = (0.0, 0.005, 0.01)
 LAMPS = ("equal-energy", "D55", "A", "LED-B3")
 IGNORED = ("D55", "D65", "A", "LED-B3", "LED-V1", "FL2")
@@ -79,14 +73,12 @@ def photograph(
 
 def score(curves: Floats, camera: Camera) -> float:
     """RMSE of curves divided by their peaks; a curve that is nowhere positive is wrong by the whole truth."""
-    visible = (WAVELENGTHS >= 400) & (WAVELENGTHS <= 700)
     peak = curves.max(axis=0)
-    shape = np.where(peak > 0, curves / np.where(peak > 0, peak, 1.0), 0.0)
-    wrong = (shape - camera.curve / camera.curve.max(axis=0))[visible]
-    return float(np.sqrt(np.mean(wrong**2, axis=0)).mean())
+    shape = np.where(peak > 0, curves, 0.0) / np.where(peak > 0, peak, 1.0)
+    return float(errors(shape, None, camera.curve)[0].mean())
 
 
-def given(camera: Camera, patches: Any, name: str, noise: float, rng: np.random.Generator) -> Given:
+def given(camera: Camera, patches: slice, name: str, noise: float, rng: np.random.Generator) -> Given:
     """A capture of some patches under a known lamp."""
     table_, light = chart()[patches], lamp(name)
     y, error = photograph(camera, table_, light, noise, rng)
@@ -101,34 +93,7 @@ def attempt(name: str, shown: Given, camera: Camera, weight: float = 0.0) -> flo
         return float("nan")
 
 
-def combinations_of(count: int) -> list[tuple[int, ...]]:
-    """All combinations of `count` of the 18 chromatic patches, or 100 of them, seeded."""
-    if comb(18, count) <= MOST:
-        return list(combinations(range(18), count))
-    rng = np.random.default_rng([SEED, count])
-    drawn: dict[tuple[int, ...], None] = {}
-    while len(drawn) < MOST:
-        drawn[tuple(sorted(rng.choice(18, count, replace=False).tolist()))] = None
-    return list(islice(drawn, MOST))
-
-
 # the experiments, each for one camera
-
-
-def colours(camera: Camera, index: int) -> Scores:
-    """Fig. 3a: RMSE against the number of colours."""
-    found: Scores = {}
-    rng = np.random.default_rng([SEED, 1, index])
-    for count in COUNTS:
-        known = combinations_of(count)
-        mine = sorted({(EACH * index + j) % len(known) for j in range(EACH)})
-        for noise in NOISES[:2]:
-            for number in mine:
-                shown = given(camera, list(known[number]), "D55", noise, rng)
-                for name in ("paper", "product"):
-                    key = f"{name}|{noise}|{count}"
-                    found.setdefault(key, []).append(attempt(name, shown, camera))
-    return found
 
 
 def figure_4(camera: Camera, index: int) -> Scores:
@@ -137,8 +102,6 @@ def figure_4(camera: Camera, index: int) -> Scores:
     for noise in NOISES:
         shown = given(camera, TWELVE, "D55", noise, np.random.default_rng([SEED, 2, index]))
         for name in (*FIGURE_4, *OURS):
-            if name == "sparse":
-                continue
             found[f"{name}|{noise}"] = [attempt(name, shown, camera, w) for w in method(name).weights]
     return found
 
@@ -190,7 +153,6 @@ def samples() -> Floats:
 
 EXPERIMENTS: dict[str, Callable[[Camera, int], Scores]] = {
     "rivals": rivals,
-    "colours": colours,
     "figure_4": figure_4,
     "lamps": lamps,
 }
@@ -199,15 +161,3 @@ EXPERIMENTS: dict[str, Callable[[Camera, int], Scores]] = {
 def run(experiment: str, index: int) -> Scores:
     """One experiment on one camera: what a process is given to do."""
     return EXPERIMENTS[experiment](cameras()[index], index)
-
-
-def phone(index: int) -> dict[str, Any]:
-    """Sec. 5 for one of the phones."""
-    camera = cameras()[index]
-    return captures.phone(camera.name, camera.curve, camera.basis, samples(), SEED * 100 + index)
-
-
-def spectrograph(index: int, light: str) -> dict[str, Any]:
-    """Sec. 4 for one camera."""
-    camera = cameras()[index]
-    return captures.spectrograph(camera.name, camera.curve, light, SEED * 1000 + index)

@@ -8,17 +8,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.claim import Run
-from benchmarks.paper.experiments import (
-    COUNTS,
-    TWELVE,
-    Scores,
-    cameras,
-)
+from benchmarks.paper.experiments import Scores, cameras
 from benchmarks.paper.rivals import FIGURE_4, READINGS, method
-from benchmarks.shared import chart
-from camssf.grid import STEP
-from camssf.recovery.basis import gaussian_basis
-from camssf.spectra import read_chart
 
 
 def tuned(runs: dict[int, list[float]]) -> dict[str, Any]:
@@ -39,35 +30,11 @@ def tuned(runs: dict[int, list[float]]) -> dict[str, Any]:
     return {"rmse": rmse, "picks": np.bincount(picks).argmax().item(), "refused": len(chosen) - len(answers)}
 
 
-def by_key(results: dict[int, Scores]) -> dict[str, dict[int, list[float]]]:
-    """Camera → key → numbers turned into key → camera → numbers."""
-    found: dict[str, dict[int, list[float]]] = {}
-    for index in sorted(results):
-        for key, values in results[index].items():
-            found.setdefault(key, {})[index] = values
-    return found
-
-
-def gather_colours(results: dict[int, Scores]) -> dict[str, Any]:
-    """Mean by method, noise and count."""
-    found: dict[str, Any] = {"counts": list(COUNTS)}
-    for key, runs in by_key(results).items():
-        name, noise, count = key.split("|")
-        values = np.concatenate([runs[index] for index in runs])
-        refused = int(np.isnan(values).sum())
-        values = values[~np.isnan(values)]
-        row = found.setdefault(name, {}).setdefault(noise, {"mean": [], "runs": [], "refused": 0})
-        assert count == str(COUNTS[len(row["mean"])])
-        row["mean"].append(values.mean().item())
-        row["runs"].append(len(values))
-        row["refused"] += refused
-    return found
-
-
 def nested(results: dict[int, Scores], cell: Callable[[str, dict[int, list[float]]], Any]) -> dict[str, Any]:
     """A cell for each key "name|...|...", nested by its words; methods by their labels."""
     found: dict[str, Any] = {}
-    for key, runs in by_key(results).items():
+    for key in next(iter(results.values())):
+        runs = {index: results[index][key] for index in sorted(results)}
         name, *middle, last = key.split("|")
         place = found.setdefault(method(name).label, {})
         for word in middle:
@@ -113,50 +80,10 @@ def gather_lamps(results: dict[int, Scores]) -> dict[str, Any]:
 
 
 GATHER: dict[str, Callable[[dict[int, Scores]], dict[str, Any]]] = {
-    "colours": gather_colours,
     "figure_4": gather_figure_4,
     "rivals": gather_rivals,
     "lamps": gather_lamps,
 }
-
-
-def correlations() -> dict[str, Any]:
-    """Fig. 3f: |r| between pairs of reflectances, and how alike the columns of F Ψ are (their mutual coherence)."""
-    found: dict[str, Any] = {}
-    for label, patches in (("1 to 12", slice(0, 12)), ("7 to 18", TWELVE)):
-        for name, table_ in (("BabelColor", chart()), ("Ohta", read_chart("classic24:ohta").values)):
-            r = np.corrcoef(table_[patches])
-            pairs = np.abs(r[np.triu_indices(12, 1)])
-            found[f"{name}, {label}"] = {"mean": float(pairs.mean())}
-    rows = chart()[TWELVE] * STEP
-    columns = rows @ gaussian_basis(18).dictionary[0]
-    columns = columns / np.linalg.norm(columns, axis=0)
-    alike = np.abs(columns.T @ columns) - np.eye(18)
-    return {"tables": found, "coherence_below_1": float(1.0 - alike.max())}
-
-
-def gather_direct(runs: dict[tuple[int, str], dict[str, Any]]) -> dict[str, Any]:
-    """Means and worst cases by light."""
-    found: dict[str, Any] = {}
-    for light in ("AM1.5", "daylight"):
-        mine = [run for (_, name), run in runs.items() if name == light and "rmse" in run]
-        asked = sum(name == light for _, name in runs)
-        errors = np.array([run["rmse"] for run in mine])
-        found[light] = {
-            "cameras": len(mine),
-            "refused": asked - len(mine),
-            "rmse": float(errors.mean()),
-            "rmse_worst": float(errors.max()),
-            **{
-                role: {
-                    "wavelength_error_worst_nm": max(run[role]["wavelength_error_nm"] for run in mine),
-                    "residual_nm": float(np.mean([run[role]["residual_nm"] for run in mine])),
-                    "fewest_lines": min(run[role]["lines"] for run in mine),
-                }
-                for role in ("rgb", "mono")
-            },
-        }
-    return found
 
 
 def check(run: Run, found: dict[str, Any]) -> None:
@@ -169,8 +96,3 @@ def check(run: Run, found: dict[str, Any]) -> None:
         for name, ours in zip(FIGURE_4, (qr, pinv), strict=True):
             run.bar(f"{method(name).label}, clipped, over the paper's l1, {words}", ours / best, least=2.0)
         run.bar(f"QR over pseudo-inverse, clipped, {words}", qr / pinv, least=1.0)
-    for light, row in found["direct"].items():
-        run.bar(f"camssf direct, {light}: worst channel's RMSE", row["rmse_worst"], most=0.01)
-        for role in ("rgb", "mono"):
-            worst = row[role]["wavelength_error_worst_nm"]
-            run.bar(f"camssf direct, {light}: worst wavelength of the {role} frames, nm", worst, most=0.5)

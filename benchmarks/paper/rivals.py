@@ -16,9 +16,9 @@ import numpy as np
 from scipy.linalg import lstsq, solve_triangular
 from scipy.linalg import pinv as pseudo_inverse
 from scipy.linalg import qr as pivoted
-from scipy.optimize import least_squares, nnls
+from scipy.optimize import nnls
 
-from camssf.grid import STEP, WAVELENGTHS, Floats
+from camssf.grid import STEP, Floats
 from camssf.recovery.basis import NODES, Basis, gaussian_basis, interpolate
 from camssf.recovery.covariance import FLOOR
 from camssf.recovery.hypotheses import recover
@@ -26,9 +26,9 @@ from camssf.recovery.observation import Observation
 from camssf.recovery.sensitivity import SolverSettings
 from camssf.spectra import colour_science
 
-TABLE_1 = ("quadratic", "tikhonov", "subspace", "wiener", "ranks", "gaussians")
-"""The families of the paper's Table 1."""
-OURS = ("paper", "tuned", "sparse", "product")
+TABLE_1 = ("quadratic", "tikhonov", "subspace", "wiener")
+"""Of the families of the paper's Table 1 those that are linear or convex."""
+OURS = ("paper", "tuned", "product")
 FIGURE_4 = ("qr", "pinv")
 NO_WEIGHT = (0.0,)
 SMOOTHNESS = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
@@ -128,12 +128,6 @@ def tuned(given: Given, weight: float) -> Floats:
     return given.solved("gaussian", gamma=weight)
 
 
-@_rival("l1 on cameras", NO_WEIGHT)
-def sparse(given: Given, weight: float) -> Floats:
-    """l1 alone on the learned basis, γ = 1.4 (the best of docs/accuracy.md)."""
-    return given.solved(given.basis, l2=0.0, gamma=1.4, engine="reference")
-
-
 @_rival("elastic net on cameras (camssf)", NO_WEIGHT)
 def product(given: Given, weight: float) -> Floats:
     """camssf's default: the elastic net on the learned basis, λ₂ = 1, γ = 0.05."""
@@ -216,72 +210,6 @@ def wiener(given: Given, weight: float) -> Floats:
         seen = rows @ moments
         found.append(seen.T @ np.linalg.solve(seen @ rows.T + np.diag((weight * sigma) ** 2), y))
     return between() @ np.stack(found, axis=1)
-
-
-STRICT = 1e4
-"""Weight of the scale and of a pair in the wrong order, against smoothness."""
-
-
-@_rival("rank-based (after Finlayson 2016)", (0.05, 0.1, 0.15, 0.2))
-def ranks(given: Given, weight: float) -> Floats:
-    """Only the order of the patches counts, not their signals (Finlayson, Darrodi and Mackiewicz 2016).
-
-    y_i > y_j says (F_i - F_j) s > 0, so the ranks confine s to a cone; neighbours in rank imply all other pairs. Of
-    the cone's curves, s ≥ 0 and scaled to white, this takes the smoothest that keeps each pair apart by w times what
-    their mean distance is: a margin in place of the paper's search through the cone. One quadratic programme, solved
-    as non-negative least squares with a slack for each pair.
-    """
-    rows = given.node_rows()
-    white = (given.lamp / given.lamp.sum()) @ between()
-    (n, m), curved = rows.shape, len(bends())
-    found = []
-    for y in given.signals.T:
-        steps = np.diff(rows[np.argsort(y, kind="stable")], axis=0)
-        margin = np.full(n - 1, weight * 0.9 / (n - 1))  # a chart spans about nine tenths of white
-        system = np.zeros((curved + n, m + n - 1))
-        system[:curved, :m] = bends()
-        system[curved:-1, :m], system[curved:-1, m:] = STRICT * steps, -STRICT * np.eye(n - 1)
-        system[-1, :m] = STRICT * white
-        target = np.concatenate([np.zeros(curved), STRICT * margin, [STRICT]])
-        found.append(nnls(system, target, maxiter=50 * system.shape[1])[0][:m])
-    return between() @ np.stack(found, axis=1)
-
-
-STARTS = ((600.0, 450.0), (535.0, 600.0), (460.0, 530.0))
-"""Centres of R, G, B to start from, nm."""
-WIDTH, NARROWEST, WIDEST = 35.0, 8.0, 120.0
-"""Standard deviations, nm."""
-
-
-@_rival("sum of Gaussians", (1.0, 2.0))
-def gaussians(given: Given, weight: float) -> Floats:
-    """A sum of a few Gaussians a channel, amplitude, centre and width free: SciPy's `least_squares`.
-
-    The free number is how many. Starts stand where sensors of that colour peak, the further ones on their flanks.
-    """
-    rows, count = given.rows(), int(weight)
-    curves = []
-    for (y, sigma), centres in zip(given.channels(), STARTS, strict=True):
-        start = [(1.0 if i == 0 else 0.1, centre, WIDTH) for i, centre in enumerate(centres[:count])]
-        fit = least_squares(
-            lambda p, y=y, sigma=sigma: (rows @ _bells(p)[0] - y) / sigma,
-            np.ravel(start),
-            jac=lambda p, sigma=sigma: rows @ _bells(p)[1] / sigma[:, None],
-            bounds=(np.tile([0.0, 370.0, NARROWEST], count), np.tile([np.inf, 730.0, WIDEST], count)),
-            x_scale=np.tile([1.0, 20.0, 10.0], count),
-            max_nfev=200,
-        )
-        curves.append(_bells(fit.x)[0])
-    return np.stack(curves, axis=1)
-
-
-def _bells(p: Floats) -> tuple[Floats, Floats]:
-    """Their sum (681,), and its slopes (681, 3 count) by height, centre and width of each."""
-    height, centre, width = p.reshape(-1, 3).T
-    off = (WAVELENGTHS[:, None] - centre) / width
-    bell = np.exp(-0.5 * off**2)
-    slopes = np.stack([bell, height * bell * off / width, height * bell * off**2 / width], axis=2)
-    return bell @ height, slopes.reshape(WAVELENGTHS.size, -1)
 
 
 READINGS = ("wavelengths, clipped", "wavelengths, NNLS", "Gaussians, clipped", "Gaussians, NNLS")

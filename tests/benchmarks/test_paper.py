@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.paper import captures, gathering
 from benchmarks.paper import experiments as paper
+from benchmarks.paper import gathering
 from benchmarks.paper.rivals import TABLE_1, method
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -49,11 +49,6 @@ def test_what_the_page_says_in_words_holds(found: dict[str, Any]) -> None:
         for light in ("A", "LED-B3", "LED-V1", "FL2"):
             assert row["ignored"][light]["rmse"] > 1.5 * row["known"][light]["rmse"]
             assert row["ignored"][light]["rmsre_percent"] < 0.7
-    means = {name: row["mean"] for name, row in found["correlation"]["tables"].items()}
-    assert means["BabelColor, 7 to 18"] < 0.579 < means["Ohta, 7 to 18"]
-    colours = found["colours"]["paper"]["0.0"]["mean"]
-    assert colours[0] > 3 * colours[6]
-    assert colours[9] < 1.15 * colours[15]
 
 
 @pytest.mark.repository
@@ -91,13 +86,3 @@ def test_the_lamp_experiment_sees_what_rmsre_does_not() -> None:
     (row,) = (gathering.gather_lamps({4: paper.run("lamps", 4)})[PAPER],)
     assert row["ignored"]["A"]["rmse"] > 1.5 * row["known"]["A"]["rmse"]
     assert row["ignored"]["A"]["rmsre_percent"] < 3.0
-
-
-@pytest.mark.full
-def test_a_phone_through_files() -> None:
-    camera = next(c for c in paper.cameras() if c.name in captures.PHONES)
-    made = captures.phone(camera.name, camera.curve, camera.basis, paper.samples(), 1)
-    exact = made["worlds"]["exact"]["cameras"]
-    assert max(exact["rmsre_percent"]) < 3.0
-    assert max(exact["truth_rmsre_percent"]) < 1.0
-    assert max(exact["rmse"]) < 0.08

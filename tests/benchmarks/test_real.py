@@ -142,18 +142,6 @@ def test_the_page_s_numbers_are_what_is_measured_now() -> None:
                 assert now["passes"][each]["coverage"] == pytest.approx(then["passes"][each]["coverage"], abs=0.012)
 
 
-@pytest.mark.full
-def test_the_photo_s_verdicts_are_what_is_said_now() -> None:
-    then = json.loads((DOCS / "real.json").read_text("utf-8"))["photo"]
-    now = real.photograph()
-    for before, after in zip(then, now, strict=True):
-        assert (before["lamp"], before["status"]) == (after["lamp"], after["status"])
-        assert [code for code, _ in before["reasons"]] == [code for code, _ in after["reasons"]]
-        if before.get("band"):
-            assert after["band"] == pytest.approx(before["band"], rel=0.02)
-    assert {row_["status"] for row_ in now} == {"doubtful"}
-
-
 @pytest.mark.requirement("R-REAL")
 def test_the_shares_of_the_whole_chart_s_photo_are_those_of_the_page() -> None:
     found, text = whole_chart.measure(), (DOCS / "real.md").read_text("utf-8")

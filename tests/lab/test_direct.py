@@ -14,8 +14,6 @@ import pytest
 import tifffile
 from numpy.typing import NDArray
 
-from benchmarks.paper import spectrograph
-from benchmarks.paper.spectrograph import FINE, Spectrograph, shoot, write_dng
 from camssf.cli import main
 from camssf.errors import (
     FramesDiffer,
@@ -31,6 +29,8 @@ from camssf.spectra import CameraCurves, read_camera
 from camssf_lab.direct import Direct, divide, extract, sweep
 from camssf_lab.direct.dispersion import FEWEST, LINES, disperse
 from camssf_lab.simulation.camera import Sensor
+from tests.support import spectrograph
+from tests.support.spectrograph import FINE, Spectrograph, shoot, write_dng
 
 NIKON = "Nikon 5100 (NPL)"
 RGB, MONO = Spectrograph(), Spectrograph(pixel=0.0048, size=(1400, 200), centre=565.0, tilt=-0.4)

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.paper.spectrograph import write_dng
 from camssf.cli import main
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery.basis import read_basis
@@ -18,6 +17,7 @@ from camssf.result import Result
 from camssf.spectra import read_camera, read_lamp
 from camssf_lab.simulation.camera import Sensor
 from tests.repository.test_docs import ROOT, blocks
+from tests.support.spectrograph import write_dng
 
 STUDY = (ROOT / "docs" / "study.md").read_text("utf-8")
 SENSOR = Sensor(black=256, white_level=15000)

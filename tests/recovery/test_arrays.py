@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.problems import open_model
 from camssf.grid import Floats
 from camssf.recovery.arrays import inverse, namespace, whiten, whiten_and_solve
 from camssf.recovery.basis import read_basis
 from camssf.recovery.inputs import basis_arrays, observation_arrays, with_hypothesis
 from camssf.recovery.model import learned_model
-from camssf.recovery.onnx_model import run_session
+from camssf.recovery.onnx_model import onnx_runtime, run_session
 from camssf_colour.posterior import LinearResponse, components_of, means_of, posterior_of
 from camssf_colour.surface_prior import SurfacePrior, read_prior
 from golden.compare import norm
@@ -40,6 +39,14 @@ def ran(function: Callable[..., Any], axes: Mapping[str, list[str | int]], **inp
 
     model = traced("f", axes, by_name).SerializeToString()
     return open_model(model).run(None, {name: np.asarray(value, float) for name, value in inputs.items()})  # type: ignore[no-any-return]
+
+
+def open_model(content: bytes) -> Any:
+    """A session whose graph runs as it stands, as the product's does."""
+    runtime = onnx_runtime()
+    options = runtime.SessionOptions()
+    options.graph_optimization_level = runtime.GraphOptimizationLevel.ORT_DISABLE_ALL
+    return runtime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
 
 
 def agree(function: Callable[..., Any], axes: Mapping[str, list[str | int]], **inputs: Any) -> None:

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from benchmarks.problems import chosen_basis
 from camssf.calibration import solve
 from camssf.documents.basis_choice import choice_of, odds_in_words
 from camssf.documents.document import Answer
@@ -21,7 +20,7 @@ from camssf.photo.capture import Capture, MeasuredShot, Photo
 from camssf.photo.patches import PatchMeans
 from camssf.recovery.basis import read_basis
 from camssf.recovery.covariance import DRIFT
-from camssf.recovery.hypotheses import CLEAR, FAMILIES, MAKER, recover
+from camssf.recovery.hypotheses import CLEAR, FAMILIES, MAKER, LampGuess, UnweighedHypothesis, choose, recover
 from camssf.recovery.observation import Observation
 from camssf.recovery.sensitivity import FamilyTest, Hypothesis, Ssf, solve_on_basis
 from camssf.recovery.unfamiliar_camera import stranger_probability
@@ -60,6 +59,17 @@ def between() -> Observation:
 def belief(basis: str, phones: float = 1.0) -> float:
     """Prior odds by hand: RYYB one phone in twenty."""
     return {"phones": phones, "cameras": 1.0, "ryyb": 0.05 * phones}[basis]
+
+
+def chosen_basis(observation: Observation, answers: Sequence[Ssf], beliefs: Floats) -> Ssf:
+    """The mixture of answers to one observation by their evidences and beliefs, ln of the bases' prior odds."""
+    guess = LampGuess((), observation, 0.0)
+    hypotheses = [
+        UnweighedHypothesis(guess, answer.basis, answer.prior_scale, float(belief_))
+        for answer, belief_ in zip(answers, beliefs, strict=True)
+    ]
+    nats = np.array([answer.log_evidence for answer in answers], dtype=float)
+    return choose(hypotheses, nats, lambda kept: [answers[i] for i in kept])
 
 
 def shares(ssf: Ssf) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""Rows of simulated results, and processes that write them: for the tests and the benchmark of the registry."""
+"""Rows of simulated results, and processes that write them: for the tests of the registry."""
 
 from __future__ import annotations
 
