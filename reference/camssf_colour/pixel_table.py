@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -55,6 +56,34 @@ class PixelTable:
     roots: Array
     covariance: Array
     distance: Array
+
+    # The coefficients serve all strips of a picture.
+
+    @cached_property
+    def bilinear_roots(self) -> tuple[Array, ...]:
+        """Of the roots: `_coefficients`."""
+        return _coefficients(self.roots, RATIO_NODES)
+
+    @cached_property
+    def bilinear_covariance(self) -> tuple[Array, ...]:
+        """Of the covariance: `_coefficients`."""
+        return _coefficients(self.covariance, COVARIANCE_NODES)
+
+    @cached_property
+    def bilinear_distance(self) -> tuple[Array, ...]:
+        """Of the distance: `_coefficients`."""
+        return _coefficients(self.distance[:, None], COVARIANCE_NODES)
+
+
+def _coefficients(table: Array, nodes: int) -> tuple[Array, ...]:
+    """(k, nodes² - nodes - 1) four times, of a table (nodes², k): its values, and their changes to the next nodes.
+
+    The changes are those to the next ln b/g, to the next ln r/g, and to both beyond their sum.
+    """
+    first = table[: -nodes - 1, :]
+    to_blue, to_red = table[1:-nodes, :] - first, table[nodes:-1, :] - first
+    to_both = table[nodes + 1 :, :] - table[nodes:-1, :] - to_blue
+    return first.mT, to_blue.mT, to_red.mT, to_both.mT
 
 
 def node_signals(nodes: int) -> Floats:
@@ -137,16 +166,13 @@ class _Between:
     by_blue: Array
 
 
-def _between(table: Array, places: Places, nodes: int) -> _Between:
-    """A table (nodes², k) between its nodes."""
+def _between(coefficients: tuple[Array, ...], places: Places, nodes: int) -> _Between:
+    """A table between its nodes."""
     xp, scale = namespace(places.level), (nodes - 1.0) / (RATIO_NODES - 1.0)
     red, blue = places.along_red * scale, places.along_blue * scale
     i, j = (xp.astype(xp.minimum(along, nodes - 1.5), xp.int64) for along in (red, blue))  # a node follows each
     u, v = red - xp.astype(i, xp.float64), blue - xp.astype(j, xp.float64)
-    first = table[: -nodes - 1, :]
-    to_blue, to_red = table[1:-nodes, :] - first, table[nodes:-1, :] - first
-    coefficients = (first, to_blue, to_red, table[nodes + 1 :, :] - table[nodes:-1, :] - to_blue)
-    value, by_blue, by_red, by_both = (xp.take(part.mT, i * nodes + j, axis=1) for part in coefficients)
+    value, by_blue, by_red, by_both = (xp.take(part, i * nodes + j, axis=1) for part in coefficients)
     by_red, by_blue = by_red + v * by_both, by_blue + u * by_both
     per_ratio = scale * PER_NODE
     return _Between(value + v * (by_blue - u * by_both) + u * by_red, per_ratio * by_red, per_ratio * by_blue)
@@ -159,7 +185,7 @@ def _cube_root(values: Array) -> Array:
 
 def xyz_of(table: PixelTable, places: Places) -> Array:
     """(3, n) XYZ over white."""
-    roots = _between(table.roots, places, RATIO_NODES).values
+    roots = _between(table.bilinear_roots, places, RATIO_NODES).values
     return places.level * (roots * roots * roots)
 
 
@@ -170,13 +196,13 @@ def lab_variances(table: PixelTable, places: Places, noise: Array) -> Array:
     """
     xp = namespace(places.level)
     level = xp.maximum(places.level, BLACK)
-    root, between = _cube_root(level), _between(table.roots, places, RATIO_NODES)
+    root, between = _cube_root(level), _between(table.bilinear_roots, places, RATIO_NODES)
     roots, by_red, by_blue = root * between.values, root * between.by_red, root * between.by_blue
     # Lab is made of cube roots of t, and where t is small of a straight line, whose slope by the root is smaller.
     chain = xp.where(roots > BEND ** (1.0 / 3.0), 1.0, (3.0 * SLOPE / 116.0) * roots * roots)
 
     by_xyz = chain * level / (3.0 * xp.maximum(roots * roots, BLACK))
-    pairs = _between(table.covariance, places, COVARIANCE_NODES).values
+    pairs = _between(table.bilinear_covariance, places, COVARIANCE_NODES).values
     xx, xy, _, yy, yz, zz = (by_xyz[i, :] * by_xyz[j, :] * pairs[k, :] for k, (i, j) in enumerate(PAIRS))
     known = xp.stack([116.0**2 * yy, 500.0**2 * (xx - 2.0 * xy + yy), 200.0**2 * (yy - 2.0 * yz + zz)], axis=0)
 
@@ -200,4 +226,4 @@ def out_of_reach(table: PixelTable, places: Places, noise: Array) -> Array:
     from_grey = places.signals - places.level
     moved = SURE * xp.sqrt(xp.stack([noise[PAIRS.index((c, c)), :] for c in range(3)], axis=0))
     nearer = places.level + xp.sign(from_grey) * xp.maximum(xp.abs(from_grey) - moved, 0.0)
-    return _between(table.distance[:, None], places_of(nearer), COVARIANCE_NODES).values[0, :] > REACH
+    return _between(table.bilinear_distance, places_of(nearer), COVARIANCE_NODES).values[0, :] > REACH
