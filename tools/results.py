@@ -20,8 +20,6 @@ from tools.pages import markdown_table
 DOCS = Path(__file__).parents[1] / "docs"
 SHOW: dict[str, Callable[[Run, Any], None]] = {"faults": faults.show, "paper": paper.show, "real": real.show}
 """What prints the numbers of a benchmark, by its name."""
-DRAWN = ("curves", "std", "truth")
-"""What no table shows."""
 
 
 class Shown(Run):
@@ -54,23 +52,15 @@ def markdown(name: str) -> str:
     return "\n\n".join(page.parts_of_page)
 
 
-def shown(content: Any) -> Any:
-    """Without what no table shows; five significant digits."""
-    if isinstance(content, dict):
-        return {key: shown(value) for key, value in content.items() if key not in DRAWN}
-    if isinstance(content, list):
-        return [shown(value) for value in content]
-    return float(f"{content:.5g}") if isinstance(content, float) else content
-
-
 def main() -> None:
     """Keep the numbers."""
     parser = argparse.ArgumentParser(prog="python -m tools.results", description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("name", choices=SHOW)
     name = parser.parse_args().name
-    found = json.loads((RESULTS / f"{name}.json").read_text("utf-8"))
+    words = (RESULTS / f"{name}.json").read_text("utf-8")
+    found = json.loads(words, parse_float=lambda number: float(f"{float(number):.5g}"))
     del found["versions"]
-    write_file(DOCS / f"{name}.json", json.dumps(shown(found), indent=1, ensure_ascii=False) + "\n")
+    write_file(DOCS / f"{name}.json", json.dumps(found, indent=1, ensure_ascii=False) + "\n")
 
 
 if __name__ == "__main__":

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import subprocess
 from pathlib import Path
 
@@ -158,30 +157,6 @@ def test_simulated_captures_are_solved_and_not_refused_as_files(row: str) -> Non
         place = field.place(np.random.default_rng(3), row)
         simulated = field.photographed(device, "D55", light, place, row, "nikon", 3)
     assert solve(simulated, options=Options(engine="reference")).verdict.status == "accepted"
-
-
-@pytest.mark.repository
-def test_the_picture_of_skin_and_its_numbers_on_the_page(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """As docs/colour.md tells them; another kernel of the linear algebra may move a last digit."""
-    from tools import skin_angles
-
-    monkeypatch.setattr(shared, "RESULTS", tmp_path)
-    assert skin_angles.main(["-o", str(tmp_path)]) == 0
-    capsys.readouterr()
-    found = json.loads((tmp_path / "colour-skin.json").read_text("utf-8"))
-    page = (Path(__file__).parents[2] / "docs" / "colour.md").read_text("utf-8")
-    assert (tmp_path / "colour-skin.png").read_bytes().startswith(b"\x89PNG")
-    assert "](images/colour-skin.png)" in page
-    for name, row in found["ita"].items():
-        (cells,) = re.findall(
-            rf"^\| {name} \| ([\d.]+)° \| ([\d.]+)° \| ([\d.]+)° \| ([\d.]+)° \|$", page, re.MULTILINE
-        )
-        expected = [row[key] for key in ("matrix", "exact", "curves", "half_width")]
-        assert [float(cell) for cell in cells] == pytest.approx(expected, abs=0.11)
-        assert row["held"] == 1.0
-        assert f"{row['range_curves']:.1f}°" in page
 
 
 @pytest.mark.requirement("R-COLOUR")
