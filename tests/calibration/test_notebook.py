@@ -15,7 +15,7 @@ import pytest
 
 from camssf import Options
 from camssf.calibration import attempt, calibrate
-from camssf.documents.document import Curves, Document, Truth, document_bytes
+from camssf.documents.document import Curves, Truth, document_bytes
 from camssf.documents.scale import channel_scale
 from camssf.errors import ChartUnfit, InvalidArgument, LampUnfit
 from camssf.grid import WAVELENGTHS
@@ -200,17 +200,6 @@ def test_saved_and_loaded_it_is_the_same_result(result: Result, tmp_path: Path) 
     assert again.save(tmp_path / "again.json").read_bytes() == path.read_bytes()
     assert result == result
     assert result != replace(result)  # its document tells whether two are alike
-
-
-def test_what_is_no_result_is_not_loaded(tmp_path: Path) -> None:
-    measured = document_bytes(Document(format="camssf/2", version="1", capture=document().capture))
-    for data, words in (
-        (b'{"format": "camssf-result/1"}', r"x\.json: the document is camssf-result/1.*calibrate the photos anew"),
-        (measured, r"x\.json: the document is a capture that was not solved: `camssf solve`"),
-    ):
-        (tmp_path / "x.json").write_bytes(data)
-        with pytest.raises(InvalidArgument, match=words):
-            Result.load(tmp_path / "x.json")
 
 
 def test_a_pickle_is_small_and_whole_but_for_the_pictures(result: Result) -> None:

@@ -15,7 +15,7 @@ import camssf
 
 REFERENCE = Path(camssf.__file__).parents[1]
 PACKAGES = ("camssf", "camssf_app", "camssf_colour", "camssf_fleet", "camssf_lab")
-MOST_PARAMETERS = MOST_FIELDS = 8
+MOST_PARAMETERS = 8
 MOST_LINES = 450
 HEAVY = (
     "cv2", "rawpy", "colour", "torch", "onnx", "onnxruntime", "matplotlib", "tifffile", "rich", "typer",

@@ -14,16 +14,14 @@ from camssf.calibration import solve
 from camssf.photo.capture import measure
 from camssf.photo.shot import Shot
 from camssf.progress import Progress, part_of
-from camssf_lab.simulation.frames import simulate
-from camssf_lab.simulation.scene import Scene
+from tests.support.captures import photos
 
 Reports = list[tuple[str, float]]
 
 
-@pytest.fixture(scope="module")
-def photo(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    made = simulate("Demo phone", ["D55"], tmp_path_factory.mktemp("shots"), scene=Scene(size=(900, 675)))
-    return made.shots[0].chart
+@pytest.fixture
+def photo() -> Path:
+    return Path(str(photos(camera="Demo phone").shots[0].chart))
 
 
 def check(reports: Reports) -> None:
@@ -56,36 +54,27 @@ def test_a_part_of_the_whole() -> None:
     assert reports == [("solving", pytest.approx(0.4)), ("validating", 1.0)]
 
 
-COMMANDS = {
-    "calibrate": "calibrate {photo} --lamp D55",
-    "batch": "batch none.csv",
-    "demo": "demo -o out",
-}
 SAID = """
 import json, sys
 from camssf.cli import main, terminal
 said = []
-real = terminal._Bar.__call__
 def call(bar, stage, part):
     said.append((stage, part, "numpy" in sys.modules or "camssf.calibration" in sys.modules))
-    real(bar, stage, part)
-    if sys.argv[1] == "first":
-        raise SystemExit(0)
+    raise SystemExit(0)
 terminal._Bar.__call__ = call
-try:
-    main(sys.argv[2:])
-finally:
-    print(json.dumps(said), file=sys.stderr)
+for line in ("calibrate chart.dng --lamp D55", "batch none.csv", "demo -o out"):
+    try:
+        main(line.split())
+    except SystemExit:
+        pass
+print(json.dumps(said), file=sys.stderr)
 """
 
 
-@pytest.mark.parametrize("name", COMMANDS)
-def test_a_command_begins_to_tell_before_it_loads_anything(photo: Path, tmp_path: Path, name: str) -> None:
-    line = COMMANDS[name].format(photo=photo).split()
-    done = subprocess.run(
-        [sys.executable, "-c", SAID, "first", *line], cwd=tmp_path, capture_output=True, text=True, timeout=120
-    )
-    assert done.stderr.strip() == '[["starting", 0.0, false]]', done.stderr
+def test_a_command_begins_to_tell_before_it_loads_anything(tmp_path: Path) -> None:
+    """Each command ends at its first word."""
+    done = subprocess.run([sys.executable, "-c", SAID], cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert done.stderr.strip() == str([["starting", 0.0, False]] * 3).replace("'", '"').lower(), done.stderr
 
 
 @pytest.mark.full

@@ -7,10 +7,9 @@ import pytest
 
 from camssf.colorimetry import delta_e00, signals_of
 from camssf.errors import ColourOutOfReach, InvalidArgument
-from camssf.grid import WAVELENGTHS, Floats
+from camssf.grid import Floats
 from camssf.recovery import Observation, recover
 from camssf.recovery.basis import interpolate, misfit_profile, read_basis
-from camssf.recovery.covariance import LAMP_CORRELATION, smooth_errors
 from camssf.recovery.rows import anchor
 from camssf.recovery.sensitivity import SolverSettings
 from camssf.spectra import read_camera, read_chart, read_lamp
@@ -26,7 +25,6 @@ from camssf_colour import (
     standard_colour,
 )
 from camssf_colour.colour_error import expected_error, true_error
-from camssf_colour.light import OWN_WHITE, lamp_modes, see
 from camssf_colour.reach import MOST, REACH, check_reach
 from camssf_colour.standard import of_surfaces
 from tests.colour.conftest import blurred, exact, known, owned, power
@@ -157,31 +155,6 @@ def test_auto_gives_nearly_the_colours_of_the_lamp_named(true: str, kind: str) -
     chi = np.einsum("mc,mc->m", apart, np.linalg.solve(auto.lab_covariance, apart[..., None])[..., 0])
     assert np.mean(chi < 7.815) > 0.8
     assert spread(auto.parts, "lamp").mean() > spread(named.parts, "lamp").mean()
-
-
-def test_conditioning_is_bayes_by_drawing() -> None:
-    """Weighted draws of a bulb's temperature and the smooth error give the mean and spread that `see` states."""
-    camera, named, own = owned(exact()), read_lamp("bulb"), power("D55")
-    raw = power("2600K") @ camera.values
-    seen = np.log((raw / raw[1])[[0, 2]])
-    light = see(camera, named, seen, 0.02)
-
-    modes = lamp_modes(named)
-    draws = np.random.default_rng(3).normal(size=(12000, len(modes)))
-    powers = named.values * np.maximum(1 + draws @ modes, 0.02)
-    logs = np.log(camera.own.raw * (powers @ camera.values) / (own @ camera.values))
-    smooth = 0.02 * smooth_errors(LAMP_CORRELATION, WAVELENGTHS).T * own
-    of_own = (smooth @ camera.values / (own @ camera.values)).T
-    of_own = of_own[[0, 2]] - of_own[1]
-    noise = of_own @ of_own.T + (OWN_WHITE**2 + 0.02**2) * (np.eye(2) + 1)
-    off = seen - (logs[:, [0, 2]] - logs[:, 1:2])
-    weight = np.exp(-0.5 * np.einsum("ni,ij,nj->n", off, np.linalg.inv(noise), off))
-    weight /= weight.sum()
-    mean = weight @ powers
-    std = np.sqrt(weight @ (powers - mean) ** 2)
-    stated = np.sqrt((light.power_modes**2).sum(axis=0))
-    assert np.abs(light.power - mean).max() < 0.25 * std.max()
-    assert np.abs(stated / std - 1).max() < 0.15
 
 
 # -- cameras ----------------------------------------------------------------------------------------------------

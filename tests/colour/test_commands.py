@@ -31,7 +31,7 @@ from camssf_colour.spectrum_document import SpectrumDocument
 from camssf_colour.standard import of_surfaces
 from tests.colour.conftest import place, power
 from tests.support.captures import calibrated, photos
-from tests.support.documents import changed, document
+from tests.support.documents import document
 from tests.support.scenes import mosaic
 
 CHART = read_chart("classic24").values
@@ -187,14 +187,6 @@ def test_the_commands_say_no(
     printed = capsys.readouterr()
     assert words in printed.err
     assert printed.out == ""
-
-
-def test_a_colour_of_another_camera_is_refused(result: tuple[str, Result], tmp_path: Path, capsys: Capture) -> None:
-    document = result[1]
-    other = str(changed(document, capture__shots__all__photo__model="other").save(tmp_path / "other.json"))
-    area = ["--region", place(document, 3), "--white-region", place(document, 18)]
-    assert cli.main(["colour", other, photo(), *area]) == 5
-    assert "each has its own curves" in capsys.readouterr().err
 
 
 def test_the_command_says_what_is_missing(tmp_path: Path, capsys: Capture) -> None:

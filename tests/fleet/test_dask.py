@@ -186,17 +186,6 @@ def test_a_scheduler_that_is_lost_is_told_and_the_next_goes_on(
     assert desk.visits().total() <= 12 + 1, "what was under way alone is done again"
 
 
-def test_the_poisonous_is_put_aside_after_two_deaths(desk: Desk, cluster: Any) -> None:
-    desk.write([f"{name},{name},D55,,,,," for name in "abcxdef"], {n: f"Phone {n}" for n in "abcdef"} | {"x": "dies"})
-    summary = desk.run(dask=cluster.scheduler_address)
-    assert (summary.by_status["failed"], summary.total) == (1, 7)
-    assert desk.tasks()["x"] == "failed"
-    assert desk.visits()["x"] == pools.DEATHS
-    assert len(desk.rows()) == 6
-    again = desk.run(dask=cluster.scheduler_address)
-    assert (again.resumed, desk.visits()["x"]) == (7, pools.DEATHS)
-
-
 def lacks(*_: Any) -> None:
     raise ModuleNotFoundError("No module named 'camssf'", name="camssf")
 

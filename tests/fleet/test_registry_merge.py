@@ -1,86 +1,19 @@
 """What is said of one result adds up in any order: nothing is emptied, and contradictions are refused."""
 
-from collections.abc import Callable
 from dataclasses import replace
-from datetime import UTC, datetime, timedelta
-from pathlib import Path
+from datetime import timedelta
 from typing import Any
 
 import pytest
 
-from camssf import cli
-from tests.support.desk import Desk
-from tests.support.documents import document
 from tests.support.registries import START, bells, correct, made
 
 pytest.importorskip("duckdb", reason="duckdb is not here")
 pytest.importorskip("cryptography", reason="cryptography is not here")
 
 from camssf.errors import InvalidArgument
-from camssf.photo.read.unit import Unit
-from camssf_fleet.passport.document import PassportRequest, create_passport, sign
-from camssf_fleet.passport.keys import PRIVATE, PUBLIC, make_key, read_private
 from camssf_fleet.registry import Registry
 from camssf_fleet.verification import verify
-
-TIME = "2026-11-20T10:00:00+01:00"
-
-
-class Clinic:
-    """A result in an archive, a copy of it, its passport, and a registry to which they are added."""
-
-    def __init__(self, home: Path) -> None:
-        self.home, self.desk = home, Desk(home, "name,photo,lamp,serial,lens,site")
-        self.desk.write(["cam,a,D55,A1B2,50mm,lab"], {"a": "Phone"})
-        self.desk.run()
-        (found,) = (home / "out").glob("*/*/result.json")
-        self.result, self.passport = home / "result.json", home / "camera.jws"
-        self.result.write_bytes(found.read_bytes())
-        (home / "phones").rename(home / "first")
-        make_key(home)
-        request = PassportRequest(Unit(serial="A1B2", camera_id="2"), TIME)
-        self.drawn = create_passport(found.read_bytes(), request)
-        self.passport.write_bytes(sign(self.drawn, read_private(home / PRIVATE)))
-
-    def add(self, *words: object) -> int:
-        return cli.main(["registry", "add", str(self.home / "phones"), *map(str, words)])
-
-    def row(self) -> dict[str, Any]:
-        (found,) = Registry(self.home / "phones").query("SELECT * FROM rows")
-        return found
-
-
-@pytest.fixture
-def clinic(tmp_path: Path) -> Clinic:
-    return Clinic(tmp_path)
-
-
-@pytest.mark.full
-def test_in_any_order_it_is_the_same(clinic: Clinic) -> None:
-    """Each step before and after each other one."""
-    key = ("--key", clinic.home / PUBLIC)
-    steps: list[Callable[[], Any]] = [
-        lambda: clinic.add(clinic.result, "--captured", TIME),
-        lambda: clinic.add(clinic.passport, *key),
-        lambda: clinic.desk.run().failed,
-        lambda: clinic.add(clinic.passport, clinic.result, *key),
-    ]
-    rows = []
-    for number, order in enumerate((steps, steps[::-1], [*steps[1:], steps[0]])):
-        for step in order:
-            assert step() == 0
-        assert clinic.add(clinic.result) == 0
-        assert verify(Registry(clinic.home / "phones")).faults == ()
-        rows.append(clinic.row())
-        (clinic.home / "phones").rename(clinic.home / f"phones {number}")
-    row = rows[0]
-    assert (row["serial"], row["camera_id"], row["lens"], row["name"]) == ("A1B2", "2", "50mm", "cam")
-    assert (row["captured"], row["extra"]) == (datetime(2026, 11, 20, 9, tzinfo=UTC), '{"site": "lab"}')
-    assert (row["passport"], row["passport_ends"]) == (clinic.drawn.id, clinic.drawn.ends)
-    assert len(row["code_covariance"]) == len(document().answer.code_covariance)
-    for other in rows:
-        assert other["place"].endswith("result.json")
-        assert other | {name: row[name] for name in ("added", "place")} == row
 
 
 def test_what_is_silent_empties_nothing_and_what_contradicts_is_refused(one: Registry) -> None:

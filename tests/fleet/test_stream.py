@@ -123,17 +123,6 @@ def test_a_process_that_lives_on_reads_the_new_basis(tmp_path: Path) -> None:
     assert basis_hash("phones") is basis_hash("auto") is basis_hash("nowhere.npz") is None
 
 
-@pytest.mark.full
-def test_a_picture_s_sidecar_is_part_of_it(desk: Desk) -> None:
-    desk.write(["cam,a.png,D55,,,,,"], {"a.png": "Phone", "a.png.json": '{"black": 1}'})
-    assert [desk.run().resumed for _ in range(2)] == [0, 1]
-    (desk.home / "a.png.json").write_text('{"black": 2}')
-    assert desk.run().resumed == 0
-    (desk.home / "a.png.json").unlink()
-    assert desk.run().resumed == 0
-    assert desk.visits() == {"cam": 3}
-
-
 def test_the_poisonous_is_put_aside(desk: Desk) -> None:
     """It takes another along once, and is tried alone; then never again until its file is another."""
     desk.write([f"{name},{name},D55,,,,," for name in "xb"], {"x": "dies", "b": "Phone b"})

@@ -89,15 +89,6 @@ def test_the_bars_hold_on_simulated_frames(tmp_path: Path, light: str, mirrored:
     assert np.median((found.std / found.values.max(axis=0))[VISIBLE]) < 0.005
 
 
-@pytest.mark.full
-def test_without_dark_frames_the_file_s_black_serves(frames: dict[str, Path]) -> None:
-    found = divided(frames, dark=None, mono_dark=None)
-    assert is_near(found)
-    (black,) = (message for code, message in found.assumptions if code == "black")
-    assert "the file's black level" in black
-    assert "darkest tenth of the rows" in black
-
-
 def test_extraction_by_hand() -> None:
     """Rows of unequal brightness and a cell of three constants: each channel's mean is its constant."""
     cell = np.array([[1, 0], [2, 1]])

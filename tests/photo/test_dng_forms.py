@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -11,17 +10,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-import rawpy
 
-from camssf import Options, calibrate
 from camssf.errors import ChartNotFound, UnreadableRaw, UnsupportedRaw
 from camssf.photo.find.pose import find_chart
 from camssf.photo.read.dng import Mosaic, read_dng
 from camssf.photo.read.pieces import MAX_SAMPLES
-from camssf.photo.shot import Shot
 from golden.dngs import DEFLATE, JPEG, LONG, RATIONAL, SHORT, SRATIONAL, Dng, Tags
 from golden.stages.mosaic import chaos, slope
-from tests.support import captures, scenes
+from tests.support import scenes
 
 pytestmark = pytest.mark.requirement("R-SAMPLES")
 
@@ -36,16 +32,6 @@ def read(folder: Path, dng: Dng, **how: Any) -> Mosaic:
     path = folder / "photo.dng"
     path.write_bytes(dng.encode())
     return read_dng(path, **how)
-
-
-def test_dense_rows_before_other_data_are_not_padded(tmp_path: Path) -> None:
-    """The count of 12-bit samples as if they had 16, and as many bytes behind them: LibRaw reads the same."""
-    samples = slope(12, 120, 160)
-    padded = np.vstack([samples, chaos(12, 40, 160)])
-    dng = Dng(padded, bits=12, tags={257: (LONG, [120]), 278: (LONG, [120]), 279: (LONG, [120 * 160 * 2])})
-    np.testing.assert_array_equal(read(tmp_path, dng).samples, samples)
-    with rawpy.imread(str(tmp_path / "photo.dng")) as raw:
-        np.testing.assert_array_equal(raw.raw_image_visible, samples)
 
 
 def bomb(side: int) -> bytes:
@@ -132,32 +118,6 @@ def test_a_matrix_of_a_light_without_a_spectrum_is_left_out(tmp_path: Path, code
     found = matrices(tmp_path, SOUND, code, None)
     assert found.colour_matrices == ()
     assert f"made for light source {code or 0}, whose spectrum" in found.matrices_left_out
-
-
-@pytest.mark.full
-def test_a_result_says_which_matrix_was_left_out(tmp_path: Path) -> None:
-    """The lamp is not doubted for a matrix that no camera has; the capture's document keeps the words."""
-    (made,) = captures.photos().shots
-    content = made.chart.read_bytes()
-    tags = {50721: [part for value in PLACEHOLDER for part in (value, 10_000)]}
-    path = tmp_path / "chart.dng"
-    path.write_bytes(with_rationals(content, tags))
-    found = calibrate(Shot(path, "D55", white=made.white, dark=made.dark), options=Options(basis="cameras"))
-    assert "lamp_unfit" not in {reason.code for reason in found.verdict.reasons}
-    (said,) = [assumption for assumption in found.assumptions if assumption.code == "colour_matrix"]
-    assert said.message.startswith("chart.dng: ColorMatrix1 was left out: it gives a white under D65")
-    again = captures.capture_in(captures.document_of(found.capture))
-    assert again.shots[0].photo.matrices_left_out == found.capture.shots[0].photo.matrices_left_out
-
-
-def with_rationals(content: bytes, tags: dict[int, list[int]]) -> bytes:
-    """A little-endian DNG with other signed rationals in tags of its first directory."""
-    data, at = bytearray(content), int.from_bytes(content[4:8], "little")
-    for entry in range(at + 2, at + 2 + 12 * int.from_bytes(content[at : at + 2], "little"), 12):
-        tag, _, _, place = struct.unpack_from("<HHII", data, entry)
-        if tag in tags:
-            struct.pack_into(f"<{len(tags[tag])}i", data, place, *tags[tag])
-    return bytes(data)
 
 
 def halves(damage: slice | None = None, compression: int = JPEG) -> bytes:

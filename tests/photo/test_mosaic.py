@@ -216,11 +216,3 @@ def test_real_files_against_libraw_and_tifffile(
         np.testing.assert_allclose(found.as_shot_neutral, parts[:, 0] / parts[:, 1])
     assert found.exposure is None  # both files write nothing, or 0
     assert not found.gain_map
-
-
-@pytest.mark.parametrize("cut", [0.001, 0.5, 0.999])
-@pytest.mark.parametrize("name", ["colorchart.dng", "blackmagic_ljpeg.dng"])
-def test_real_files_cut_short(tmp_path: Path, name: str, cut: float) -> None:
-    content = (REAL / name).read_bytes()
-    with pytest.raises(UnreadableRaw, match="truncated"):
-        read_dng(write(tmp_path, content[: int(cut * len(content))]))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import struct
 from dataclasses import replace
 from pathlib import Path
@@ -12,13 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from camssf.calibration import calibrate
-from camssf.documents.document import document_bytes
 from camssf.errors import InvalidArgument, UnreadableRaw, UnsupportedRaw
 from camssf.photo.find.pose import Pose
 from camssf.photo.patches import measure_patches
 from camssf.photo.read.dng import Mosaic, read_dng, shading
-from camssf.photo.shot import Shot
 from camssf_lab.simulation.camera import Sensor
 from camssf_lab.simulation.scene import Scene
 from golden.dngs import RATIONAL, SHORT, Dng, gain_map, opcode_list
@@ -90,24 +86,6 @@ def test_a_damaged_map_is_a_damaged_file(tmp_path: Path, opcode: bytes) -> None:
         read(tmp_path, noise(), opcode)
 
 
-def test_signals_above_black_are_multiplied() -> None:
-    """By hand: mean 1000 over black 512 with gain 1.5 is 512 + 732; errors scale; what was counted stays."""
-    y, x = np.mgrid[0:120, 0:120]
-    samples = (1000 + 60 * ((x // 2 + y // 2) % 2)).astype(np.uint16)
-    samples[::2, ::2] = 15871  # a quarter at the ceiling
-    from camssf.photo.read.gain_maps import GainMap
-
-    gains = GainMap(2, 0, 0, 120, 120, 0, 1, 1, 1, (1.0, 1.0), (0.0, 0.0), np.full((1, 1, 1), 1.5))
-    photo = mosaic(samples, gain_maps=(gains,))
-    plain = measure_patches(photo, PATCH).chart
-    got = measure_patches(photo, PATCH, lens_shading="apply").chart
-    np.testing.assert_allclose(got.mean, 512 + 1.5 * (plain.mean - 512), rtol=1e-15)
-    np.testing.assert_allclose(got.greens, 512 + 1.5 * (plain.greens - 512), rtol=1e-15)
-    np.testing.assert_allclose(got.standard_error, 1.5 * plain.standard_error, rtol=1e-15)
-    for name in ("count", "clipped", "dead", "gradient"):
-        assert getattr(got, name).tolist() == getattr(plain, name).tolist()
-
-
 def test_what_is_asked_for_must_exist() -> None:
     with pytest.raises(InvalidArgument, match="no lens-shading map"):
         measure_patches(mosaic(noise()), PATCH, lens_shading="apply")
@@ -144,22 +122,6 @@ def shots(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
             files[f"{name} {role}"] = folder / f"{name}-{role}.dng"
             files[f"{name} {role}"].write_bytes(phone(getattr(frames, role), sensor, SHADED.vignetting))
     return files
-
-
-@pytest.mark.full
-def test_with_a_white_frame_it_cancels(shots: dict[str, Path]) -> None:
-    frames = {"white": shots["shaded white"], "dark": shots["shaded dark"]}
-    plain, applied = (
-        calibrate(Shot(shots["shaded chart"], "D55", **frames, lens_shading=word)) for word in ("as-stored", "apply")
-    )
-    assert not np.array_equal(plain.signals.chart, applied.signals.chart)
-    np.testing.assert_allclose(applied.signals.values, plain.signals.values, rtol=2e-14)
-    np.testing.assert_allclose(applied.ssf.peak()[0], plain.ssf.peak()[0], atol=1e-10)
-    notes = [[a.message for a in each.assumptions if a.code == "lens_shading"] for each in (plain, applied)]
-    assert "was not applied, the white frame corrects" in notes[0][0]
-    assert "was applied to the patches' signals of every frame" in notes[1][0]
-    said = [json.loads(document_bytes(each))["capture"]["shots"][0].get("lens_shading") for each in (plain, applied)]
-    assert said == [None, "apply"]
 
 
 def test_a_colour_applies_the_map_if_the_result_did(shots: dict[str, Path]) -> None:

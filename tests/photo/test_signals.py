@@ -54,14 +54,6 @@ SHOT = PatchMeans(
 )
 
 
-def test_theory_under_half_the_light_in_the_corners() -> None:
-    scene = Scene(fill=0.85, vignetting=0.5)
-    signals, truth = measured(scene)
-    np.testing.assert_allclose(signals.values[0], truth, rtol=0.005)
-    uncorrected, _ = measured(scene, white=False)
-    assert np.abs(uncorrected.values[0] * truth[WHITE] / truth - 1).max() > 0.05  # the scene does test it
-
-
 def test_noise_stays_within_the_standard_errors() -> None:
     signals, truth = measured(Scene(tilt=15, vignetting=0.3), Sensor())
     z = (signals.values[0] - truth) / signals.standard_error[0]

@@ -13,8 +13,8 @@ import pytest
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS
 from camssf.recovery.basis import NODES, gaussian_basis, read_basis, steady_exp
-from camssf_lab.learning.basis import enlarge, learn, main, process_rows, save
-from camssf_lab.learning.training import HANDFUL, Enlargement, TrainingSet, maker_of, read_curves, training_set_of
+from camssf_lab.learning.basis import enlarge, learn, main, process_rows
+from camssf_lab.learning.training import HANDFUL, Enlargement, read_curves, training_set_of
 from tests.support.problems import CURVES, chart_and_lamp, recovered, theory, toy_camera
 from tools import misfit_profile as misfit_profile_tool
 
@@ -164,26 +164,6 @@ def test_shipped_basis_comes_from_the_command(tmp_path: Path) -> None:
 
 def spread(dictionary: np.ndarray) -> np.ndarray:
     return np.einsum("cmr,cnr->cmn", dictionary, dictionary)
-
-
-@pytest.mark.full
-def test_a_maker_s_cameras_can_be_added_later(tmp_path: Path) -> None:
-    """The shipped cameras but for Nikon's, extended by these: as if learned from one CSV, the additions last."""
-    everything = training_set_of("cameras")
-    own = {name: curve for name, curve in everything.curves.items() if maker_of(name) == "nikon"}
-    rest = {name: curve for name, curve in everything.curves.items() if name not in own}
-    assert len(own) == 11
-    save(TrainingSet(rest, ("rest.csv",), ("0" * 64,), ("Apache-2.0",)), 24, tmp_path / "rest.npz")
-    mine = write_curves(tmp_path / "mine.csv", own)
-    joined = write_curves(tmp_path / "joined.csv", rest | own)
-    for curves, more in ((mine, ["--extend", str(tmp_path / "rest.npz"), "--licence", "mine"]), (joined, [])):
-        assert main([str(curves), "-o", str(curves.with_suffix(".npz")), *more]) == 0
-    found, known = read_basis(str(tmp_path / "mine.npz")), read_basis(str(tmp_path / "joined.npz"))
-    assert found.mean == pytest.approx(known.mean, abs=1e-9)
-    assert spread(found.dictionary[:, ::40]) == pytest.approx(spread(known.dictionary[:, ::40]), abs=1e-9)
-    assert "52 measured cameras (rest.csv" in found.source
-    assert "mine.csv, SHA-256" in found.source
-    assert "licence mine)" in found.source
 
 
 def test_what_cannot_be_extended_or_written_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
