@@ -6,8 +6,6 @@ CAMSSF_REQUIRE="java chromium strace imagecodecs" makes the run fail if one of t
 skips with a reason that names it.
 """
 
-from __future__ import annotations
-
 import gc
 import importlib.util
 import os

@@ -1,7 +1,5 @@
 """The page in the browser: a stranger's requests are refused, and a real browser gets from a photo to a colour."""
 
-from __future__ import annotations
-
 import asyncio
 import http.client
 import json

@@ -1,7 +1,5 @@
 """Unnamed light: probabilities by hand, mixtures by total variance, phones and cameras, and the faces."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The stages joined: simulated captures with a known truth, the real photo, and refusals that keep their evidence."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import fields, replace
 from pathlib import Path

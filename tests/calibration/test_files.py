@@ -1,7 +1,5 @@
 """Files whole or not at all, several all or none, whenever the process is killed. Failures: test_save.py."""
 
-from __future__ import annotations
-
 import errno
 import os
 import shutil

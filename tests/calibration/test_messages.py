@@ -1,7 +1,5 @@
 """messages.json: each key is used, each placeholder has a value, and another language says the same numbers."""
 
-from __future__ import annotations
-
 import ast
 import json
 import re

@@ -1,7 +1,5 @@
 """A known name goes before a file of that name, everywhere; a path is written as one, `./D55`, and is not empty."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path

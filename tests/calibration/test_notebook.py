@@ -1,7 +1,5 @@
 """Results in a notebook: a line, HTML, drawings, tables, files; objects and arrays wherever spectra are asked for."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 from collections.abc import Iterator

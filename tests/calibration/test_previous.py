@@ -1,7 +1,5 @@
 """A previous result of the same unit: its shots read again, the drift by hand, the fallback, and wrong uses."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Progress is reported from 0 to 1, and never goes back; a command says so before it loads what takes long."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """rules.json: read strictly, and shown in the docs as it is."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable

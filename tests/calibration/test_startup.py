@@ -1,7 +1,5 @@
 """Starting is quick, and what is not needed is not loaded; no library of an extra is needed without it."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

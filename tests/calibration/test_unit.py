@@ -1,7 +1,5 @@
 """Photos of two physical cameras or lenses are refused, as far as their files say."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

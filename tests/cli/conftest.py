@@ -1,7 +1,5 @@
 """A simulated capture, its result as the command line leaves it, and streams, that the tests of commands share."""
 
-from __future__ import annotations
-
 import io
 import sys
 from collections.abc import Callable

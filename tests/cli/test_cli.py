@@ -1,7 +1,5 @@
 """The command line, run as a user runs it: what goes where, what it exits with, what it leaves behind."""
 
-from __future__ import annotations
-
 import json
 import re
 import threading

@@ -1,7 +1,5 @@
 """Standard input, output and error: pipes, full disks, terminals and other codings, names that are no UTF-8."""
 
-from __future__ import annotations
-
 import io
 import json
 import os

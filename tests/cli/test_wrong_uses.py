@@ -4,8 +4,6 @@ One row is one mistake. A command runs in a folder with the files of `home`; non
 the row says is left, nothing may be there afterwards.
 """
 
-from __future__ import annotations
-
 import ast
 import json
 import os

@@ -1,7 +1,5 @@
 """Cameras by formulas, and a result of two lamps, that the tests of colour share."""
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Lab, sRGB, adaptation and CIEDE2000 against colour-science; and a calibration that does not load it."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from camssf.colorimetry import D65, D65_XY, delta_e00, lab, srgb, under_d65

@@ -1,7 +1,5 @@
 """Regions of a photo, and the commands `colour`, `spectrum` and `picture`: what they state, refuse and draw."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import re

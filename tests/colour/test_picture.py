@@ -1,7 +1,5 @@
 """Pictures in standard colour: against LibRaw, Pillow and littleCMS, `standard_colour`, and the noise itself."""
 
-from __future__ import annotations
-
 import io
 import json
 from dataclasses import replace

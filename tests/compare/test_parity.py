@@ -1,7 +1,5 @@
 """`camssf parity`: a result falsified at each stage is found at that stage."""
 
-from __future__ import annotations
-
 import copy
 import json
 from collections.abc import Callable, Iterator

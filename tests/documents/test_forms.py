@@ -1,7 +1,5 @@
 """Broken documents are refused with the place of the fault, in Python as in Kotlin; Kotlin's table is current."""
 
-from __future__ import annotations
-
 import copy
 import json
 import re

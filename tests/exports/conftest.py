@@ -1,7 +1,5 @@
 """Other people's programs, which read the exports."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

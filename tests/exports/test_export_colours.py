@@ -1,7 +1,5 @@
 """An export in another program: RawTherapee's colours of 24 patches, by recovered curves and by the true ones."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The self-test APK as Android reads it, made by `mvn -f android-bindings verify -Papk`."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

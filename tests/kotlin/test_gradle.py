@@ -4,8 +4,6 @@ Gradle is not available here: what it would do with these files is not shown. Th
 published specification and to the POMs, after `mvn -f android-bindings verify`; the build files to each other.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

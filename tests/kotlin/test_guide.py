@@ -1,7 +1,5 @@
 """Kotlin's guide: its page says the limits that its code has. No JVM starts."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 Where either is missing the whole file is one skip, which says so.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math

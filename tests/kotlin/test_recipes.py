@@ -3,8 +3,6 @@
 They need `mvn -f android-bindings verify`, Java, and Maven Central for the Kotlin compilers that are in no cache.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

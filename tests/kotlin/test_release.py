@@ -1,7 +1,5 @@
 """What is refused when the Kotlin artefacts are signed and uploaded; `python -m tools.release` does sign them."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Direct measurement: simulated spectrograph frames against their truth, sweeps by hand, and all refusals."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The writer of DNG files and its golden files: judged by LibRaw, by tifffile and by libjpeg-turbo."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 from typing import Any

@@ -1,7 +1,5 @@
 """The simulated camera against LibRaw, OpenCV's pinhole, colour-science's tables and closed forms."""
 
-from __future__ import annotations
-
 import csv
 from dataclasses import replace
 from pathlib import Path

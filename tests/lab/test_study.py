@@ -1,7 +1,5 @@
 """docs/study.md from the protocol to the page of results, on the files that simulated instruments write."""
 
-from __future__ import annotations
-
 import json
 import shlex
 from pathlib import Path

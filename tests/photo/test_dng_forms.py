@@ -1,7 +1,5 @@
 """DNGs as other writers make them: wrong byte counts, padded rows, required opcodes, placeholder matrices, bombs."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The chart finder on what its benchmark draws; `python -m benchmarks finder` sets OpenCV's beside it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A short part of `python -m tools.fuzz`: damaged files are read or refused by name; nothing else happens."""
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from pathlib import Path

@@ -1,7 +1,5 @@
 """read_dng against LibRaw, tifffile and files written byte by byte."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Raw files that are no DNG: by LibRaw's word, or by a sidecar's; and what is refused. Error codes explained."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import re

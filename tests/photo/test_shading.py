@@ -1,7 +1,5 @@
 """Lens shading from the photo's own gain maps: judged by maps computed by hand, and by a photo without shading."""
 
-from __future__ import annotations
-
 import struct
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The libraries that run the formulas: NumPy against array-api-strict, torch and the tracer of `camssf_onnx`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from importlib.resources import files
 from itertools import pairwise

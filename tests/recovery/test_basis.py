@@ -1,7 +1,5 @@
 """Bases by name and by file, and the command that learns one."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 from dataclasses import replace

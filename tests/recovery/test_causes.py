@@ -1,7 +1,5 @@
 """The causes of a misfit, weighed against each other."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The choice between phones and cameras: probabilities by hand, mixtures by Monte Carlo, and the verdict."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache

@@ -1,7 +1,5 @@
 """The solver, judged by its proof in 80 bits; golden/ has the solutions of another solver."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The linear model of `camssf.recovery` against the one of `tests.support.dense_model`, which another hand wrote."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The shipped models: what they say of themselves, and that another one is not taken for them."""
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import replace
 from importlib import resources

@@ -1,7 +1,5 @@
 """Uneven light without a white frame: rows by hand, the joint solution by another road, captures that it saves."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from typing import Any

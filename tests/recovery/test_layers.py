@@ -4,8 +4,6 @@ Each test holds one that the page states, and computes the other side in that si
 multiplier, Douglas and Rachford's with proximal steps by least squares, never with the layer's own weights.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

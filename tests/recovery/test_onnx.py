@@ -1,7 +1,5 @@
 """The shipped ONNX models: what they are, and that they give the reference's numbers and keep the oracle's."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 

@@ -3,8 +3,6 @@
 The phones' table may not be passed on. Who has it sets CAMSSF_PHONES to its path; what needs it skips elsewhere.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -1,7 +1,5 @@
 """The chromaticity of the raw white: matrices, kinds narrowed by it, and matrices that are wrong."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Recovery end to end on signals formed by their integrals."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The formulas on torch: equal to NumPy's, and differentiable."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Pages of results made by formulas, and their parts."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator, Sequence
 from html.parser import HTMLParser

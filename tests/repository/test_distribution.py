@@ -1,7 +1,5 @@
 """What is given away: the container; the rest is shown by `python -m tools.release`."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -3,8 +3,6 @@
 A tutorial runs in an empty folder; the other pages run where what they speak of is.
 """
 
-from __future__ import annotations
-
 import io
 import os
 import re

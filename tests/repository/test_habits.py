@@ -1,7 +1,5 @@
 """The habits hold: markers, required tools, what CI runs, the files that strangers look for."""
 
-from __future__ import annotations
-
 import json
 import re
 

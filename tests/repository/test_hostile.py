@@ -1,7 +1,5 @@
 """What a hostile or unlucky machine may do: no code from files, no network, nothing half-written."""
 
-from __future__ import annotations
-
 import ast
 import json
 import os

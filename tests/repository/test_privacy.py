@@ -1,7 +1,5 @@
 """Nothing is sent, nothing is left behind but what was asked for. docs/privacy.md says it in words."""
 
-from __future__ import annotations
-
 import ast
 import mmap
 import os

@@ -1,7 +1,5 @@
 """Every public name is in the reference, with its words and an example that runs."""
 
-from __future__ import annotations
-
 import ast
 import doctest
 import re

@@ -1,7 +1,5 @@
 """The documentation as a browser shows it: built strictly, and judged by axe-core in both colour schemes."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """The trace, the SOUP sheet, the SBOM and the pages about claims: whole, and in step with the code."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

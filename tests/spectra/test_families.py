@@ -1,7 +1,5 @@
 """Lamps known by kind, and tolerances of lamps known by name."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """data/spectra.json: judged by colour-science's own tables, formulae and interpolators."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

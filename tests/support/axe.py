@@ -1,7 +1,5 @@
 """Whole pages in a browser without a window: what it prints of them, and what axe-core finds in them."""
 
-from __future__ import annotations
-
 import html
 import json
 import os

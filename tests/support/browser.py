@@ -1,7 +1,5 @@
 """A browser without a window, driven by the DevTools protocol over a pipe; needs no library."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -3,8 +3,6 @@
 Nobody writes to them: a test that changes a file copies it first.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

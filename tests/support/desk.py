@@ -1,7 +1,5 @@
 """Batches without a calibration: what a photo's text says is what happens to it, here or in other processes."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """Results like those of a calibration, from tables and formulas: doubtful, refused, of an unnamed light."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import cache

@@ -1,7 +1,5 @@
 """Passports signed by keys that are the same at every run, and what becomes of others."""
 
-from __future__ import annotations
-
 import hashlib
 from functools import cache
 from typing import Any

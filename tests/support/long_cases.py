@@ -1,7 +1,5 @@
 """Golden cases that the default run leaves to the full one: a second and more each, of code that others run, too."""
 
-from __future__ import annotations
-
 LONG = frozenset(
     f"{stage}/{name}"
     for stage, names in {

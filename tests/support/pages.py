@@ -1,7 +1,5 @@
 """The pages of this repository, the code in them, and the pinned libraries."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import tomllib

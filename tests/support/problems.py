@@ -1,7 +1,5 @@
 """Problems shared by the solver's tests: measured-camera-like signals and random matrices, all seeded."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

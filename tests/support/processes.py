@@ -1,7 +1,5 @@
 """What a process that a test starts needs, so that it finds the package and the tests."""
 
-from __future__ import annotations
-
 import os
 import sys
 from pathlib import Path

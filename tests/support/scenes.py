@@ -1,7 +1,5 @@
 """Photos for the tests of chart, patches and signals: the renderer of `camssf_lab.simulation.frames` as mosaics."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

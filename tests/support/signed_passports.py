@@ -4,8 +4,6 @@ Sound ones and broken ones, most of them signed well, with what `verify` and `re
 Keys are made here, sign, and are gone: the file holds the public ones only. So a new file has other bytes each time.
 """
 
-from __future__ import annotations
-
 import base64
 import copy
 import gzip

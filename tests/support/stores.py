@@ -1,7 +1,5 @@
 """An S3 server on the loopback (moto), and the faults of a busy one."""
 
-from __future__ import annotations
-
 import random
 import threading
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """Small TIFFs that have tags and no picture."""
 
-from __future__ import annotations
-
 import struct
 from typing import Any
 

@@ -1,7 +1,5 @@
 """RAW that a program has mixed, demosaiced or smoothed (rule 11 of docs/verdict.md)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache

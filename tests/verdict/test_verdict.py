@@ -1,7 +1,5 @@
 """The verdict's rules, one fault at a time, on a capture that is accepted without it."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path
