@@ -7,10 +7,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections import Counter
 from collections.abc import Iterator
-from concurrent.futures import Future
-from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -18,11 +15,8 @@ from typing import Any
 import pytest
 
 from camssf.errors import InvalidArgument
-from camssf.places import write_place
 from camssf_fleet import cluster as cluster_module
 from camssf_fleet import pools
-from camssf_fleet.manifest import Job, Manifest
-from camssf_fleet.outcome import Outcome
 from tests.support.desk import Desk, slow, until
 from tests.support.processes import SEARCH
 
@@ -49,47 +43,6 @@ def cluster() -> Iterator[Any]:
             yield started
     finally:
         os.environ.pop("PYTHONPATH") if before is None else os.environ.update(PYTHONPATH=before)
-
-
-DIED = distributed.KilledWorker("key", "worker", 3)
-
-
-AGAIN = f"It was interrupted {pools.RESUBMISSIONS + 1} times. Run the same command again for it."
-
-
-@pytest.mark.parametrize(("interruptions", "error", "submitted", "end"), [
-    (1, pools.Lost(), 2, ("accepted", "", 0)),
-    (pools.RESUBMISSIONS, pools.Lost(), pools.RESUBMISSIONS + 1, ("accepted", "", 0)),
-    (10**6, pools.Lost(), pools.RESUBMISSIONS + 1, ("failed", AGAIN, 0)),  # no job's fault: the next run tries again
-    (pools.DEATHS - 1, DIED, None, ("accepted", "", 0)),
-    (pools.DEATHS, DIED, None, ("failed", pools.DIED, pools.DEATHS)),
-])  # fmt: skip
-def test_what_is_interrupted_is_submitted_again_not_for_ever(
-    interruptions: int, error: Exception, submitted: int | None, end: Any, tmp_path: Path
-) -> None:
-    asked, ends = Counter[str](), list[tuple[str, str, int]]()
-
-    def submit(do: Any, job: Job, work: Any, marks: Path, version: str) -> Future[Outcome]:
-        """Interrupts a job so many times, after it has begun, before it does it."""
-        future: Future[Outcome] = Future()
-        asked[job.name] += 1
-        if asked[job.name] > interruptions:
-            future.set_result(do(job, work, marks, version))
-        else:
-            write_place(marks / str(asked[job.name]), b"")  # by a worker
-            future.set_exception(error)
-        return future
-
-    def add(job: Job, outcome: Outcome) -> None:
-        ends.append((outcome.status, outcome.reason, outcome.deaths))
-
-    (tmp_path / "m.csv").write_text("name,photo,lamp\na,x,D55\n")
-    pool = nullcontext(pools.Pool(submit, lambda: 1, distributed.KilledWorker))
-    recorder: Any = SimpleNamespace(add=add, update=lambda: None)
-    jobs = iter(Manifest(tmp_path / "m.csv"))
-    pools.run_jobs(jobs, lambda job: Outcome(job.name, "accepted"), pool, tmp_path / "marks", recorder)
-    assert ends == [end]
-    assert submitted is None or asked == {"a": submitted}
 
 
 def test_a_cluster_that_lost_all_workers_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,8 +3,12 @@
 import json
 import os
 import shutil
+from collections import Counter
+from concurrent.futures import Future
+from contextlib import nullcontext
 from datetime import UTC, datetime
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,9 +16,12 @@ import pytest
 
 from camssf import cli
 from camssf.errors import InvalidArgument
+from camssf.places import write_place
 from camssf.recovery.basis import read_basis
 from camssf_fleet import pools
 from camssf_fleet.inputs import basis_hash, file_hash
+from camssf_fleet.manifest import Job, Manifest
+from camssf_fleet.outcome import Outcome
 from camssf_fleet.registry import Registry
 from tests.support.captures import photos
 from tests.support.desk import Desk
@@ -136,6 +143,48 @@ def test_the_poisonous_is_put_aside(desk: Desk) -> None:
     assert len(desk.rows()) == 1
     (desk.home / "x").write_text("Phone x, healed")
     assert desk.run().by_status["failed"] == 0
+
+
+class Died(Exception):
+    """Of a worker, as a cluster tells it."""
+
+
+AGAIN = f"It was interrupted {pools.RESUBMISSIONS + 1} times. Run the same command again for it."
+
+
+@pytest.mark.parametrize(("interruptions", "error", "submitted", "end"), [
+    (1, pools.Lost(), 2, ("accepted", "", 0)),
+    (pools.RESUBMISSIONS, pools.Lost(), pools.RESUBMISSIONS + 1, ("accepted", "", 0)),
+    (10**6, pools.Lost(), pools.RESUBMISSIONS + 1, ("failed", AGAIN, 0)),  # no job's fault: the next run tries again
+    (pools.DEATHS - 1, Died(), None, ("accepted", "", 0)),
+    (pools.DEATHS, Died(), None, ("failed", pools.DIED, pools.DEATHS)),
+])  # fmt: skip
+def test_what_is_interrupted_is_submitted_again_not_for_ever(
+    interruptions: int, error: Exception, submitted: int | None, end: Any, tmp_path: Path
+) -> None:
+    asked, ends = Counter[str](), list[tuple[str, str, int]]()
+
+    def submit(do: Any, job: Job, work: Any, marks: Path, version: str) -> Future[Outcome]:
+        """Interrupts a job so many times, after it has begun, before it does it."""
+        future: Future[Outcome] = Future()
+        asked[job.name] += 1
+        if asked[job.name] > interruptions:
+            future.set_result(do(job, work, marks, version))
+        else:
+            write_place(marks / str(asked[job.name]), b"")  # by a worker
+            future.set_exception(error)
+        return future
+
+    def add(job: Job, outcome: Outcome) -> None:
+        ends.append((outcome.status, outcome.reason, outcome.deaths))
+
+    (tmp_path / "m.csv").write_text("name,photo,lamp\na,x,D55\n")
+    pool = nullcontext(pools.Pool(submit, lambda: 1, Died))
+    recorder: Any = SimpleNamespace(add=add, update=lambda: None)
+    jobs = iter(Manifest(tmp_path / "m.csv"))
+    pools.run_jobs(jobs, lambda job: Outcome(job.name, "accepted"), pool, tmp_path / "marks", recorder)
+    assert ends == [end]
+    assert submitted is None or asked == {"a": submitted}
 
 
 def test_the_registry_s_full_disk_is_said(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
