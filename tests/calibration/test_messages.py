@@ -17,7 +17,7 @@ from camssf.messages import PLACEHOLDER, fail, fill, messages
 from camssf.photo.signals import normalise
 from camssf.rules import rules
 from camssf.verdict.reasons import Reason, because, reason_of
-from tests.photo.test_signals import CLASSIC, SHOT
+from tests.photo.test_patches import CLASSIC, SHOT
 
 ROOT = Path(__file__).parents[2]
 FILE = json.loads(module.PLACE.read_text("utf-8"))

@@ -1,17 +1,25 @@
-"""The package as a whole: light to import, its public names pinned, its stages in order."""
+"""The package as a whole: light to import, its public names pinned; progress that is told; without extras."""
 
 import ast
 import json
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
 from functools import cache
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
 import camssf
+from camssf import cli
+from camssf.calibration import solve
+from camssf.photo.capture import measure
+from camssf.photo.shot import Shot
+from camssf.progress import Progress, part_of
+from tests.support.captures import photos
 
 REFERENCE = Path(camssf.__file__).parents[1]
 PACKAGES = ("camssf", "camssf_app", "camssf_colour", "camssf_fleet", "camssf_lab")
@@ -161,3 +169,149 @@ def test_one_file_one_product() -> None:
         if not (REFERENCE / module.replace(".", "/")).is_dir()
     }
     assert {module for module, count in lines.items() if count > MOST_LINES} == set()
+
+
+Reports = list[tuple[str, float]]
+
+
+@pytest.fixture
+def photo() -> Path:
+    return Path(str(photos(camera="Demo phone").shots[0].chart))
+
+
+def check(reports: Reports) -> None:
+    parts = [part for _, part in reports]
+    assert parts[0] == 0.0, reports
+    assert parts[-1] == 1.0, reports
+    assert parts == sorted(parts), reports
+    assert len(reports) > 2
+    assert max(late - early for early, late in pairwise(parts)) <= 0.65, reports
+
+
+def told(reports: Reports) -> Progress:
+    return lambda stage, part: reports.append((stage, part))
+
+
+def test_measuring_and_solving_tell_from_0_to_1(photo: Path) -> None:
+    reports: Reports = []
+    capture = measure(Shot(photo, "D55"), progress=told(reports))
+    check(reports)
+    reports = []
+    solve(capture, progress=told(reports))
+    check(reports)
+
+
+def test_a_part_of_the_whole() -> None:
+    reports: Reports = []
+    part_of(told(reports), 0.2, 0.6)("solving", 0.5)
+    part_of(part_of(told(reports), 0.5, 1.0), 0.5, 1.0)("validating", 1.0)
+    part_of(None, 0.0, 1.0)("nothing", 0.0)
+    assert reports == [("solving", pytest.approx(0.4)), ("validating", 1.0)]
+
+
+SAID = """
+import json, sys
+from camssf.cli import main, terminal
+said = []
+def call(bar, stage, part):
+    said.append((stage, part, "numpy" in sys.modules or "camssf.calibration" in sys.modules))
+    raise SystemExit(0)
+terminal._Bar.__call__ = call
+for line in ("calibrate chart.dng --lamp D55", "batch none.csv", "demo -o out"):
+    try:
+        main(line.split())
+    except SystemExit:
+        pass
+print(json.dumps(said), file=sys.stderr)
+"""
+
+
+def test_a_command_begins_to_tell_before_it_loads_anything(tmp_path: Path) -> None:
+    """Each command ends at its first word."""
+    done = subprocess.run([sys.executable, "-c", SAID], cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert done.stderr.strip() == str([["starting", 0.0, False]] * 3).replace("'", '"').lower(), done.stderr
+
+
+@pytest.mark.full
+def test_a_command_tells_from_0_to_1(
+    photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    reports: Reports = []
+    real = cli.terminal._Bar.__call__
+
+    def call(bar: cli.terminal._Bar, stage: str, part: float) -> None:
+        reports.append((stage, part))
+        real(bar, stage, part)
+
+    monkeypatch.setattr(cli.terminal._Bar, "__call__", call)
+    assert cli.main(["calibrate", str(photo), "--lamp", "D55", "-o", str(tmp_path / "out")]) == 0
+    check(reports)
+    reports.clear()
+    assert cli.main(["report", str(tmp_path / "out" / "result.json"), "-o", str(tmp_path / "again")]) == 0
+    check(reports)
+    capsys.readouterr()
+
+
+HIDE = """
+import sys
+class Hidden:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in {"colour", "colour_cxf", "matplotlib", "pandas", "xarray"}:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+sys.meta_path.insert(0, Hidden())
+import importlib.util
+found = importlib.util.find_spec
+def find_spec(name, package=None):
+    try:
+        return found(name, package)
+    except ModuleNotFoundError:
+        return None
+importlib.util.find_spec = find_spec
+"""
+"""An interpreter in which the libraries of extras are not there."""
+
+
+PLAIN_RUN = """
+import contextlib, io, json, os
+from camssf import Result
+from camssf.cli import main
+from camssf.errors import InvalidArgument
+
+def said(*words):
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        status = main(words)
+    return status, out.getvalue(), err.getvalue()
+
+photo = ["calibrate", "chart.dng", "--lamp", "D55"]
+status, _, err = said(*photo, "--white", "white.dng", "--basis", "cameras", "-o", "out", "--truth", "truth.csv")
+assert status == 0, err
+assert set(os.listdir("out")) == {"result.json", "ssf.csv", "patches.csv", "ssf.svg", "report.html"}
+status, _, err = said(*photo, "--chart", "chart.cxf")
+assert status == 2, err
+assert 'pip install -e ".[cxf]"' in err
+status, _, err = said("demo", "-o", "demo")
+assert status == 0, err
+result = Result.load("out/result.json")
+assert "<svg" in result._repr_html_()
+for ask in (result.plot, result.to_pandas, result.to_xarray, result.to_colour):
+    try:
+        ask()
+    except InvalidArgument as error:
+        assert "pip install" in error.advice
+    else:
+        raise AssertionError(ask)
+"""
+
+
+@pytest.mark.full
+def test_without_the_dropped_libraries_it_calibrates_and_says_what_is_missing(tmp_path: Path) -> None:
+    made = photos()
+    for path in (made.shots[0].chart, made.shots[0].white, made.truth):
+        shutil.copy(str(path), tmp_path)
+    cxf = '<?xml version="1.0"?><CxF xmlns="http://colorexchangeformat.com/CxF3-core"/>'
+    (tmp_path / "chart.cxf").write_text(cxf)
+    done = subprocess.run(
+        [sys.executable, "-c", HIDE + PLAIN_RUN], cwd=tmp_path, capture_output=True, text=True, timeout=300
+    )
+    assert done.returncode == 0, done.stderr

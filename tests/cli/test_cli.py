@@ -78,7 +78,6 @@ def test_the_pipe_is_calibrate_in_steps(
 
 
 def test_a_report_beside_a_passport_and_another_result(result: Path, tmp_path: Path, capsys: Capture) -> None:
-    pytest.importorskip("cryptography", reason="cryptography is not here: nothing is signed")
     own, out, signed, revoked = result / "result.json", tmp_path / "out", tmp_path / "c.jws", tmp_path / "revoked.jws"
     for folder in ("keys", "strange"):
         assert cli.main(["passport", "key", "-o", str(tmp_path / folder)]) == 0

@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import jsonschema
 import numpy as np
 import pytest
 from PIL import Image
@@ -53,7 +54,7 @@ def photo() -> str:
 def read_document(printed: str) -> Any:
     """The JSON of a command, once its schema and its reader agree."""
     found = json.loads(printed)
-    pytest.importorskip("jsonschema").Draft202012Validator(SCHEMA).validate(found)
+    jsonschema.Draft202012Validator(SCHEMA).validate(found)
     assert to_plain(from_plain(found, ColourDocument, "it", "")) == found
     return found
 
@@ -107,7 +108,7 @@ def test_a_signal_is_against_its_reference_and_has_the_error_of_both() -> None:
 @pytest.mark.parametrize("kind", [ColourDocument, SpectrumDocument, PictureDocument])
 def test_the_schemas_are_sound_and_say_what_everything_is(kind: type) -> None:
     form = schema(kind)
-    pytest.importorskip("jsonschema").Draft202012Validator.check_schema(form)
+    jsonschema.Draft202012Validator.check_schema(form)
 
     def walk(node: Any, where: str) -> None:
         for name, each in node.get("properties", {}).items():
@@ -120,7 +121,6 @@ def test_the_schemas_are_sound_and_say_what_everything_is(kind: type) -> None:
 
 
 def test_the_command_states_true_spectra(result: tuple[str, Result], capsys: Capture, tmp_path: Path) -> None:
-    jsonschema = pytest.importorskip("jsonschema")
     path, document = result
     patches = (0, 1, 12, 14)
     words = [word for patch in patches for word in ("--region", place(document, patch))]

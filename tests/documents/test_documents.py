@@ -7,6 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
+import jsonschema
 import pytest
 
 from camssf.documents import forms
@@ -158,7 +159,6 @@ def parts(hint: Any) -> set[Any]:
 
 
 def test_the_schema_says_what_each_field_holds() -> None:
-    jsonschema = pytest.importorskip("jsonschema")
     form = schema(Result)
     jsonschema.Draft202012Validator.check_schema(form)
     assert form["properties"]["format"]["enum"] == ["camssf/2"]

@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import jsonschema
 import numpy as np
 import pytest
 
@@ -165,7 +166,6 @@ def test_without_a_scale_nothing_is_exported_that_needs_one(to: str) -> None:
 
 
 def judge_of_rawtoaces() -> Any:
-    jsonschema = pytest.importorskip("jsonschema")
     return jsonschema.Draft4Validator(json.loads((RAWTOACES / "spectral_1.0.0.schema.json").read_text("utf-8")))
 
 

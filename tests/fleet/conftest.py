@@ -12,7 +12,8 @@ from tests.support.desk import Desk
 @pytest.fixture(autouse=True, scope="module")
 def one_database() -> Iterator[None]:
     """Each connection is a cursor of one database in memory: to open one takes 25 ms, thousands of times."""
-    duckdb = pytest.importorskip("duckdb", reason="duckdb is not here")
+    import duckdb
+
     from camssf_fleet.record_queries import _CONFIG
 
     database = duckdb.connect(":memory:", config=_CONFIG | {"threads": 1, "enable_external_file_cache": False})

@@ -20,7 +20,6 @@ from camssf_fleet import pools
 from tests.support.desk import Desk, slow, until
 from tests.support.processes import SEARCH
 
-pytest.importorskip("duckdb", reason="duckdb is not here")
 distributed = pytest.importorskip("distributed", reason="distributed is not here")
 
 pytestmark = [

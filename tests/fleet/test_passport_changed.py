@@ -8,16 +8,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import jwt
 import pytest
+from cryptography.hazmat.primitives import serialization
+from jwcrypto import jwk
+from jwcrypto.jwt import JWT
 
 from camssf import cli
 from camssf.errors import InvalidArgument, PassportInvalid
-
-pytest.importorskip("cryptography", reason="cryptography is not here")
-pytest.importorskip("joserfc", reason="joserfc is not here")
-
-from cryptography.hazmat.primitives import serialization
-
 from camssf.photo.read.unit import Unit
 from camssf_fleet.passport import document as passports
 from camssf_fleet.passport.document import (
@@ -128,10 +126,6 @@ def test_one_that_is_too_large(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.requirement("R-PASSPORT")
 def test_other_programs_read_ours_and_ours_reads_theirs() -> None:
     """PyJWT and jwcrypto, with their defaults."""
-    jwt = pytest.importorskip("jwt", reason="jwt is missing")
-    jwk = pytest.importorskip("jwcrypto.jwk", reason="jwcrypto is missing")
-    from jwcrypto.jwt import JWT
-
     drawn = create_passport(result_json(), PassportRequest(Unit(serial="A1")))  # of today: they look at the clock
     data = sign(drawn, fixed_key())
     changed = data[:2000] + (b"B" if data[2000:2001] == b"A" else b"A") + data[2001:]

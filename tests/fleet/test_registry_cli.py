@@ -86,7 +86,6 @@ def test_add_list_export(tmp_path: Path, said: Said) -> None:
 
 def test_add_a_passport(tmp_path: Path, said: Said) -> None:
     """And its whole result, and what `passport verify` printed: the same row, and nothing of it is lost."""
-    pytest.importorskip("cryptography", reason="cryptography is not here")
     from camssf_fleet.passport.document import PassportRequest, as_printed, create_passport, sign
     from camssf_fleet.passport.keys import PRIVATE, PUBLIC, make_key, read_private
     from camssf_fleet.passport.revocations import sign_revocations

@@ -9,8 +9,11 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
+import rawpy
+import tifffile
 
 from camssf import Options, Result, calibrate
 from camssf.cli import main
@@ -29,9 +32,6 @@ from camssf_lab.simulation.frames import simulate
 from camssf_lab.simulation.scene import Scene
 from tools import error_pages
 
-rawpy = pytest.importorskip("rawpy")
-tifffile = pytest.importorskip("tifffile")
-cv2 = pytest.importorskip("cv2")
 ROOT = Path(__file__).parents[2]
 ACME = ("Acme", "Model 1")
 """A maker that LibRaw knows nothing of: it takes 0 for black and 65535 for white."""

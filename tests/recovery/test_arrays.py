@@ -1,6 +1,7 @@
-"""The libraries that run the formulas: NumPy against array-api-strict, torch and the tracer of `camssf_onnx`."""
+"""The libraries that run the formulas: NumPy against array-api-strict, torch with its gradients, and the tracer."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import fields, replace
 from importlib.resources import files
 from itertools import pairwise
 from typing import Any
@@ -11,16 +12,17 @@ import pytest
 from camssf.grid import Floats
 from camssf.recovery.arrays import inverse, namespace, whiten, whiten_and_solve
 from camssf.recovery.basis import read_basis
-from camssf.recovery.inputs import basis_arrays, observation_arrays, with_hypothesis
+from camssf.recovery.inputs import basis_arrays, hypotheses_of, observation_arrays, with_hypothesis
 from camssf.recovery.model import learned_model
 from camssf.recovery.onnx_model import onnx_runtime, run_session
+from camssf.recovery.posterior import evidence_of
+from camssf.recovery.rows import Hypotheses
+from camssf.recovery.whitening import whitened_model
 from camssf_colour.posterior import LinearResponse, components_of, means_of, posterior_of
 from camssf_colour.surface_prior import SurfacePrior, read_prior
 from golden.compare import norm
 from tests.recovery.test_dense_model import BASES, random_captures
 from tests.support.problems import seeds
-
-pytestmark = pytest.mark.requirement("R-ENGINE")
 
 GAPS = ("gap", "layers_gap")
 """Outputs that are rounding errors."""
@@ -55,6 +57,7 @@ def agree(function: Callable[..., Any], axes: Mapping[str, list[str | int]], **i
         np.testing.assert_allclose(y, known, rtol=1e-12, atol=1e-12)
 
 
+@pytest.mark.requirement("R-ENGINE")
 @pytest.mark.parametrize("size", [1, 7])
 def test_triangular_systems(size: int) -> None:
     """Σ of its axes and of a number of rows that panels do not divide; leading axes."""
@@ -95,6 +98,7 @@ def apart(found: Mapping[str, Any], known: Mapping[str, Floats]) -> dict[str, fl
     return {name: norm(np.asarray(found[name]), known[name]) for name in known if name not in GAPS}
 
 
+@pytest.mark.requirement("R-ENGINE")
 @pytest.mark.parametrize("seed", seeds(9))
 def test_the_models_are_the_formulas(seed: int) -> None:
     """Every output of the shipped models against NumPy's, the number of pivots included."""
@@ -150,6 +154,7 @@ FORMULAS: dict[str, tuple[Callable[[int], dict[str, Floats]], Callable[[Any], di
 """Inputs by seed, the formulas, and how far two libraries may be apart."""
 
 
+@pytest.mark.requirement("R-ENGINE")
 @pytest.mark.parametrize("library", ["array_api_strict", "torch"])
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize("name", FORMULAS)
@@ -168,6 +173,7 @@ def run_step(step: str, arrays: Mapping[str, Any]) -> dict[str, Any]:
     return run_session(session, {one.name: arrays[one.name] for one in session.get_inputs()})
 
 
+@pytest.mark.requirement("R-ENGINE")
 @pytest.mark.parametrize("seed", range(3))
 def test_the_surface_as_models(seed: int) -> None:
     """As many surfaces of the prior are kept as in NumPy: they differ from seed to seed."""
@@ -176,3 +182,38 @@ def test_the_surface_as_models(seed: int) -> None:
     found, known = run_step("posterior", arrays) | run_step("means", arrays), surface_outputs(arrays)
     assert set(found) == set(known)
     assert max(apart(found, known).values()) < 1e-10
+
+
+@pytest.mark.parametrize("seed", [3, 5, 8])
+def test_gradients_of_the_evidence_are_those_of_finite_differences(seed: int) -> None:
+    """By signals, lamp and dictionary, along a random direction each; with and without modes.
+
+    A hypothesis's evidence, and a slope, may be next to nothing: their bounds are relative to what they are sums of.
+    """
+    torch = pytest.importorskip("torch", reason="torch is not installed (extra: torch)")
+    pytest.importorskip("array_api_compat", reason="array-api-compat is not installed (extra: torch)")
+
+    def tensor(x: Any) -> Any:
+        return torch.tensor(np.array(x), dtype=torch.float64)
+
+    def evidences(**changed: Any) -> Any:
+        arrays = {field.name: tensor(getattr(evidence, field.name)) for field in fields(Hypotheses)} | changed
+        return evidence_of(whitened_model(Hypotheses(**arrays), torch.tensor(0.0)))
+
+    evidence = hypotheses_of(random_captures(seed, h=2), read_basis("phones"))
+    known: Floats = evidence_of(whitened_model(evidence, np.array(0.0)))
+    assert evidences().numpy() == pytest.approx(known, abs=1e-12 * np.abs(known).max())
+    rng = np.random.default_rng(seed)
+    for name in ("signals", "lamp", "dictionary"):
+        value = getattr(evidence, name)
+        leaf = tensor(value).requires_grad_()
+        evidences(**{name: leaf}).sum().backward()
+        direction = value * rng.normal(size=value.shape)
+        parts = leaf.grad.numpy() * direction
+        step = 1e-6
+        ahead, behind = (
+            evidence_of(whitened_model(replace(evidence, **{name: value + sign * step * direction}), np.array(0.0)))
+            for sign in (1.0, -1.0)
+        )
+        slope = float((ahead - behind).sum()) / (2.0 * step)
+        assert parts.sum() == pytest.approx(slope, rel=1e-5, abs=1e-6 * np.abs(parts).sum())

@@ -15,6 +15,7 @@ from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -36,8 +37,8 @@ from tools.tutorials import TUTORIALS, WITH_OUTPUT
 
 PAGES = [ROOT / "README.md", *DOCS]
 PYTHON_NOT_RUN = {
-    "passport": "a passport of this photo's unit: test_fleet_passports.py signs one",
-    "study": "frames of a monochromator: test_study.py makes them and runs the page",
+    "passport": "a passport of this photo's unit: test_passport_cli.py signs one",
+    "study": "frames of a monochromator: test_direct.py makes them and runs the page",
 }
 """Pages whose Python is not run, and why."""
 WITH_PYTHON = [
@@ -93,7 +94,7 @@ def test_the_python_of_a_page_runs(page: Path, there: Path, capsys: pytest.Captu
 # -- shell ----------------------------------------------------------------------------------------------------------
 
 NOT_RUN = {
-    "camssf batch --make-manifest photos/": "photos named by unit and lamp: test_manifest_maker.py has some",
+    "camssf batch --make-manifest photos/": "photos named by unit and lamp: test_manifest.py has some",
     "camssf batch photos/manifest.csv": "likewise",
     "camssf registry report phones/": "of that batch: test_fleet_page.py writes the page",
     "camssf calibrate first.dng": "a unit's two photos: test_previous.py makes them and runs both commands",
@@ -106,7 +107,7 @@ NOT_RUN = {
     "camssf calibrate day.dng --lamp daylight --basis mine.npz": "a basis of one's own: test_basis.py has one",
     "camssf calibrate chart.dng -o out/": "a phone's photo: test_any_light.py, test_gains.py",
     "camssf report out/result.json -o signed/": "a passport of this very result: test_cli.py signs one",
-    "camssf passport issue phones/": "a fleet's registry: test_fleet_passports.py issues from one",
+    "camssf passport issue phones/": "a fleet's registry: test_passport_cli.py issues from one",
     "camssf passport revoke passports/": "a passport that `issue` made, likewise",
     "camssf batch s3://": "an object store: test_stores.py starts one",
     "camssf registry list s3://": "likewise",
@@ -126,7 +127,7 @@ def runs(line: str) -> bool:
 RUN_ELSEWHERE = {
     "accuracy": "test_docs.py runs its commands and compares their numbers",
     "index": "its one command is README.md's first",
-    "study": "test_study.py runs its commands between what its instruments give",
+    "study": "test_direct.py runs its commands between what its instruments give",
 }
 """Pages whose commands are not run here, and why."""
 WITH_COMMANDS = [
@@ -219,7 +220,6 @@ def same(shown: str, printed: str) -> bool:
 @pytest.mark.skipif(os.name == "nt", reason="the pages' commands are for a POSIX shell")
 @pytest.mark.parametrize("page", WITH_OUTPUT, ids=lambda page: page.stem)
 def test_a_tutorial_prints_in_an_empty_folder_what_it_shows(page: Path, tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib")
     text = page.read_text("utf-8")
     shown = [output for _, _, output in tutorials.blocks(text)]
     assert len(shown) >= 3
@@ -271,7 +271,6 @@ def test_what_is_not_run_is_written_somewhere() -> None:
 
 def test_the_sidecar_of_raw_md_is_one(tmp_path: Path) -> None:
     (block,) = blocks(text_of("docs/raw.md"), "json")
-    cv2 = pytest.importorskip("cv2")
     cv2.imwrite(str(tmp_path / "photo.png"), np.full((40, 60), 9000, np.uint16))
     (tmp_path / "photo.png.json").write_text(block)
     found = read_raw(tmp_path / "photo.png")
