@@ -18,6 +18,7 @@ from camssf_fleet.record_queries import all_records, query_of
 from camssf_fleet.records import COLUMNS, STRIDE, Origin, Row, columns, row
 from camssf_fleet.registry import Deleted, Registry, Wanted, _plain
 from camssf_fleet.verification import verify
+from tests.support.desk import Desk
 from tests.support.documents import document
 from tests.support.registries import START, bells, correct, ended, keys, made
 
@@ -66,6 +67,20 @@ def test_a_unit_has_one_name_however_it_is_spelt(one: Registry) -> None:
         one.add([row(document_bytes(document()), document(), Origin(Unit(serial=serial)))])
         assert one.query("SELECT serial FROM rows") == [{"serial": "\u00c1"}]
         assert len(one.listing(Wanted(Unit(serial=serial)))) == 1
+
+
+def test_sixty_four_small_files_are_gathered(one: Registry, desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By `add` and by a batch; fewer are left as they are."""
+    one.add([made(1)])
+    count = len(one.files.sizes())
+    assert (one.files.compact(count + 1), len(one.files.sizes())) == (0, count)
+    assert (one.files.compact(count), len(one.files.sizes())) == (count, 1)
+    asked: list[int] = []
+    monkeypatch.setattr(record_files.RecordFiles, "compact", lambda self, least: asked.append(least))
+    one.add([made(2)])
+    desk.fill(1)
+    desk.run()
+    assert set(asked) == {64}
 
 
 @pytest.mark.requirement("R-REGISTRY")

@@ -355,12 +355,15 @@ def judged() -> dict[str, dict[str, Runs]]:
 @pytest.mark.full
 @needs_the_table
 def test_phones_are_better_served_by_other_phones() -> None:
-    """The bars of docs/accuracy.md with two draws instead of eight: 1 % more to each side of coverage."""
+    """As docs/accuracy.md says of bands: 98 to 100 %, 96 % of the worst; 1 % less, for two draws instead of eight.
+
+    There is no bar above: bands that follow where phones err cover all of some settings.
+    """
     for setting, bases in judged().items():
         (rmse, coverage, worst), theirs = bases[OTHERS].row, bases[CAMERAS].row[0]
         assert rmse < 0.8 * theirs, setting
-        assert 0.94 <= coverage <= 0.995, setting
-        assert worst >= 0.88, setting
+        assert coverage >= 0.97, setting
+        assert worst >= 0.95, setting
         assert bases[OTHER_MAKER].row[0] < 0.9 * theirs, setting
 
 
