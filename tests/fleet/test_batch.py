@@ -40,7 +40,7 @@ ONE = ["one,a,D55,,,"]
 
 
 @pytest.fixture
-def desk(tmp_path: Path) -> Desk:
+def pages(tmp_path: Path) -> Desk:
     return Desk(tmp_path, "name,photo,lamp,white,dark,chart")
 
 
@@ -48,11 +48,11 @@ def statuses(outcomes: tuple[Outcome, ...]) -> dict[str, str]:
     return {outcome.name: outcome.status for outcome in outcomes}
 
 
-def visits(desk: Desk, name: str) -> list[list[str]]:
-    return [line.split() for line in (desk.out / name / "visits").read_text().splitlines()]
+def visits(pages: Desk, name: str) -> list[list[str]]:
+    return [line.split() for line in (pages.out / name / "visits").read_text().splitlines()]
 
 
-def test_it_goes_on_after_bad_rows(desk: Desk) -> None:
+def test_it_goes_on_after_bad_rows(pages: Desk) -> None:
     rows = [
         "good,a,D55,,,",
         "bug,b,D55,,,",
@@ -61,41 +61,41 @@ def test_it_goes_on_after_bad_rows(desk: Desk) -> None:
         "fault,,D55,,,",
         "last,a,A,,,",
     ]
-    desk.write(rows, {"a": "fine", "b": "bug", "d": "refused"})
-    outcomes = desk.run_pages()
+    pages.write(rows, {"a": "fine", "b": "bug", "d": "refused"})
+    outcomes = pages.run_pages()
     expected = {"good": "accepted", "bug": "failed", "lost": "failed", "refused": "refused", "fault": "refused"}
     assert statuses(outcomes) == expected | {"last": "accepted"}
     assert "RuntimeError: two lines" in outcomes[1].reason
-    table = list(csv.DictReader((desk.out / "summary.csv").read_text("utf-8").splitlines()))
+    table = list(csv.DictReader((pages.out / "summary.csv").read_text("utf-8").splitlines()))
     assert [row["name"] for row in table] == [outcome.name for outcome in outcomes]
     assert (table[3]["code"], table[4]["code"]) == ("overexposed", "invalid_argument")
 
 
-def test_it_resumes(desk: Desk) -> None:
+def test_it_resumes(pages: Desk) -> None:
     photos = {"a": "1", "b": "2", "w": "w", "c": "refused"}
-    desk.write(["one,a,D55,,,", "two,b,D55,w,,", "bad,c,D55,,,"], photos)
+    pages.write(["one,a,D55,,,", "two,b,D55,w,,", "bad,c,D55,,,"], photos)
 
     def again(**options: str) -> list[bool]:
-        return [outcome.resumed for outcome in desk.run_pages(options=options)]
+        return [outcome.resumed for outcome in pages.run_pages(options=options)]
 
     assert again() == [False, False, False]
-    left = desk.out / "one" / f"{ASIDE}00000000" / NEW  # by a run that was killed
+    left = pages.out / "one" / f"{ASIDE}00000000" / NEW  # by a run that was killed
     left.mkdir(parents=True)
     (left / "report.html").write_text("half")
     assert again() == [True, True, False]  # what was refused is tried again
-    assert len(visits(desk, "one")) == len(visits(desk, "two")) == 1
-    mark = json.loads((desk.out / "one" / MARK).read_text("utf-8"))
+    assert len(visits(pages, "one")) == len(visits(pages, "two")) == 1
+    mark = json.loads((pages.out / "one" / MARK).read_text("utf-8"))
     assert (mark["format"], len(mark["made_from"])) == ("camssf-batch/1", 64)
-    assert not list(desk.out.rglob(".camssf-*"))
+    assert not list(pages.out.rglob(".camssf-*"))
 
-    (desk.home / "w").write_text("another white frame")
+    (pages.home / "w").write_text("another white frame")
     assert again() == [True, False, False]
-    desk.manifest.write_text(desk.manifest.read_text().replace("one,a,D55", "one,a,A"))
+    pages.manifest.write_text(pages.manifest.read_text().replace("one,a,D55", "one,a,A"))
     assert again() == [False, True, False]
     assert again(basis="gaussian") == [False, False, False]
     assert again(basis="gaussian") == [True, True, False]
-    (desk.out / "one" / "result.json").unlink()
-    (desk.out / "two" / MARK).write_text("not JSON")
+    (pages.out / "one" / "result.json").unlink()
+    (pages.out / "two" / MARK).write_text("not JSON")
     assert again(basis="gaussian") == [False, False, False]
 
 
@@ -119,31 +119,31 @@ def test_a_refused_capture_replaces_no_result_of_its_name(tmp_path: Path, monkey
     ("refused", False), ("refused with evidence", False), ("bug", False),
     pytest.param("dies late", True, marks=pytest.mark.full),
 ])  # fmt: skip
-def test_what_came_between_is_not_forgotten(desk: Desk, meanwhile: str, processes: bool) -> None:
+def test_what_came_between_is_not_forgotten(pages: Desk, meanwhile: str, processes: bool) -> None:
     """Good, then something else in the same folder, then good again: the first result is not there any more."""
-    desk.write(ONE, {"a": "fine", "b": meanwhile})
-    assert statuses(desk.run_pages()) == {"one": "accepted"}
-    (desk.home / "other.csv").write_text(desk.manifest.read_text().replace("one,a", "one,b"))
-    (between,) = desk.run_pages(manifest="other.csv", processes=processes)
+    pages.write(ONE, {"a": "fine", "b": meanwhile})
+    assert statuses(pages.run_pages()) == {"one": "accepted"}
+    (pages.home / "other.csv").write_text(pages.manifest.read_text().replace("one,a", "one,b"))
+    (between,) = pages.run_pages(manifest="other.csv", processes=processes)
     assert not between.ok
-    assert not (desk.out / "one" / MARK).exists()
-    (again,) = desk.run_pages()
+    assert not (pages.out / "one" / MARK).exists()
+    (again,) = pages.run_pages()
     assert (again.status, again.resumed) == ("accepted", False)
-    assert json.loads((desk.out / "one" / "result.json").read_text())["verdict"]["status"] == "accepted"
-    assert [outcome.resumed for outcome in desk.run_pages()] == [True]
+    assert json.loads((pages.out / "one" / "result.json").read_text())["verdict"]["status"] == "accepted"
+    assert [outcome.resumed for outcome in pages.run_pages()] == [True]
 
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("text", [None, '{"verdict": {"status": "doubtful"}}'], ids=["gone", "as long as before"])
-def test_a_result_that_is_not_whole_is_done_again(desk: Desk, name: str, text: str | None) -> None:
-    desk.write(ONE, {"a": "fine"})
-    desk.run_pages()
-    file = desk.out / "one" / name
+def test_a_result_that_is_not_whole_is_done_again(pages: Desk, name: str, text: str | None) -> None:
+    pages.write(ONE, {"a": "fine"})
+    pages.run_pages()
+    file = pages.out / "one" / name
     whole = file.read_bytes()
     file.unlink()
     if text is not None:
         file.write_text(text)
-    assert [outcome.resumed for outcome in desk.run_pages()] == [False]
+    assert [outcome.resumed for outcome in pages.run_pages()] == [False]
     assert file.read_bytes() == whole
 
 
@@ -165,18 +165,18 @@ def test_no_cell_of_the_summary_is_a_formula(text: str, cell: str) -> None:
 
 
 @pytest.mark.full
-def test_a_script_that_guards_no_call_is_an_error_in_words(desk: Desk) -> None:
-    desk.write(ONE, {"a": "no photo"})
-    (desk.home / "script.py").write_text(
+def test_a_script_that_guards_no_call_is_an_error_in_words(pages: Desk) -> None:
+    pages.write(ONE, {"a": "no photo"})
+    (pages.home / "script.py").write_text(
         "from camssf_fleet.batch import run_batch\nfrom camssf_fleet.manifest import Manifest\n"
         "run_batch(Manifest('manifest.csv'), 'out', workers=2)\n"
     )
     call = [sys.executable, "script.py"]
-    ended = subprocess.run(call, cwd=desk.home, stderr=subprocess.PIPE, text=True, timeout=120)
+    ended = subprocess.run(call, cwd=pages.home, stderr=subprocess.PIPE, text=True, timeout=120)
     assert "InvalidArgument: A batch starts processes" in ended.stderr
     assert 'below a line `if __name__ == "__main__":`' in ended.stderr
     assert ended.stderr.count("Traceback") == 1
-    assert list(desk.out.iterdir()) == []
+    assert list(pages.out.iterdir()) == []
 
 
 def alive(process: int) -> bool:
@@ -191,15 +191,15 @@ def alive(process: int) -> bool:
 
 @pytest.mark.full
 @pytest.mark.skipif(sys.platform == "win32", reason="signals differ there")
-def test_a_batch_that_is_killed_leaves_no_process(desk: Desk) -> None:
+def test_a_batch_that_is_killed_leaves_no_process(pages: Desk) -> None:
     """SIGKILL cannot be answered: the processes themselves must see that their parent is gone."""
-    desk.write([f"c{i},a,D55,,," for i in range(120)], {"a": "fine"})
+    pages.write([f"c{i},a,D55,,," for i in range(120)], {"a": "fine"})
 
     def workers() -> set[int]:
-        texts = [path.read_text().split() for path in desk.out.glob("*/visits")]
+        texts = [path.read_text().split() for path in pages.out.glob("*/visits")]
         return {int(words[0]) for words in texts if words}
 
-    with desk.started("run_pages", slow_pages, workers=2) as running:
+    with pages.started("run_pages", slow_pages, workers=2) as running:
         until(lambda: len(workers()) == 2)
         running.kill()
         assert running.wait(timeout=60) == -signal.SIGKILL
@@ -211,21 +211,21 @@ def test_a_batch_that_is_killed_leaves_no_process(desk: Desk) -> None:
 
 
 @pytest.mark.full
-def test_ctrl_c_stops_what_has_not_begun_and_a_second_run_goes_on(desk: Desk) -> None:
-    desk.write([f"c{i},a,D55,,," for i in range(8)], {"a": "fine"})
+def test_ctrl_c_stops_what_has_not_begun_and_a_second_run_goes_on(pages: Desk) -> None:
+    pages.write([f"c{i},a,D55,,," for i in range(8)], {"a": "fine"})
 
     def done() -> set[str]:
-        return {path.parent.name for path in desk.out.glob(f"*/{MARK}")}
+        return {path.parent.name for path in pages.out.glob(f"*/{MARK}")}
 
     hears = {"preexec_fn": lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)}  # a background job ignores it
-    with desk.started("run_pages", slow_pages, start_new_session=True, **hears) as running:
+    with pages.started("run_pages", slow_pages, start_new_session=True, **hears) as running:
         until(done)
         os.killpg(running.pid, signal.SIGINT)  # as a terminal does: the children hear it, too
         assert running.wait(timeout=60) != 0
     before = done()
     assert 0 < len(before) < 8
-    assert not (desk.out / "summary.csv").exists()
-    outcomes = desk.run_pages(processes=True, workers=2)
+    assert not (pages.out / "summary.csv").exists()
+    outcomes = pages.run_pages(processes=True, workers=2)
     assert {outcome.name for outcome in outcomes if outcome.resumed} == before
     assert all(outcome.ok for outcome in outcomes)
 
