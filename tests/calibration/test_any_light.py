@@ -16,7 +16,7 @@ from camssf.cli.terminal import summarise
 from camssf.documents import forms
 from camssf.documents.document import document_bytes
 from camssf.documents.unnamed_light import cost_of, kinds_in_words, light_in_words, lights_of
-from camssf.errors import InvalidArgument, LampUnfit
+from camssf.errors import InvalidArgument
 from camssf.fit.solutions import COMBINED, combined
 from camssf.grid import WAVELENGTHS
 from camssf.options import Options
@@ -33,12 +33,10 @@ from camssf.spectra import Lamp, Unnamed, colour_science, read_lamp, read_light
 from camssf.spectra.bundled import observer
 from camssf.spectra.families import FAMILIES as LAMP_KINDS
 from camssf.spectra.lights import Called, kind_of, unnamed_light
-from camssf_colour import Camera, standard_colour
 from golden.forms import resolve
 from golden.scenes import PHONE
 from tests.recovery.test_choice import SEEN, capture, observed
 from tests.support.captures import capture_in, document_of
-from tests.support.problems import measured_cameras
 
 
 def unnamed(given: Capture, *named: Lamp) -> Capture:
@@ -150,16 +148,6 @@ def test_the_band_without_a_photo_is_the_spread_of_the_prior() -> None:
     assert found("D55").ssf.half_width_without_photo == pytest.approx(half_width_of(prior_std(basis)), rel=1e-12)
 
 
-def test_a_camera_must_name_its_lamp() -> None:
-    """Whatever maker its file names, the signals say that it is no phone; the message says which words would help."""
-    try:
-        reasons = solve(unnamed(capture(measured_cameras()["Nikon D5100"], ["D55"], make="Apple"))).verdict.reasons
-    except LampUnfit as refused:
-        reasons = refused.reasons
-    reason = next(each for each in reasons if "spectrum was not given" in each.message)
-    assert reason.advice.startswith("Name the lamp: at least its kind (daylight, bulb")
-
-
 # -- the faces -----------------------------------------------------------------------------------------------------
 
 
@@ -245,16 +233,6 @@ def test_a_name_with_a_stated_tolerance_is_taken_as_said() -> None:
 
 
 # -- colour with a result in unnamed light -------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", ["auto", "torch"])
-def test_a_light_that_nothing_tells_is_refused_unless_it_has_one_kind(name: str) -> None:
-    camera = Camera("any", resolve(PHONE), np.zeros((0, 681, 3)))
-    if name == "torch":
-        assert standard_colour(camera, name, np.full(3, 0.5)).lamps == (("white-led", 1.0),)
-        return
-    with pytest.raises(InvalidArgument, match="lamp is unknown, and nothing in the photo tells it"):
-        standard_colour(camera, name, np.full(3, 0.5))
 
 
 # -- combinations of lamps ----------------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ from camssf.spectra import read_lamp
 from camssf.spectra.bundled import SURFACE_NODES, surface_sets, surfaces
 from camssf_colour import Camera, Reference, View
 from camssf_colour.absorbance import INDICES, absorbance, index_weights, indices, shipped_index
-from camssf_colour.reflectance import FAR, LitSurfaces, SurfaceSpectra, spectrum
+from camssf_colour.reflectance import LitSurfaces, SurfaceSpectra, spectrum
 from camssf_colour.surface_prior import SurfacePrior, prior_of, read_prior
 from tests.colour.conftest import exact, known, power
 
@@ -79,14 +79,6 @@ def test_spectra_reproduce_their_signals_and_colours() -> None:
     assert np.abs(found.xyz - xyz).max() < 1e-12
     assert np.abs(found.lab - colours).max() < 1e-9
     assert rms(found, a_few()) < 0.1
-
-
-def test_what_no_surface_gives_is_far_from_the_prior() -> None:
-    y = np.stack([photographed()[0], [0.9, 0.05, 0.8]])
-    found = spectrum(exact(), LitSurfaces("D55", y, 0.002), prior="skin")
-    assert found.distance[1] > FAR
-    inside = spectrum(exact(), LitSurfaces("D55", photographed(rows=surface_sets()[-1].values), 0.002), prior="skin")
-    assert inside.distance.max() < FAR
 
 
 # -- priors -------------------------------------------------------------------------------------------------------

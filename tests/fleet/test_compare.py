@@ -81,12 +81,6 @@ def test_curves_that_cannot_be_are_named(one: Registry, wrong: float) -> None:
             attempt()
 
 
-def test_curves_of_another_length_are_named(one: Registry) -> None:
-    one.add([made(1, bells()), made(2, bells()[:, :60], serial="B2")])
-    with pytest.raises(InvalidArgument, match="the curves cannot be right"):
-        spread(one, MODEL)
-
-
 @pytest.mark.parametrize(("drift", "step", "alarm"), [(0, 0, ""), (6, 0, "trend"), (-6, 0, "trend"), (0, 5, "step")])
 def test_a_drift_raises_an_alarm(one: Registry, drift: float, step: float, alarm: str) -> None:
     one.add(history(13, drift, step))

@@ -121,20 +121,6 @@ def test_a_photo_too_blurred_to_search_is_called_blurred() -> None:
         find_chart(photo, table())
 
 
-def test_photo_without_a_chart() -> None:
-    rng = np.random.default_rng(1)
-    noise = rng.integers(600, 12000, (600, 800), dtype=np.uint16)
-    tiles = np.kron(rng.integers(600, 12000, (12, 16)), np.ones((50, 50))).astype(np.uint16)
-    for samples in (noise, tiles, np.full((600, 800), 512, np.uint16), noise[:65, :64]):
-        with pytest.raises(ChartNotFound, match="no chart"):
-            find_chart(mosaic(samples), table())
-
-
-def test_real_photo_without_a_chart() -> None:
-    with pytest.raises(ChartNotFound, match="corners by hand"):
-        find_chart(read_dng(DNG / "blackmagic_ljpeg.dng"), table())
-
-
 def test_grid_with_other_colours_is_no_chart() -> None:
     """A perfect grid of 24 patches, in another order."""
     mixed = np.random.default_rng(3).permutation(24)
