@@ -6,7 +6,9 @@ import pytest
 from camssf.colorimetry import chromaticity, uv
 from camssf.grid import WAVELENGTHS
 from camssf.photo.read.colour_matrix import WHITE_POINTS, colour_matrix
-from camssf.recovery.raw_white import given_raw_white
+from camssf.recovery.covariance import LAMP_CORRELATION, smooth_errors
+from camssf.recovery.raw_white import given_raw_white, narrow
+from camssf.rules import rules
 from camssf.spectra import colour_science, read_lamp
 from camssf.spectra.bundled import observer
 from camssf.spectra.lights import unnamed_light
@@ -48,3 +50,23 @@ def test_two_matrices_are_interpolated_by_the_reciprocal_temperature() -> None:
 def test_matrices_without_a_chromaticity_change_nothing(matrices: list[tuple[float, np.ndarray]]) -> None:
     light = unnamed_light()
     assert given_raw_white(light, np.ones(3), matrices, FLAT) is light
+
+
+def test_a_kind_is_narrowed_as_by_draws() -> None:
+    """Bayes by 100,000 lamps of the kind, weighed by the normal density of their chromaticity."""
+    lamp = read_lamp("daylight")
+    measured = uv(read_lamp("D:9000").values @ observer("1931"))
+    narrowed, log_density = narrow(lamp, measured, FLAT)
+    smooth = lamp.tolerance * smooth_errors(LAMP_CORRELATION, WAVELENGTHS).T
+    every = np.concatenate([lamp.modes, smooth])
+    u = np.random.default_rng(4).normal(size=(100_000, len(every)))
+    xyz = lamp.values @ observer("1931") + u @ ((lamp.values * every) @ observer("1931"))
+    off = (uv(xyz) - measured) / rules().number("lamp.white_error_daylight")
+    weight = np.exp(-0.5 * np.sum(off**2, axis=1))
+    mean = weight @ u[:, : len(lamp.modes)] / weight.sum()
+    power = lamp.values * (1.0 + mean @ lamp.modes)
+    assert narrowed.values == pytest.approx(power / power.mean(), abs=0.02)
+    spread = weight @ (u[:, 0] - mean[0]) ** 2 / weight.sum()
+    before, after = (float(np.sum(each.modes[:, 60] ** 2)) for each in (lamp, narrowed))  # at 410 nm
+    assert after / before == pytest.approx(spread, rel=0.5)
+    assert narrow(lamp, measured + 0.05, FLAT)[1] < log_density - 5.0
