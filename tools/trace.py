@@ -3,8 +3,8 @@
 Requirements are in tools/requirements.json. A test names those that it verifies: in Python by
 `@pytest.mark.requirement("R-...")` or a file's `pytestmark`, in Kotlin by `@Tag("R-...")` on a class or a function.
 Results are read from JUnit XML by pytest and Surefire. The command exits with 1 if a requirement has no test, a
-marker names an unknown requirement, a row of the table in docs/claims.md belongs to no requirement, or, with
-results, if a requirement's test failed or none ran. The site shows the table, with the results in out/results.
+marker or a row of the table in docs/claims.md names an unknown one, or, with results, if a requirement's test failed
+or none ran. The site shows the table, with the results in out/results.
 """
 
 from __future__ import annotations
@@ -46,13 +46,11 @@ class Requirement:
         name: R- and capital letters.
         text: one sentence.
         risk: what happens to whom if it does not hold.
-        claim: beginning of the row in the table of docs/claims.md, without markup; None if it has no row.
     """
 
     name: str
     text: str
     risk: str
-    claim: str | None = None
 
 
 class Marked(NamedTuple):
@@ -159,16 +157,16 @@ def in_words(count: Counter[str]) -> str:
     return ", ".join(f"{count[kind]} {kind}" for kind in order if count[kind]) or NOT_RUN
 
 
-def claims(page: str) -> list[str]:
-    """The first cells of the page's table of claims, without markup."""
+def claims(page: str) -> dict[str, str]:
+    """The claims of the page's table, without markup, each with the requirement that its row names."""
     table = page.partition(CLAIMS)[2].partition("\n## ")[0]
-    cells = [row.split(" | ")[0].removeprefix("| ") for row in table.splitlines() if row.startswith("| ")]
-    return [re.sub(r"\*\*|`", "", cell) for cell in cells if cell != "claim"]
+    rows = [row.strip("| ").split(" | ") for row in table.splitlines() if row.startswith("| ")]
+    return {re.sub(r"\*\*|`", "", first): last for first, *_, last in rows if first != "claim"}
 
 
 def faults(results: Results | None) -> list[str]:
     """What is missing or wrong in the trace, each with what to do."""
-    requirements, rows = read_requirements(), claims(CLAIMS_PAGE.read_text("utf-8"))
+    requirements = read_requirements()
     known, shown = {requirement.name for requirement in requirements}, {test.requirement for test in markers()}
     found = [
         f"{name} is there {n} times." for name, n in Counter(each.name for each in requirements).items() if n > 1
@@ -182,15 +180,10 @@ def faults(results: Results | None) -> list[str]:
         for test in markers()
         if test.requirement not in known
     ]
-    for row in rows:
-        owners = [each.name for each in requirements if each.claim is not None and row.startswith(each.claim)]
-        if len(owners) != 1:
-            who = " and ".join(owners) or "no requirement"
-            found.append(f"The claim {row[:60]!r} is of {who}: one in tools/requirements.json must claim it.")
     found += [
-        f"{each.name} claims {each.claim!r}, and no row of docs/claims.md begins so."
-        for each in requirements
-        if each.claim is not None and not any(row.startswith(each.claim) for row in rows)
+        f"The claim {claim[:60]!r} names {name}, which tools/requirements.json does not know."
+        for claim, name in claims(CLAIMS_PAGE.read_text("utf-8")).items()
+        if name not in known
     ]
     if results is not None:
         ended = {requirement.name: counts(requirement.name, results) for requirement in requirements}
