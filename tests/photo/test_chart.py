@@ -150,6 +150,6 @@ def test_of_two_charts_the_one_that_agrees() -> None:
 
 
 def test_table_of_another_layout() -> None:
-    _, photo = photo_of(Scene())
+    _, photo = photo_of(Scene(), size=SMALL)
     with pytest.raises(InvalidArgument, match="does not fit the layout sg140"):
         find_chart(photo, replace(table(), layout=LAYOUTS["sg140"]))

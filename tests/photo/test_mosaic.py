@@ -17,6 +17,7 @@ from camssf.errors import CalibrationError, ChartNotFound, RawError, UnreadableR
 from camssf.photo.find.pose import find_chart
 from camssf.photo.read.dng import Mosaic, read_dng
 from camssf.photo.read.pieces import MAX_SAMPLES
+from camssf_lab.simulation.scene import Scene
 from golden.dngs import BAD_PIXELS, DEFLATE, GAIN_MAP, JPEG, LONG, RATIONAL, SHORT, SRATIONAL, Dng, Tags, opcode_list
 from golden.forms import ROOT
 from golden.stages.mosaic import chaos, slope
@@ -226,6 +227,16 @@ def read_whole(folder: Path, dng: Dng, **how: Any) -> Mosaic:
     return read_dng(path, **how)
 
 
+def test_dense_rows_before_other_data_are_not_padded(tmp_path: Path) -> None:
+    """The count of 12-bit samples as if they had 16, and as many bytes behind them: LibRaw reads the same."""
+    samples = slope(12, 120, 160)
+    padded = np.vstack([samples, chaos(12, 40, 160)])
+    dng = Dng(padded, bits=12, tags={257: (LONG, [120]), 278: (LONG, [120]), 279: (LONG, [120 * 160 * 2])})
+    np.testing.assert_array_equal(read_whole(tmp_path, dng).samples, samples)
+    with rawpy.imread(str(tmp_path / "photo.dng")) as raw:
+        np.testing.assert_array_equal(raw.raw_image_visible, samples)
+
+
 def bomb(side: int) -> bytes:
     """A DNG that claims side × side samples in as many bytes as deflate needs at least."""
     tags: Tags = {tag: (LONG, [side]) for tag in (256, 257, 278)}
@@ -342,7 +353,7 @@ def test_damage_outside_the_part_that_is_asked_for(tmp_path: Path) -> None:
 
 
 def test_wrong_colour_filters_are_named_with_corners_by_hand_too() -> None:
-    frames = scenes.shoot()
+    frames = scenes.shoot(Scene(size=(900, 675)))
     photo = scenes.mosaic(frames.chart, cfa="GRBG")
     corners = frames.pose.corners
     with pytest.raises(ChartNotFound) as sought:

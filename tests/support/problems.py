@@ -21,10 +21,10 @@ from golden.linear_model import LinearModel, linear_model
 CURVES = Path(__file__).parents[2] / "data" / "ssf" / "rawtoaces.csv"
 
 
-def seeds(*bounds: int) -> list[Any]:
-    """`range` for a parametrised test: three of it by default, all in the full run."""
+def seeds(*bounds: int, quick: int = 3) -> list[Any]:
+    """`range` for a parametrised test: so many of it by default, all in the full run."""
     every = range(*bounds)
-    return [*every[:3], *(pytest.param(seed, marks=pytest.mark.full) for seed in every[3:])]
+    return [*every[:quick], *(pytest.param(seed, marks=pytest.mark.full) for seed in every[quick:])]
 
 
 def near(found: NDArray[Any], expected: NDArray[Any], rel: float = 0.0, abs: float = 1e-12) -> bool:
