@@ -111,7 +111,13 @@ def test_the_colour_temperature_is_that_of_colour_science() -> None:
 
 @pytest.mark.requirement("R-FIELD")
 @pytest.mark.parametrize(
-    ("lamp", "kind"), [("D55", "daylight"), ("A", "bulb"), ("FL2", "fluorescent"), ("LED-B1", "white-led")]
+    ("lamp", "kind"),
+    [
+        ("D55", "daylight"),
+        ("FL2", "fluorescent"),
+        ("LED-B1", "white-led"),
+        pytest.param("A", "bulb", marks=pytest.mark.full),
+    ],
 )
 def test_a_phone_in_any_light(lamp: str, kind: str) -> None:
     """Nothing named: curves within their bands, the light within its own, and no kelvin is invented.

@@ -18,7 +18,7 @@ from camssf.spectra.layouts import LAYOUTS
 from camssf_lab.simulation import frames as module
 from camssf_lab.simulation.camera import Sensor
 from camssf_lab.simulation.frames import Simulation, simulate
-from camssf_lab.simulation.scene import Scene, true_pose
+from camssf_lab.simulation.scene import Scene, homography, render_mosaic, true_pose
 from camssf_lab.simulation.shot import Frames, photograph
 from tests.support.problems import bell
 
@@ -183,6 +183,17 @@ def test_pose_is_a_pinholes(rotation: float, tilt: float, turns: int) -> None:
     points, _ = cv2.projectPoints(np.c_[corners, np.zeros(4)], rvec, np.array([0, 0, distance]), lens, None)
     np.testing.assert_allclose(pose.corners, points[:, 0], atol=1e-9)
     assert pose.quarter_turns == turns
+
+
+@pytest.mark.parametrize(("surround", "share"), [("white", 0.9), ("grey", 0.2), ("black", 0.02)])
+def test_surround_frame_and_gaps(surround: str, share: float) -> None:
+    scene = Scene(size=SIZE, surround=surround)
+    light = render_mosaic(scene, np.full((24, 3), 0.5), np.ones(3))
+    assert light[0, 0] == light[-1, -1] == pytest.approx(share)
+    to_pixels = homography(scene)
+    for u, v in ((0.5, 0.5), (2.5, 1), (-0.6, 0)):  # gap crossing, gap, frame; in pitches
+        x, y, w = to_pixels @ [u, v, 1]
+        assert light[round(y / w), round(x / w)] == pytest.approx(0.04, abs=1e-3)
 
 
 def test_glare_dark_current_gains_and_clipping() -> None:

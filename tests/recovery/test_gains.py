@@ -75,11 +75,10 @@ def off(ssf: Ssf) -> tuple[float, float]:
 @pytest.mark.parametrize("lamps", [("D55",), pytest.param(("D55", "A"), marks=pytest.mark.full)])
 def test_uneven_light_costs_hardly_anything(lamps: tuple[str, ...]) -> None:
     even, held = off(found(0.0, 0.0, lamps).ssf)
-    for vignetting, gradient in ((0.1, 0.05), (0.3, 0.15)):
-        uneven_, covered = off(found(vignetting, gradient, lamps).ssf)
-        assert uneven_ < 1.1 * even + 0.001
-        assert covered > held - 0.04
-        assert found(vignetting, gradient, lamps).verdict.status == "accepted"
+    uneven_, covered = off(found(0.3, 0.15, lamps).ssf)
+    assert uneven_ < 1.1 * even + 0.001
+    assert covered > held - 0.04
+    assert found(0.3, 0.15, lamps).verdict.status == "accepted"
 
 
 def test_the_light_is_found() -> None:

@@ -9,8 +9,6 @@ L is ASTM G173's global tilt spectrum (AM1.5) as colour-science has it, 0.5 to 1
 air; or CIE daylight, which is smooth, with the Fraunhofer lines drawn in at their tabulated wavelengths.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
