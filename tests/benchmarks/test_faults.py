@@ -54,6 +54,7 @@ def patch(samples: Floats, number: int, colour: str, scene: Scene) -> float:
     return float(samples[np.ix_(rows, columns)].mean()) - QUIET.black
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("name", FAULTS)
 def test_every_severity_is_another_capture(name: str) -> None:
     assert len(set(FAULTS[name].degrees)) == len(SEVERITIES)
@@ -145,6 +146,7 @@ def test_software() -> None:
     np.testing.assert_array_equal(frames.chart[inside, inside], clean().chart[inside, inside])  # known sites stay
 
 
+@pytest.mark.full
 def test_a_printed_copy_looks_alike_and_is_none() -> None:
     """Judged by colour-science: near the chart's colours under D50, far from its spectra."""
     from camssf.spectra import colour_science
@@ -170,6 +172,7 @@ def files(folder: Path, name: str, severity: int, lamp: str = "D55") -> Simulati
     return simulate("Nikon 5100 (NPL)", [lamp], out, scene=Scene(size=(720, 540), fill=0.55), change=change, seed=4)
 
 
+@pytest.mark.full
 def test_files_say_what_the_plan_says(tmp_path: Path) -> None:
     shot = files(tmp_path, "dark-iso", 2).shots[0]
     assert shot.dark is not None

@@ -47,6 +47,7 @@ def off(found: Floats, truth: Floats) -> float:
     return float(np.abs(found / found.max(axis=0) - truth / truth.max(axis=0)).max())
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("name", ALL)
 def test_every_method_answers_a_real_capture(name: str) -> None:
     given = capture(TRUTH, read_chart("classic24").values, 0.003)
