@@ -11,10 +11,10 @@ from golden.linear_model import LinearModel
 
 LARGEST_GAP = 1e-9
 """Largest relative duality gap of any engine's result."""
-PLAIN = ("basis", "shots", "depth", "prior", "make", "unnamed", "called", "colour_matrices")
+PLAIN = ("basis", "shots", "prior", "make", "unnamed", "called", "colour_matrices")
 """Inputs that are no numbers."""
-Rows: TypeAlias = Sequence[tuple[str, str, float]]
-"""Limits against the stored outputs: value, metric, bound."""
+Limits: TypeAlias = Sequence[tuple[str, float, str]]
+"""Limits against the stored outputs: metric, bound, names of the values."""
 
 
 def words(text: str) -> frozenset[str]:
@@ -36,16 +36,15 @@ class Stage:
 
     Attributes:
         name: its folder under cases/.
-        requires: the capabilities that a runner needs, unless a case says others.
+        requires: the capabilities that a runner needs.
         cases: all cases before they are run.
         run: the outputs of a case by the reference or the model.
         inputs, optional: keys of the inputs, and those that a case may leave out.
-        limits: rows of limits, or all limits of a complete case from it and what `case` said of it.
-        outputs: stored outputs beyond those of the rows.
+        limits: against the stored outputs, or all limits of a complete case from it and what `case` said of it.
+        outputs: stored outputs beyond those of `limits`.
         arrays: inputs that `resolve` makes arrays of; None for all but PLAIN.
         rounded: outputs that are stored with fewer digits.
-        problem: the rows of a case's convex problems, from its inputs; None where it has none.
-        oracle: whether cvxpy solves them, too.
+        problem: the rows of a case's convex problems, from its inputs, which cvxpy solves, too; None: it has none.
     """
 
     name: str
@@ -53,17 +52,17 @@ class Stage:
     cases: Callable[[], Iterable[Json]]
     run: Callable[[Call], dict[str, Any]]
     inputs: frozenset[str]
-    limits: Rows | Callable[[Json, Json], list[Json]]
+    limits: Limits | Callable[[Json, Json], list[Json]]
     optional: frozenset[str] = frozenset()
     outputs: frozenset[str] = frozenset()
     arrays: frozenset[str] | None = None
-    rounded: frozenset[str] = words("ssf ssf_std code_covariance W")
+    rounded: frozenset[str] = words("ssf ssf_std code_covariance")
     problem: Callable[[dict[str, Any]], LinearModel] | None = None
-    oracle: bool = False
 
     def stored_outputs(self) -> list[str]:
         """The outputs that a case stores."""
-        return sorted(self.outputs | (set() if callable(self.limits) else {name for name, _, _ in self.limits}))
+        limits = () if callable(self.limits) else self.limits
+        return sorted(self.outputs.union(*(names.split() for _, _, names in limits)))
 
     def limits_of(self, made: Json, scene: Json) -> list[Json]:
         """All limits of a complete case."""
@@ -78,10 +77,8 @@ def case(
     inputs: Json,
     *,
     expect: str = "success",
-    requires: str | None = None,
     truth: Json | None = None,
     rmse: float | None = None,
-    generic: bool = True,
     files: dict[str, bytes] | None = None,
     outputs: Json | None = None,
 ) -> Json:
@@ -92,15 +89,13 @@ def case(
         comment: the one reason why the case is there.
         inputs: in the forms of format.md.
         expect: "success" or an error code.
-        requires: the capabilities that a runner needs, if others than the stage's.
         truth: the true camera; `rmse` bounds the error of the curves.
-        generic: whether code and pivots may be compared (stage `solve`).
         files: photos by their path in golden/.
         outputs: those that the author knows; what is found must agree.
     """
     return {
-        "case": name, "comment": comment, "inputs": inputs, "expect": expect, "requires": requires, "truth": truth,
-        "rmse": rmse, "generic": generic, "files": files or {}, "outputs": outputs,
+        "case": name, "comment": comment, "inputs": inputs, "expect": expect, "truth": truth, "rmse": rmse,
+        "files": files or {}, "outputs": outputs,
     }  # fmt: skip
 
 
@@ -110,28 +105,10 @@ def limit(value: str, against: str, metric: str, bound: float, *requires: str) -
             "requires": list(requires)}  # fmt: skip
 
 
-def each(metric: str, bound: float, names: str) -> list[tuple[str, str, float]]:
-    """The same metric and bound for some outputs."""
-    return [(name, metric, bound) for name in names.split()]
-
-
-def stored(made: Json, rows: Rows) -> list[Json]:
+def stored(made: Json, limits: Limits) -> list[Json]:
     """Limits against the stored outputs, but for outputs that are null."""
-    return [
-        limit(name, "outputs", metric, bound) for name, metric, bound in rows if made["outputs"][name] is not None
-    ]
-
-
-def against_oracle(made: Json, *requires: str) -> list[Json]:
-    """Objective, gap and curves of a case with an oracle; the objective may require a capability."""
-    if made["oracle"] is None:
-        return []
-    curves = [limit("ssf", "oracle", "peak", 1e-6)] if made["oracle"]["ssf"] is not None else []
-    return [
-        limit("objective", "oracle", "relative", 1e-9, *requires),
-        limit("gap", "oracle", "at_most", LARGEST_GAP),
-        *curves,
-    ]
+    named = [(metric, bound, name) for metric, bound, names in limits for name in names.split()]
+    return [limit(name, "outputs", *how) for *how, name in named if made["outputs"][name] is not None]
 
 
 def against_truth(made: Json, scene: Json) -> list[Json]:

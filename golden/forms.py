@@ -95,10 +95,6 @@ def _form(form: Json) -> Any:
     kind = frozenset(form)
     if kind == {"chart", "patches"}:
         return chart(form["chart"])[np.array(form["patches"], int) - 1]
-    if kind == {"chart", "mixtures"}:
-        table, i = chart(form["chart"]), np.arange(form["mixtures"])
-        t = ((37 * i) % 100 / 100.0)[:, None]
-        return (1.0 - t) * table[i % 24] + t * table[(7 * i + 5) % 24]
     if kind == {"lamps"}:
         return np.stack([lamp(name) for name in form["lamps"]])
     if kind == {"constant", "shape"}:
@@ -116,8 +112,6 @@ def _form(form: Json) -> Any:
         return np.stack(
             [sum(h * np.exp(-0.5 * ((WAVELENGTHS - m) / s) ** 2) for h, m, s in c) for c in form["bells"]], axis=1
         )
-    if kind == {"case", "output"}:
-        return resolve(sibling(form["case"])["outputs"][form["output"]])
     raise GoldenError(f"there is no input form with the keys {sorted(form)}")
 
 

@@ -10,7 +10,8 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from importlib.util import find_spec
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,7 +20,6 @@ from rich.progress import track
 
 from camssf.errors import CalibrationError
 from camssf.files import write_file
-from camssf.recovery.basis import widened
 from camssf.recovery.hypotheses import AUTO
 from camssf.recovery.onnx_model import load_model
 from golden import forms
@@ -27,8 +27,7 @@ from golden.compare import METRICS, blur, optimality, rmse
 from golden.contract import Stage
 from golden.forms import ROOT, GoldenError, Json, digest, resolve
 from golden.oracle import consult
-from golden.products import basis_of
-from golden.reading import FORMAT, check, generator_digest, paths
+from golden.reading import FORMAT, check, generator_digest
 from golden.running import judge, problem, run
 from golden.stages import STAGES
 from golden.tables import write_tables
@@ -38,7 +37,8 @@ ORACLE_GAP = 5e-10
 MARGIN = 0.9
 """At generation the RMSE against the truth must be below this fraction of its bound."""
 DIGITS = 12
-"""Significant digits stored for curves, bands and W; more precise than their limits of 1e-10."""
+"""Significant digits stored for curves and bands; more precise than their limits of 1e-10."""
+NUMBERS = ("outputs", "oracle", "truth")
 COMMAND = "python -m golden.generate"
 
 
@@ -48,23 +48,25 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--check", action="store_true", help="write nothing: make all anew and compare")
     parser.add_argument("case", nargs="*", help="write nothing: print what becomes of these, as verdict/haze")
     options = parser.parse_args(arguments)
-    try:
-        import cvxpy  # noqa: F401
-    except ImportError:
+    if find_spec("cvxpy") is None:
         print("cvxpy is missing: the oracle needs it. Install the extra dev.", file=sys.stderr)
         return 2
     try:
+        scenes = _scenes()
+        for name in options.case:
+            made = finish(scenes[name]) if name in scenes else {"expect": "there is no such case", "outputs": None}
+            stated = {key: value for key, value in (made["outputs"] or {}).items() if key in ("status", "codes")}
+            print(f"{name}: {made['expect']}", stated or "")
         if options.case:
-            print(*_outcomes(options.case), sep="\n")
             return 0
-        made = dict(_files())
+        made = _files(scenes)
     except GoldenError as error:
         print(f"golden: {error}", file=sys.stderr)
         return 1
     finally:
         forms.PENDING.clear()
-    known = [*paths(), *(ROOT / "dng").glob("*"), *(ROOT / "spectra").glob("*"), ROOT / "manifest.json"]
-    stored = {path.relative_to(ROOT).as_posix(): path.read_bytes() for path in known if path.exists()}
+    known = [path for kind in ("cases/*/*.json", "dng/*", "spectra/*", "manifest.json") for path in ROOT.glob(kind)]
+    stored = {path.relative_to(ROOT).as_posix(): path.read_bytes() for path in known}
     changed = sorted(name for name in stored.keys() | made.keys() if stored.get(name) != made.get(name))
     for name in changed:
         if options.check:
@@ -80,65 +82,46 @@ def main(arguments: list[str] | None = None) -> int:
     return 1 if options.check and changed else 0
 
 
-def _outcomes(names: Sequence[str]) -> Iterable[str]:
-    """A line on each of these cases: whether its row's expectation holds, else `GoldenError` says what was found."""
-    forms.PENDING.update({f"spectra/{name}.json": _text(table) for name, table in write_tables().items()})
-    scenes = {scene["case"]: scene for stage in STAGES.values() for scene in stage.cases()}
-    if unknown := set(names) - scenes.keys():
-        raise GoldenError(f"no such case: {', '.join(sorted(unknown))}")
-    for name in names:
-        forms.PENDING.update(scenes[name]["files"])
-        made = finish(scenes[name])
-        stated = {key: (made["outputs"] or {}).get(key) for key in ("status", "codes")}
-        yield f"{name}: {made['expect']}, as its row says{'' if None in stated.values() else f': {stated}'}"
-
-
 def _change(stored: bytes | None, made: bytes | None) -> str:
     """What is different about a file, in words."""
     if stored is None or made is None:
-        return "missing" if stored is None else "no scene makes it"
+        return "missing" if stored is None else "no row makes it"
     try:
         return ", ".join(drift(json.loads(stored), json.loads(made))) or "another content"
     except (ValueError, KeyError):
         return "another content"
 
 
-def _files() -> Iterable[tuple[str, bytes]]:
-    """Relative path and content of every file, the manifest last; made in memory."""
-    spectra = {f"spectra/{name}.json": _text(table) for name, table in write_tables().items()}
-    forms.PENDING.update(spectra)
-    yield from spectra.items()
+def _scenes() -> dict[str, Json]:
+    """Every case before it is run, by its name; spectra and photos are pending then."""
+    forms.PENDING.update({f"spectra/{name}.json": _text(table) for name, table in write_tables().items()})
     scenes = [scene for stage in STAGES.values() for scene in stage.cases()]
-    photos = {name: content for scene in scenes for name, content in scene["files"].items()}
-    forms.PENDING.update(photos)
-    yield from photos.items()
-    names = [scene["case"] for scene in scenes]
-    if len(set(names)) < len(names):
-        raise GoldenError(f"two cases share a name: {sorted({n for n in names if names.count(n) > 1})}")
+    for scene in scenes:
+        forms.PENDING.update(scene["files"])
+    if twice := [name for name, count in Counter(scene["case"] for scene in scenes).items() if count > 1]:
+        raise GoldenError(f"two cases share a name: {twice}")
+    return {scene["case"]: scene for scene in scenes}
+
+
+def _files(scenes: dict[str, Json]) -> dict[str, bytes]:
+    """Relative path and content of every file, the manifest last; made in memory."""
     console = Console(stderr=True)
-    cases: dict[str, str] = {}
     faults: list[str] = []
-    for scene in track(scenes, "golden vectors", console=console, disable=not console.is_terminal):
+    for name in track(scenes, "golden vectors", console=console, disable=not console.is_terminal):
         try:
-            content = _kept(finish(scene))
+            forms.PENDING[f"cases/{name}.json"] = _kept(finish(scenes[name]))
         except GoldenError as error:
             faults.append(str(error))
-            continue
-        path = f"cases/{scene['case']}.json"
-        forms.PENDING[path] = content
-        cases[scene["case"]] = digest(content)
-        yield path, content
     if faults:
         raise GoldenError("\n".join(faults))
-    manifest = {
-        "format": FORMAT,
-        "count": len(cases),
-        "generator": generator_digest(),
-        "spectra": {name: digest(content) for name, content in spectra.items()},
-        "dng": {name: digest(content) for name, content in sorted(photos.items())},
-        "cases": dict(sorted(cases.items())),
+    hashes = {name: digest(content) for name, content in sorted(forms.PENDING.items())}
+    manifest = {"format": FORMAT, "count": len(scenes), "generator": generator_digest()} | {
+        kind: {name: known for name, known in hashes.items() if name.startswith(f"{kind}/")}
+        for kind in ("spectra", "dng")
     }
-    yield "manifest.json", (json.dumps(manifest, indent=1, ensure_ascii=False) + "\n").encode()
+    manifest["cases"] = {name: hashes[f"cases/{name}.json"] for name in sorted(scenes)}
+    text = json.dumps(manifest, indent=1, ensure_ascii=False) + "\n"
+    return forms.PENDING | {"manifest.json": text.encode()}
 
 
 def _kept(made: Json) -> bytes:
@@ -146,23 +129,24 @@ def _kept(made: Json) -> bytes:
     path = ROOT / "cases" / f"{made['case']}.json"
     if path.exists():
         stored = json.loads(path.read_bytes()) | {"comment": made["comment"]}
-        fields = [set(case.get(part) or {}) for case in (stored, made) for part in ("outputs", "oracle", "truth")]
-        if set(stored) == set(made) and fields[:3] == fields[3:] and not drift(stored, made):
+        fields = [[set(case.get(part) or {}) for part in NUMBERS] for case in (stored, made)]
+        if set(stored) == set(made) and fields[0] == fields[1] and not drift(stored, made):
             return _text(stored)
     return _text(made)
 
 
 def finish(scene: Json) -> Json:
     """The complete case of a scene: outputs by the reference, oracle by cvxpy, limits."""
-    stage = STAGES[scene["case"].partition("/")[0]]
+    name, success = scene["case"], scene["expect"] == "success"
+    stage = STAGES[name.partition("/")[0]]
     inputs = _plain(scene["inputs"])
     made: Json = {
         "format": FORMAT,
-        "case": scene["case"],
+        "case": name,
         "stage": stage.name,
         "comment": scene["comment"],
         "expect": scene["expect"],
-        "requires": (scene["requires"] or stage.requires).split(),
+        "requires": stage.requires.split(),
         "source": _source(inputs),
         "inputs": inputs,
         "outputs": None,
@@ -170,57 +154,40 @@ def finish(scene: Json) -> Json:
         "truth": None,
         "limits": [],
     }
-    success = scene["expect"] == "success"
-    if success and stage.oracle:
-        made["oracle"] = _plain(_oracle(made))
+    if success and stage.problem:
+        made["oracle"] = _plain(consult(problem(made), made["inputs"]))
+        if faults := _unproven(made):
+            raise GoldenError(f"{name}: {', '.join(faults)}")
     try:
         outputs = run(made)
     except CalibrationError as error:
         if error.code == scene["expect"]:
             return check(made)
-        raise GoldenError(f"{made['case']}: expected {scene['expect']}, found {error.code} ({error})") from error
+        raise GoldenError(f"{name}: expected {scene['expect']}, found {error.code} ({error})") from error
     if not success:
-        raise GoldenError(f"{made['case']}: expected {scene['expect']}, found success")
-    kept = {name: _stored(name, outputs[name], stage) for name in stage.stored_outputs()}
+        raise GoldenError(f"{name}: expected {scene['expect']}, found success")
+    kept = {output: _stored(output, outputs[output], stage) for output in stage.stored_outputs()}
     made["outputs"] = _plain(kept) | (scene["outputs"] or {})
-    if scene["truth"] is not None:
+    if scene["rmse"] is not None:
         off = rmse(outputs["ssf"], resolve(scene["truth"]))
         if not off <= MARGIN * scene["rmse"]:
-            raise GoldenError(f"{made['case']}: RMSE {off:.4f} leaves no margin below {scene['rmse']}")
+            raise GoldenError(f"{name}: RMSE {off:.4f} leaves no margin below {scene['rmse']}")
         made["truth"] = {"ssf": scene["truth"], "measured": {"rmse": round(off, 4)}}
     made["limits"] = stage.limits_of(made, scene)
     if scene["outputs"] is not None:
         broken = [finding for finding in judge(made, outputs) if not finding.holds]
         if broken:
-            raise GoldenError(f"{made['case']}: {broken}, found {[outputs.get(name) for name in scene['outputs']]}")
+            raise GoldenError(f"{name}: {broken}, found {[outputs.get(output) for output in scene['outputs']]}")
     return check(made)
-
-
-def _oracle(made: Json) -> Json:
-    given, sensing = made["inputs"], problem(made)
-    gamma = np.broadcast_to(np.array(given["gamma"], float), len(sensing.matrix))
-    basis = white = None
-    if "basis" in given:
-        basis = widened(basis_of(given["basis"]), given.get("prior_scale", 1.0))
-        white = resolve(given["white_reflectance"]) * resolve(given["lamp"])[0]
-    oracle = consult(sensing, given["l2"], gamma, given["nonnegative"], basis, white)
-    faults = _unproven(made | {"oracle": oracle})
-    if faults:
-        raise GoldenError(f"{made['case']}: {', '.join(faults)}")
-    return oracle
 
 
 def _source(inputs: Json) -> Json:
     """The source of a case: the basis with the hash in the shipped model's metadata, the spectra by name."""
-    parent = inputs.get("matrix")
-    if isinstance(parent, dict):
-        inputs = inputs | {"basis": forms.sibling(parent["case"])["inputs"]["basis"]}
     basis = inputs.get("basis")
-    named = isinstance(basis, str)
     return {
         "generator": COMMAND,
-        "basis": basis if named or basis is None else f"{basis['count']} Gaussians of {basis['width']} nm",
-        "basis_sha256": load_model(basis).metadata["basis_sha256"] if named and basis != AUTO else None,
+        "basis": basis,
+        "basis_sha256": None if basis in (None, AUTO) else load_model(basis).metadata["basis_sha256"],
         "spectra": sorted(_names(inputs)),
     }
 
@@ -252,9 +219,7 @@ def _plain(value: Any) -> Any:
         return {key: _plain(v) for key, v in value.items()}
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
-    if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
-    return value
+    return [_plain(v) for v in value] if isinstance(value, list | tuple) else value
 
 
 def _text(case: Json) -> bytes:
@@ -275,8 +240,7 @@ def _text(case: Json) -> bytes:
 
 def drift(stored: Json, made: Json) -> list[str]:
     """The differences between a stored case and the same case made now that exceed its limits."""
-    numbers = ("outputs", "oracle", "truth")
-    faults = [f"{key} differs" for key in stored if key not in numbers and stored[key] != made[key]]
+    faults = [f"{key} differs" for key in stored if key not in NUMBERS and stored[key] != made[key]]
     if stored["expect"] != "success" or faults:
         return faults
     for limit in stored["limits"]:
@@ -289,15 +253,6 @@ def drift(stored: Json, made: Json) -> list[str]:
     return faults + (_unproven(stored) if stored["oracle"] is not None else [])
 
 
-def _unproven(case: Json) -> list[str]:
-    """The oracle's gaps that are too large, in words."""
-    return [
-        f"the oracle's gap is {proof.gap:.1e}, not {proof.bound:.1e}"
-        for proof in proofs(case)
-        if not proof.gap <= proof.bound
-    ]
-
-
 class Proof(NamedTuple):
     """Objective and relative gap of one problem's code, and the largest gap allowed on this machine."""
 
@@ -308,16 +263,20 @@ class Proof(NamedTuple):
 
 def proofs(case: Json) -> list[Proof]:
     """Objective and gap of the stored oracle's code, recomputed for each problem without cvxpy."""
-    given, sensing = case["inputs"], problem(case)
-    gamma = np.broadcast_to(np.array(given["gamma"], float), len(sensing.matrix))
+    l2, gamma, nonnegative = (case["inputs"][name] for name in ("l2", "gamma", "nonnegative"))
+    rows, codes = problem(case), np.array(case["oracle"]["x"])
     return [
-        Proof(
-            *optimality(A, b, S, np.array(x), given["l2"], float(g), given["nonnegative"]),
-            ORACLE_GAP + blur(A, b, S, np.array(x), given["l2"], float(g)),
-        )
-        for A, b, S, x, g in zip(
-            sensing.matrix, sensing.target, sensing.covariance, case["oracle"]["x"], gamma, strict=True
-        )
+        Proof(*optimality(A, b, S, x, l2, gamma, nonnegative), ORACLE_GAP + blur(A, b, S, x, l2, gamma))
+        for A, b, S, x in zip(rows.matrix, rows.target, rows.covariance, codes, strict=True)
+    ]
+
+
+def _unproven(case: Json) -> list[str]:
+    """The oracle's gaps that are too large, in words."""
+    return [
+        f"the oracle's gap is {proof.gap:.1e}, not {proof.bound:.1e}"
+        for proof in proofs(case)
+        if not proof.gap <= proof.bound
     ]
 
 

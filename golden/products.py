@@ -18,9 +18,9 @@ from camssf.photo.patches import FrameMeans, PatchMeans
 from camssf.photo.read.colour_matrix import ColourMatrix
 from camssf.photo.read.dng import Mosaic, read_dng
 from camssf.photo.shot import Shot
-from camssf.recovery.basis import Basis, gaussian_basis, read_basis, widened
+from camssf.recovery.basis import read_basis, widened
 from camssf.recovery.observation import Observation
-from camssf.recovery.onnx_model import Model
+from camssf.recovery.onnx_model import load_model
 from camssf.recovery.sensitivity import SolverSettings, Ssf
 from camssf.spectra import ChartTable, Lamp, Light, read_chart
 from camssf.spectra.lamps import AUTO, TORCH
@@ -39,11 +39,6 @@ CAPTURE = words(
     "nonnegative"
 )
 """Inputs of rows, of a model's call, and of a capture."""
-
-
-def basis_of(spec: Any) -> Basis:
-    """A shipped basis by name, or a Gaussian basis by {count, width}."""
-    return read_basis(spec) if isinstance(spec, str) else gaussian_basis(spec["count"], spec["width"])
 
 
 def build_observation(given: dict[str, Any], signals: Any, frames: Any = None) -> Observation:
@@ -66,7 +61,7 @@ def build_observation(given: dict[str, Any], signals: Any, frames: Any = None) -
 
 def build_rows(given: dict[str, Any], signals: Floats) -> LinearModel:
     """The reference's rows and covariance."""
-    return linear_model(build_observation(given, signals), widened(basis_of(given["basis"]), prior_scale(given)))
+    return linear_model(build_observation(given, signals), widened(read_basis(given["basis"]), prior_scale(given)))
 
 
 def problem_of_call(given: dict[str, Any]) -> LinearModel:
@@ -79,12 +74,13 @@ def prior_scale(given: dict[str, Any]) -> float:
     return float(given.get("prior_scale", 1.0))
 
 
-def model_inputs(model: Model, given: dict[str, Any]) -> dict[str, Floats]:
+def model_inputs(given: dict[str, Any]) -> dict[str, Floats]:
     """All inputs of the model from a case's inputs; a mode of zeros if there is none, as the model needs one."""
     k, n, _ = np.shape(given["chart"])
     none = {"lamp_modes": np.zeros((k, 1, WAVELENGTHS.size)), "gain_modes": np.zeros((k, 1, n)), "gain_own": 0.0}
     none |= {"prior_scale": prior_scale(given), "explain": 1.0}
     arguments = none | {name: value for name, value in given.items() if np.size(value)}
+    model = load_model(given["basis"])
     names = {each.name for each in model.session.get_inputs()} - {"solve", *model.arrays}
     return {name: np.asarray(arguments[name], float) for name in sorted(names)}
 

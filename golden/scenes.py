@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from camssf.grid import Floats
 from camssf.spectra.charts import faded
@@ -25,6 +24,7 @@ ALL = list(range(1, 25))
 TWELVE = list(range(7, 19))
 FAMILY = [[[0.0, 0.15], [0.0], [0.0]], [[0.0, 0.5], [0.0, 0.0, 0.6], [0.0, -0.3, 0.0, 0.5]]]
 """Modes of two uncertain lamps, a daylight and a white LED, as polynomials."""
+BOTH = ["D55", "A"]
 NIKON, CANON = {"camera": "Nikon D5100"}, {"camera": "Canon EOS 5D Mark II"}
 BELLS = {
     "bells": [[[1.0, 604, 31], [0.07, 442, 24]], [[1.0, 534, 37]], [[1.0, 459, 26], [0.03, 545, 30]]],
@@ -96,58 +96,39 @@ def photograph(
     }
 
 
-def scene(
-    name: str,
-    comment: str,
-    *,
-    camera: Json = NIKON,
-    lamps: Sequence[str] = ("D55",),
-    patches: Any = ALL,
-    table: str = "babelcolor",
-    taken: str | None = None,
-    noise: str = "low",
-    basis: str = "cameras",
-    l2: float | None = None,
-    gamma: float | None = None,
-    nonnegative: bool | None = None,
-    chart_tolerance: ArrayLike = 0.03,
-    white_tolerance: float = 0.01,
-    lamp_tolerance: ArrayLike = 0.0,
-    modes: list[Any] | None = None,
-    white: Any = FLAT,
-    rmse: float | None = None,
-    fading: float = 0.0,
-    change: Json | None = None,
-    expect: str = "success",
-    stage: str = "ssf",
-    **more: Any,
-) -> Json:
-    """A case of the stage ssf, or of another stage with the same inputs.
+SCENE: Json = {
+    "camera": NIKON, "lamps": ["D55"], "patches": ALL, "taken": "babelcolor", "noise": "low", "fading": 0.0,
+    "card": FLAT, "rmse": None, "expect": "success",
+}  # fmt: skip
+"""The base case of `scene`; taken, fading: table and fading of the chart that was photographed; card: the white's."""
 
-    taken: the table of the chart that was photographed, if it differs from `table`; fading: of that chart.
-    """
-    known = (
-        {"chart": table, "mixtures": patches} if isinstance(patches, int) else {"chart": table, "patches": patches}
-    )
-    photo = photograph(camera, lamps, known | {"chart": taken or table}, noise=noise, white=white, fading=fading)
+
+def scene(name: str, comment: str, change: Json) -> Json:
+    """A case of the stage ssf or choice: a photo as SCENE says, and how the product solves it, but for the change."""
+    told = SCENE | {key: change[key] for key in SCENE.keys() & change.keys()}
+    known, lamps, white = {"chart": "babelcolor", "patches": told["patches"]}, told["lamps"], told["card"]
+    taken = known | {"chart": told["taken"]}
+    photo = photograph(told["camera"], lamps, taken, noise=told["noise"], white=white, fading=told["fading"])
     k, n, _ = photo["chart"].shape
-    learned = basis != "gaussian"
     inputs: Json = {
-        "basis": basis,
+        "basis": "cameras",
         **photo,
         "reflectance": known,
-        "chart_tolerance": {"constant": chart_tolerance, "shape": [n]},
+        "chart_tolerance": 0.03,
         "white_reflectance": white,
-        "white_tolerance": white_tolerance,
-        "lamp": {"lamps": list(lamps)},
-        "lamp_tolerance": {"constant": lamp_tolerance, "shape": [k]},
-        "lamp_modes": {"polynomials": modes or [[] for _ in lamps]},
-        "l2": (1.0 if learned else 0.0) if l2 is None else l2,
-        "gamma": (0.05 if learned else 1e-3) if gamma is None else gamma,
-        "nonnegative": (not learned) if nonnegative is None else nonnegative,
-    } | (change or {})
-    truth = camera if rmse is not None else None
-    return case(f"{stage}/{name}", comment, inputs, expect=expect, truth=truth, rmse=rmse, **more)
+        "white_tolerance": 0.01,
+        "lamp": {"lamps": lamps},
+        "lamp_tolerance": 0.0,
+        "lamp_modes": {"polynomials": change.get("modes", [[] for _ in lamps])},
+        "l2": 1.0,
+        "gamma": 0.05,
+        "nonnegative": False,
+    } | {key: value for key, value in change.items() if key not in SCENE and key != "modes"}
+    for tolerance, shape in (("chart_tolerance", [n]), ("lamp_tolerance", [k])):
+        if isinstance(inputs[tolerance], float):
+            inputs[tolerance] = {"constant": inputs[tolerance], "shape": shape}
+    truth = None if told["rmse"] is None else told["camera"]
+    return case(name, comment, inputs, expect=told["expect"], truth=truth, rmse=told["rmse"])
 
 
 def gain_modes(own: float | None = None) -> list[list[float]]:

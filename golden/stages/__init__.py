@@ -15,18 +15,15 @@ from golden.stages import (
     pose,
     regions,
     rivals,
-    sensing,
     signals,
-    solve,
     spectrum,
     ssf,
     verdict,
-    weights,
 )
 
 ORDER = (
-    mosaic, pose, patches, signals, sensing, weights, solve, ssf, choice, calibrate, light, rivals, verdict,
-    colour, spectrum, regions, picture, finder,
+    mosaic, pose, patches, signals, ssf, choice, calibrate, light, rivals, verdict, colour, spectrum, regions,
+    picture, finder,
 )  # fmt: skip
 """A stage follows those whose outputs its cases name."""
 STAGES: dict[str, Stage] = {module.STAGE.name: module.STAGE for module in ORDER}

@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from camssf.calibration import solve as calibrate_capture
-from golden.contract import LARGEST_GAP, Call, Stage, case, each, words
+from golden.contract import LARGEST_GAP, Call, Stage, case, words
 from golden.forms import Json
 from golden.products import CAPTURE, build_capture
 from golden.scenes import ALL, BELLS, CANON, NIKON, PHONE, clip, dimmed, evenly, faulty, frames, uneven_light
@@ -141,12 +141,12 @@ STAGE = Stage(
     inputs=CAPTURE,
     optional=words("make model light_per_patch"),
     limits=(
-        *each("norm", 1e-15, "signals"),
-        *each("exact", 0.0, "used"),
-        *each("norm", 1e-10, "ssf ssf_std predicted"),
-        *each("norm", 1e-14, "channel_gain"),
-        *each("norm", 1e-8, "rmsre_percent"),
-        *each("exact", 0.0, "codes"),
-        *each("at_most", LARGEST_GAP, "gap"),
+        ("norm", 1e-15, "signals"),
+        ("exact", 0.0, "used"),
+        ("norm", 1e-10, "ssf ssf_std predicted"),
+        ("norm", 1e-14, "channel_gain"),
+        ("norm", 1e-8, "rmsre_percent"),
+        ("exact", 0.0, "codes"),
+        ("at_most", LARGEST_GAP, "gap"),
     ),
 )

@@ -27,7 +27,7 @@ from camssf.verdict.reasons import Reason, Verdict
 from camssf_colour import PARTS, Camera, Reference, View, camera_of_result, standard_colour
 from camssf_colour.camera import camera_of_answer
 from camssf_colour.reach import REACH
-from golden.contract import Call, Stage, case, each, words
+from golden.contract import Call, Stage, case, words
 from golden.forms import Json, chart, resolve, sibling
 from golden.scenes import PHONE
 
@@ -268,13 +268,13 @@ STAGE = Stage(
     run=run,
     inputs=words("result lamp signals standard_error reference view"),
     limits=(
-        *each("norm", 1e-12, "xyz lab xyz_covariance lab_covariance parts"),
-        *each("norm", 1e-14, "white"),
-        *each("exact", 0.0, "lamps"),
-        *each("norm", 1e-12, "weights"),
-        *each("relative", 1e-11, "chi_squared"),  # of the small difference of two raw whites
-        *each("exact", 0.0, "far"),
-        *each("norm", 1e-9, "reach"),
+        ("norm", 1e-12, "xyz lab xyz_covariance lab_covariance parts"),
+        ("norm", 1e-14, "white"),
+        ("exact", 0.0, "lamps"),
+        ("norm", 1e-12, "weights"),
+        ("relative", 1e-11, "chi_squared"),  # of the small difference of two raw whites
+        ("exact", 0.0, "far"),
+        ("norm", 1e-9, "reach"),
     ),
     arrays=words("signals standard_error"),
 )

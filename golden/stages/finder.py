@@ -14,7 +14,7 @@ from camssf.photo.find.chart_colours import ChartColours, chart_colours
 from camssf.photo.find.picture import SearchImage, codes_of_bytes, codes_of_light, codes_of_mosaic, rgb_of_yuv
 from camssf.photo.find.search import own_kind, plain_signals
 from camssf.photo.read.dng import Mosaic
-from golden.contract import Call, Stage, each, words
+from golden.contract import Call, Stage, words
 from golden.drawing import BLACK, GAP, TABLE, TILTED, Samples, View, charts, draw, file, photo_case, turned
 from golden.forms import Json
 from golden.products import CARD, own_card, read_card, read_photo
@@ -211,8 +211,8 @@ STAGE = Stage(
     optional=words("layout csv"),
     arrays=frozenset(),
     limits=(
-        *each("exact", 0.0, "findings kinds mirrored seen"),
-        *each("norm", 1e-13, "corners patches"),
-        *each("norm", 3e-9, "confidence"),
+        ("exact", 0.0, "findings kinds mirrored seen"),
+        ("norm", 1e-13, "corners patches"),
+        ("norm", 3e-9, "confidence"),
     ),
 )

@@ -11,7 +11,7 @@ from camssf.fit.capture_fit import prepare_fit
 from camssf.fit.solutions import cross_validate, prediction_bands, recover_each_shot, recover_fit, score
 from camssf.verdict.assumptions import assume
 from camssf.verdict.rival_lamps import weigh
-from golden.contract import LARGEST_GAP, Call, Stage, case, each, words
+from golden.contract import LARGEST_GAP, Call, Stage, case, words
 from golden.forms import Json
 from golden.products import CAPTURE, build_capture, chosen, judgement
 from golden.scenes import NIKON, PHONE, dimmed, evenly, frames, moved, uneven_light
@@ -113,19 +113,19 @@ STAGE = Stage(
     optional=words("make model colour_matrices torch called"),
     rounded=words("ssf ssf_std power power_std predicted"),
     limits=(
-        *each("exact", 0.0, "weighed"),
-        *each("relative", 1e-10, "log_evidence"),
-        *each("norm", 1e-8, "probability"),
-        *each("exact", 0.0, "basis prior_scale likeliest"),
-        *each("norm", 1e-8, "length chart_fading"),
-        *each("norm", 1e-9, "ssf ssf_std predicted"),
-        *each("norm", 1e-8, "rmsre_percent kinds"),
-        *each("norm", 1e-9, "power power_std"),
-        *each("relative", 1e-9, "kelvin kelvin_std"),
-        *each("exact", 0.0, "status codes messages"),
-        *each("relative", 1e-8, "values"),
-        *each("relative", 1e-15, "thresholds"),
-        *each("exact", 0.0, "said"),
-        *each("at_most", LARGEST_GAP, "gap"),
+        ("exact", 0.0, "weighed"),
+        ("relative", 1e-10, "log_evidence"),
+        ("norm", 1e-8, "probability"),
+        ("exact", 0.0, "basis prior_scale likeliest"),
+        ("norm", 1e-8, "length chart_fading"),
+        ("norm", 1e-9, "ssf ssf_std predicted"),
+        ("norm", 1e-8, "rmsre_percent kinds"),
+        ("norm", 1e-9, "power power_std"),
+        ("relative", 1e-9, "kelvin kelvin_std"),
+        ("exact", 0.0, "status codes messages"),
+        ("relative", 1e-8, "values"),
+        ("relative", 1e-15, "thresholds"),
+        ("exact", 0.0, "said"),
+        ("at_most", LARGEST_GAP, "gap"),
     ),
 )

@@ -143,7 +143,7 @@ def _statistic(name: str, inputs: Json) -> tuple[str, float]:
 
 def limits(made: Json, scene: Json) -> list[Json]:
     """Against the stored outputs."""
-    return stored(made, [(name, *_statistic(name, made["inputs"])) for name in sorted(made["outputs"])])
+    return stored(made, [(*_statistic(name, made["inputs"]), name) for name in sorted(made["outputs"])])
 
 
 STAGE = Stage(

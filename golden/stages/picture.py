@@ -10,7 +10,7 @@ import numpy as np
 from camssf_colour.picture import standard_picture, white_of_region
 from camssf_colour.regions import measure_regions
 from golden import contract
-from golden.contract import Call, Stage, each, words
+from golden.contract import Call, Stage, words
 from golden.forms import Json
 from golden.products import read_photo
 from golden.stages.colour import camera_in
@@ -78,6 +78,6 @@ STAGE = Stage(
     cases=cases,
     run=run,
     inputs=words("result lamp photo dark white space shading area"),
-    limits=each("norm", 2e-5, "picture uncertainty"),
+    limits=[("norm", 2e-5, "picture uncertainty")],
     arrays=frozenset(),
 )

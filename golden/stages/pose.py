@@ -9,7 +9,7 @@ import numpy as np
 
 from camssf.photo.find.pose import find_chart
 from camssf.spectra import read_chart
-from golden.contract import Call, Stage, each, words
+from golden.contract import Call, Stage, words
 from golden.drawing import TILTED, charts, photo_case, rounded, turned
 from golden.forms import Json
 from golden.products import own_card, read_card, read_photo
@@ -93,9 +93,9 @@ STAGE = Stage(
     optional=words("layout csv"),
     arrays=words("corners"),
     limits=(
-        *each("norm", 1e-9, "corners quads"),
-        *each("exact", 0.0, "quarter_turns"),
-        *each("norm", 1e-9, "score"),
-        *each("exact", 0.0, "kept"),
+        ("norm", 1e-9, "corners quads"),
+        ("exact", 0.0, "quarter_turns"),
+        ("norm", 1e-9, "score"),
+        ("exact", 0.0, "kept"),
     ),
 )

@@ -9,7 +9,7 @@ import numpy as np
 
 from camssf_colour.regions import measure_regions
 from golden import contract
-from golden.contract import Call, Stage, each, words
+from golden.contract import Call, Stage, words
 from golden.forms import Json
 from golden.products import read_photo
 
@@ -55,6 +55,6 @@ STAGE = Stage(
     cases=cases,
     run=run,
     inputs=words("photo areas dark lens_shading"),
-    limits=(*each("norm", 1e-14, "raw"), *each("norm", 1e-13, "standard_error")),
+    limits=(("norm", 1e-14, "raw"), ("norm", 1e-13, "standard_error")),
     arrays=frozenset(),
 )

@@ -10,7 +10,7 @@ import numpy as np
 from camssf.fit.capture_fit import prepare_fit
 from camssf.fit.solutions import recover_fit
 from camssf.verdict.rival_lamps import weigh_rivals
-from golden.contract import Call, Stage, case, each, words
+from golden.contract import Call, Stage, case, words
 from golden.forms import Json
 from golden.products import CAPTURE, build_capture
 from golden.scenes import PHONE, evenly, frames
@@ -59,5 +59,5 @@ STAGE = Stage(
     run=run,
     inputs=CAPTURE,
     optional=words("make model"),
-    limits=each("norm", 1e-8, "gains"),
+    limits=[("norm", 1e-8, "gains")],
 )

@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from camssf.photo.signals import normalise
-from golden.contract import Call, Stage, case, each, words
+from golden.contract import Call, Stage, case, words
 from golden.forms import Json
 from golden.products import build_means, build_table
 from golden.scenes import CANON, clip, evenly, faulty, frames, put
@@ -99,8 +99,8 @@ STAGE = Stage(
     run=run,
     inputs=words("shots patches white"),
     limits=(
-        *each("norm", 1e-15, "signals"),
-        *each("norm", 1e-14, "standard_error"),
-        *each("exact", 0.0, "used assumptions"),
+        ("norm", 1e-15, "signals"),
+        ("norm", 1e-14, "standard_error"),
+        ("exact", 0.0, "used assumptions"),
     ),
 )

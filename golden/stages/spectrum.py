@@ -12,7 +12,7 @@ import numpy as np
 
 from camssf_colour import PARTS, LitSurfaces, View, spectrum
 from camssf_colour.absorbance import INDICES, indices, shipped_index
-from golden.contract import Call, Stage, case, each, words
+from golden.contract import Call, Stage, case, words
 from golden.forms import Json
 from golden.stages.colour import BASE, VIEW, camera_in, photo, reference_in
 
@@ -75,11 +75,11 @@ STAGE = Stage(
     run=run,
     inputs=words("result photos prior view"),
     limits=(
-        *each("norm", 1e-12, "reflectance covariance_sums parts indices xyz lab xyz_covariance lab_covariance"),
-        *each("norm", 1e-14, "white"),
-        *each("norm", 1e-12, "distance from_photo weights"),
-        *each("exact", 0.0, "lamps"),
-        *each("relative", 1e-12, "chi_squared"),
+        ("norm", 1e-12, "reflectance covariance_sums parts indices xyz lab xyz_covariance lab_covariance"),
+        ("norm", 1e-14, "white"),
+        ("norm", 1e-12, "distance from_photo weights"),
+        ("exact", 0.0, "lamps"),
+        ("relative", 1e-12, "chi_squared"),
     ),
     arrays=frozenset(),
 )

@@ -25,7 +25,7 @@ from camssf.verdict.lamp import Neutral, Rival
 from camssf.verdict.reasons import Fatal
 from camssf.verdict.unit_drift import drift_probability
 from golden import contract
-from golden.contract import Call, Stage, each, words
+from golden.contract import Call, Stage, words
 from golden.forms import Json, camera, chart, lamp, resolve
 from golden.products import build_lamp, build_means, build_table, judgement, pose_by_hand
 from golden.scenes import gain_modes
@@ -502,14 +502,14 @@ STAGE = Stage(
         "ssf_std code predicted"
     ),
     limits=(
-        *each("exact", 0.0, "status codes messages advice fatal checks"),
-        *each("norm", 1e-9, "checked"),
-        *each("exact", 0.0, "named"),
-        *each("relative", 1e-8, "values"),
-        *each("relative", 1e-15, "thresholds"),
-        *each("relative", 1e-8, "residual"),
-        *each("relative", 1e-12, "prior"),
-        *each("exact", 0.0, "count"),
-        *each("norm", 1e-8, "z gains causes"),
+        ("exact", 0.0, "status codes messages advice fatal checks"),
+        ("norm", 1e-9, "checked"),
+        ("exact", 0.0, "named"),
+        ("relative", 1e-8, "values"),
+        ("relative", 1e-15, "thresholds"),
+        ("relative", 1e-8, "residual"),
+        ("relative", 1e-12, "prior"),
+        ("exact", 0.0, "count"),
+        ("norm", 1e-8, "z gains causes"),
     ),
 )

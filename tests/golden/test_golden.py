@@ -17,8 +17,10 @@ from camssf.recovery.onnx_model import SHIPPED, load_model
 from camssf.recovery.rows import anchor
 from golden import compare, drawing, forms, generate, reading
 from golden.forms import ROOT, GoldenError, resolve
+from golden.products import build_rows, raw_signals
 from golden.reading import check, paths, read_case
-from golden.running import ABILITIES, Finding, _complete, by_model, findings, judge, problem, run
+from golden.running import ABILITIES, Finding, _complete, by_model, findings, judge, run
+from golden.scenes import scene
 from golden.stages import STAGES
 from tests.support.long_cases import LONG
 
@@ -77,7 +79,7 @@ BREAKS: dict[str, Callable[[Json], object]] = {
     "missing field": lambda c: c.pop("comment"),
     "another format": lambda c: c.update(format=2),
     "unknown stage": lambda c: c.update(stage="magic"),
-    "another stage": lambda c: c.update(stage="solve"),
+    "another stage": lambda c: c.update(stage="choice"),
     "unknown error": lambda c: c.update(expect="sorry"),
     "unknown capability": lambda c: c["requires"].append("gpu"),
     "unknown input": lambda c: c["inputs"].update(seed=1),
@@ -184,44 +186,28 @@ def test_the_stored_solutions_prove_themselves() -> None:
             assert proof.objective == pytest.approx(stated, rel=1e-10, abs=1e-300), name
         bounds[name] = max(proof.bound for proof in proofs)
     hard = {name for name, bound in bounds.items() if bound > 2 * generate.ORACLE_GAP}
-    assert hard == {"ssf/gaussian-two-patches", "ssf/gaussian-identical-patches", "ssf/cameras-l1-tiny"}
+    assert hard == {"ssf/gaussian-identical-patches", "ssf/cameras-l1-tiny"}
     assert max(bounds.values()) < 1e-8
 
 
-def test_soft_thresholding_by_hand() -> None:
-    """A = I, b = (3, -1/2, 1), γ = 1: x = (2, 0, 0), objective ½ (1 + ¼ + 1) + 2."""
-    outputs = CASES["solve/soft"]["outputs"]
-    assert outputs["code"] == [[2.0, 0.0, 0.0]] * 3
-    assert outputs["objective"] == pytest.approx([3.125] * 3, rel=1e-15)
+NONE = {"chart_tolerance": 0.0, "white_tolerance": 0.0}
+BOTH = {"lamps": ["D55", "A"]}
+ROWS: dict[str, Json] = {
+    "chart": BOTH | {"white_tolerance": 0.0},
+    "white": {"lamps": ["D55", "FL2"], "chart_tolerance": 0.0},
+    "lamp": NONE | {"lamps": ["A", "LED-B3"], "lamp_tolerance": 0.02},
+    "two-lamps": BOTH | {"lamp_tolerance": 0.02, "patches": list(range(7, 19))},
+    "diagonal": NONE,
+}
 
 
-def test_layers_by_hand() -> None:
-    """A = I, λ₂ = 0, ρ = γ = 1: W = I / 2; v₀ = 0, v₁ = 0.75 b, z₁ = soft(0.75 b, 1)."""
-    outputs = CASES["weights/identity"]["outputs"]
-    assert np.array(outputs["W"]) == pytest.approx(np.broadcast_to(np.eye(3) / 2, (3, 3, 3)))
-    v = 0.75 * np.array([3.0, -0.5, 1.0])
-    z = np.sign(v) * np.maximum(np.abs(v) - 1, 0)
-    v2 = v + 1.5 * (0.5 * np.array([3.0, -0.5, 1.0]) + 0.5 * (2 * z - v) - z)
-    z2 = np.sign(v2) * np.maximum(np.abs(v2) - 1, 0)
-    for found, expected in zip(outputs["z"], (0 * z, z, z2), strict=True):
-        assert np.array(found) == pytest.approx(np.stack([expected] * 3), abs=1e-15)
-
-
-@pytest.mark.parametrize("name", [name for name in SOUND if name.startswith("weights/")])
-def test_weights_are_the_inverse(name: str) -> None:
-    rows, outputs = problem(CASES[name]), CASES[name]["outputs"]
-    assert outputs["rho"] == [g + 2 * CASES[name]["inputs"]["l2"] for g in CASES[name]["inputs"]["gamma"]]
-    for A, S, W, rho in zip(rows.matrix, rows.covariance, outputs["W"], outputs["rho"], strict=True):
-        M = A.T @ np.linalg.solve(S, A) + rho * np.eye(A.shape[1])
-        size = max(1.0, np.linalg.norm(W) * np.linalg.norm(M))
-        assert np.array(W) @ M == pytest.approx(np.eye(A.shape[1]), abs=1e-12 * size)
-
-
-@pytest.mark.parametrize("name", ["chart", "white", "lamp", "two-lamps", "diagonal"])
+@pytest.mark.parametrize("name", ROWS)
 def test_rows_and_covariance_by_their_integrals(name: str) -> None:
     """Against loops over docs/maths.md's formulas with the exact kernel exp(-½ (Δλ / ℓ)²): all channels' rows."""
-    case = CASES[f"sensing/cameras-{name}"]
-    g = {key: value if key == "basis" else resolve(value) for key, value in case["inputs"].items()}
+    inputs = scene(name, "", {"patches": [15, 14, 13, 19], "noise": "usual"} | ROWS[name])["inputs"]
+    g = {key: value if key == "basis" else resolve(value) for key, value in inputs.items()}
+    g["signals"] = raw_signals(g)
+    made = build_rows(g, g["signals"])
     basis, nodes = anchor(read_basis("cameras"), g["white_reflectance"] * g["lamp"][0]), WAVELENGTHS[::10]
     red = 1.0 + 1.6 / (1.0 + np.exp((650.0 - nodes) / 8.0))
     straight = interpolate(np.eye(69))  # (681, 69)
@@ -258,8 +244,8 @@ def test_rows_and_covariance_by_their_integrals(name: str) -> None:
             of_charts[p, q] += (i == i2) * (1.0 if c == c2 else 0.7) * of_chart
             sigma[p, q] += white @ kernel[100.0] @ white2
             sigma[p, q] += (j == j2) * (lamp @ kernel[60.0] @ lamp2 + 1e-4 * expected * expected2)
-    assert compare.norm(case["outputs"]["matrix"], A[None]) < 1e-11
-    assert compare.norm(case["outputs"]["target"], target[None]) < 1e-11
+    assert compare.norm(made.matrix, A[None]) < 1e-11
+    assert compare.norm(made.target, target[None]) < 1e-11
     scale = np.ones(n)
     for _ in range(3):
         inverse = np.linalg.inv(sigma + scale[patch] * of_charts + A @ A.T)
@@ -271,7 +257,7 @@ def test_rows_and_covariance_by_their_integrals(name: str) -> None:
             grown[i] = np.clip(scale[i] * (6.0 + q) / (6.0 + t), 1.0, 16.0)
         scale = grown
     # The product smooths white noise on points ℓ/2 apart instead: 1e-3 at the ends of the grid
-    assert compare.norm(case["outputs"]["covariance"], (sigma + scale[patch] * of_charts)[None]) < 2e-3
+    assert compare.norm(made.covariance, (sigma + scale[patch] * of_charts)[None]) < 2e-3
 
 
 DRAWN = {f"turned-{turns}": drawing.turned(24, turns) for turns in range(4)} | {

@@ -8,7 +8,8 @@ import pytest
 
 from camssf.recovery.elastic_net import ElasticNet
 from camssf.recovery.pivoting import PROVEN, SETTLED
-from golden.linear_model import solve
+from golden.compare import optimality
+from golden.linear_model import LinearModel, solve
 from tests.support.problems import duality_gap, gamma_max, joint_sensing, random_sensing, whiten, whiten_in_80_bits
 
 pytestmark = pytest.mark.requirement("R-OPTIMUM")
@@ -35,6 +36,35 @@ def test_where_nothing_is_worth_its_penalty_zero_is_proven(nonnegative: bool) ->
     sensing = random_sensing(6, 20, 12)
     problem = ElasticNet(sensing.matrix[0], sensing.target[0], 0.0, 2.0 * gamma_max(sensing)[0], nonnegative)
     assert duality_gap(problem, np.zeros(12))[1] == pytest.approx(0.0, abs=1e-15)
+
+
+ROWS: dict[str, Any] = {
+    "eight rows, five atoms": lambda A, b: (A, b),
+    "four rows, five atoms": lambda A, b: (A[:, :4], b[:, :4]),
+    "one atom": lambda A, b: (A[..., :1], b),
+    "every atom twice": lambda A, b: (np.concatenate([A, A], axis=2), b),
+    "every atom and its negative": lambda A, b: (np.concatenate([A, -A], axis=2), b),
+    "an atom of zeros": lambda A, b: (np.concatenate([A, 0 * A[..., :1]], axis=2), b),
+    "no signal": lambda A, b: (A, 0 * b),
+    "two atoms that meet the bound together": lambda A, b: (
+        np.broadcast_to([[1.0, 1.0, 0.5], [1.0, -1.0, 0.0], [0.0, 0.0, 0.5]], (3, 3, 3)), np.array([[2.0, 0, 1]] * 3)
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("nonnegative", [False, True])
+@pytest.mark.parametrize(("l2", "gamma"), [(0.0, 0.5), (0.0, 1e-3), (1.0, 0.5), (1.0, 0.0)])
+@pytest.mark.parametrize("name", ROWS)
+def test_small_problems_are_proven(name: str, l2: float, gamma: float, nonnegative: bool) -> None:
+    """Also where the code is not unique. The gap is by the golden vectors' formula, which shares no code with this."""
+    known = random_sensing(3, 8, 5, correlated=True)
+    A, b = ROWS[name](known.matrix, known.target)
+    sigma = known.covariance[:, : A.shape[1], : A.shape[1]]
+    code = solve(LinearModel(A, b, sigma), l2, np.full(3, gamma), nonnegative=nonnegative)
+    for c in range(3):
+        objective, gap = optimality(A[c], b[c], sigma[c], code.values[c], l2, gamma, nonnegative)
+        assert gap <= 1e-9
+        assert code.objective[c] == pytest.approx(objective, rel=1e-9)
 
 
 # -- the one problem of three channels ----------------------------------------------------------------------------

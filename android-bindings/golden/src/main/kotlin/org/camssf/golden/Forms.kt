@@ -45,18 +45,6 @@ internal class Forms(private val files: GoldenFiles) {
             tensorOf(form.getValue("patches").jsonArray.map { row(table, it.jsonPrimitive.int - 1) })!!
         }
 
-        setOf("chart", "mixtures") -> {
-            val table = values("charts", form.text("chart"))
-            tensorOf(
-                List(form.getValue("mixtures").jsonPrimitive.int) { i ->
-                    val t = 37 * i % 100 / 100.0
-                    val a = row(table, i % 24)
-                    val b = row(table, (7 * i + 5) % 24)
-                    DoubleArray(Grid.SIZE) { (1.0 - t) * a[it] + t * b[it] }
-                },
-            )!!
-        }
-
         setOf("lamps") -> tensorOf(form.getValue("lamps").jsonArray.map { lamp(it.jsonPrimitive.content) })!!
 
         setOf("constant", "shape") -> {
@@ -71,8 +59,6 @@ internal class Forms(private val files: GoldenFiles) {
         setOf("camera") -> camera(form.text("camera"))
 
         setOf("bells") -> bells(form.getValue("bells").jsonArray)
-
-        setOf("case", "output") -> resolve(case(form.text("case")).outputs!!.getValue(form.text("output")))
 
         else -> throw GoldenError("there is no input form with the keys ${form.keys.sorted()}")
     }
