@@ -107,8 +107,12 @@ def limit(value: str, against: str, metric: str, bound: float, *requires: str) -
 
 def stored(made: Json, limits: Limits) -> list[Json]:
     """Limits against the stored outputs, but for outputs that are null."""
-    named = [(metric, bound, name) for metric, bound, names in limits for name in names.split()]
-    return [limit(name, "outputs", *how) for *how, name in named if made["outputs"][name] is not None]
+    return [
+        limit(name, "outputs", metric, bound)
+        for metric, bound, names in limits
+        for name in names.split()
+        if made["outputs"][name] is not None
+    ]
 
 
 def against_truth(made: Json, scene: Json) -> list[Json]:

@@ -66,7 +66,6 @@ def lossless_jpeg(
     predictor: int = 1,
     restart_rows: int = 0,
     transform: int = 0,
-    lines: int | None = None,
 ) -> bytes:
     """One lossless JPEG (SOF3) with the samples in raster order, distributed over the components.
 
@@ -77,9 +76,8 @@ def lossless_jpeg(
         predictor: 1 to 7.
         restart_rows: JPEG lines in a restart interval; 0 for none.
         transform: the point transform: number of low bits that are dropped.
-        lines: number of JPEG lines, if not that of the samples; the number of columns follows.
     """
-    planes = samples.reshape(lines or len(samples), -1, components).astype(np.int64) >> transform
+    planes = samples.reshape(len(samples), -1, components).astype(np.int64) >> transform
     height, width, _ = planes.shape
     head = b"\xff\xd8" + _segment(0xC4, bytes([0, *({1: 1, 6: 16}.get(n, 0) for n in range(1, 17)), *range(17)]))
     each = b"".join(struct.pack(">3B", number, 0x11, 0) for number in range(components))

@@ -30,7 +30,6 @@ from golden.oracle import consult
 from golden.reading import FORMAT, check, generator_digest
 from golden.running import judge, problem, run
 from golden.stages import STAGES
-from golden.tables import write_tables
 
 ORACLE_GAP = 5e-10
 """Largest relative duality gap of the oracle's solution, apart from rounding (`Proof.bound`)."""
@@ -54,9 +53,11 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         scenes = _scenes()
         for name in options.case:
-            made = finish(scenes[name]) if name in scenes else {"expect": "there is no such case", "outputs": None}
-            stated = {key: value for key, value in (made["outputs"] or {}).items() if key in ("status", "codes")}
-            print(f"{name}: {made['expect']}", stated or "")
+            if name not in scenes:
+                raise GoldenError(f"there is no case {name}")
+            tried = finish(scenes[name])
+            stated = {key: value for key, value in (tried["outputs"] or {}).items() if key in ("status", "codes")}
+            print(f"{name}: {tried['expect']}", stated or "")
         if options.case:
             return 0
         made = _files(scenes)
@@ -65,7 +66,7 @@ def main(arguments: list[str] | None = None) -> int:
         return 1
     finally:
         forms.PENDING.clear()
-    known = [path for kind in ("cases/*/*.json", "dng/*", "spectra/*", "manifest.json") for path in ROOT.glob(kind)]
+    known = [path for kind in ("cases/*/*.json", "dng/*", "manifest.json") for path in ROOT.glob(kind)]
     stored = {path.relative_to(ROOT).as_posix(): path.read_bytes() for path in known}
     changed = sorted(name for name in stored.keys() | made.keys() if stored.get(name) != made.get(name))
     for name in changed:
@@ -93,8 +94,7 @@ def _change(stored: bytes | None, made: bytes | None) -> str:
 
 
 def _scenes() -> dict[str, Json]:
-    """Every case before it is run, by its name; spectra and photos are pending then."""
-    forms.PENDING.update({f"spectra/{name}.json": _text(table) for name, table in write_tables().items()})
+    """Every case before it is run, by its name; the photos are pending then."""
     scenes = [scene for stage in STAGES.values() for scene in stage.cases()]
     for scene in scenes:
         forms.PENDING.update(scene["files"])
@@ -115,11 +115,15 @@ def _files(scenes: dict[str, Json]) -> dict[str, bytes]:
     if faults:
         raise GoldenError("\n".join(faults))
     hashes = {name: digest(content) for name, content in sorted(forms.PENDING.items())}
-    manifest = {"format": FORMAT, "count": len(scenes), "generator": generator_digest()} | {
-        kind: {name: known for name, known in hashes.items() if name.startswith(f"{kind}/")}
-        for kind in ("spectra", "dng")
+    spectra = {f"spectra/{path.name}": digest(path.read_bytes()) for path in sorted((ROOT / "spectra").iterdir())}
+    manifest = {
+        "format": FORMAT,
+        "count": len(scenes),
+        "generator": generator_digest(),
+        "spectra": spectra,
+        "dng": {name: known for name, known in hashes.items() if name.startswith("dng/")},
+        "cases": {name: hashes[f"cases/{name}.json"] for name in sorted(scenes)},
     }
-    manifest["cases"] = {name: hashes[f"cases/{name}.json"] for name in sorted(scenes)}
     text = json.dumps(manifest, indent=1, ensure_ascii=False) + "\n"
     return forms.PENDING | {"manifest.json": text.encode()}
 

@@ -111,7 +111,7 @@ def _clarabel(problem: Problem) -> Floats:
             )
     found: Any = np.zeros(len(column)) if u.value is None else u.value
     x = np.asarray(found, float) * size / column
-    return np.maximum(x, 0.0) if problem.nonnegative else x
+    return np.asarray(np.maximum(x, 0.0) if problem.nonnegative else x)
 
 
 def _polish(problem: Problem, support: NDArray[np.bool_], sign: Floats) -> Floats | None:

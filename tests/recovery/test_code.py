@@ -56,7 +56,7 @@ ROWS: dict[str, Any] = {
 @pytest.mark.parametrize(("l2", "gamma"), [(0.0, 0.5), (0.0, 1e-3), (1.0, 0.5), (1.0, 0.0)])
 @pytest.mark.parametrize("name", ROWS)
 def test_small_problems_are_proven(name: str, l2: float, gamma: float, nonnegative: bool) -> None:
-    """Also where the code is not unique. The gap is by the golden vectors' formula, which shares no code with this."""
+    """Also where the code is not unique. The gap is by the golden vectors' formula, which shares no code."""
     known = random_sensing(3, 8, 5, correlated=True)
     A, b = ROWS[name](known.matrix, known.target)
     sigma = known.covariance[:, : A.shape[1], : A.shape[1]]

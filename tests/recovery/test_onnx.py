@@ -22,7 +22,7 @@ from camssf.spectra import read_lamp
 from golden.compare import blur, norm, optimality
 from golden.linear_model import LinearModel, linear_model
 from golden.reading import paths, read_case
-from golden.running import _complete, by_model, findings, judge, problem, run
+from golden.running import by_model, findings, judge, problem, run
 from tests.recovery.test_dense_model import BASES, random_captures
 from tests.support.long_cases import LONG
 from tests.support.problems import chart_and_lamp, observed, recovered, seeds, theory, toy_camera, whiten
@@ -55,10 +55,7 @@ def keeps_every_limit(names: list[str]) -> None:
     objective not above cvxpy's, gap small, but for what rounding of the reference's rows makes of it."""
     for name in names:
         case = CASES[name]
-        if case["expect"] != "success":
-            found = findings(case, "onnx")
-        else:
-            found = [*judge(case, outputs_of_case(name)), *_complete(case, outputs_of_case(name))]
+        found = findings(case, "onnx") if case["expect"] != "success" else judge(case, outputs_of_case(name))
         assert found, name
         assert not [finding for finding in found if not finding.holds or finding.skipped], name
         if case["stage"] != "ssf" or not case["oracle"]:
