@@ -80,15 +80,10 @@ def camera(name: str) -> Floats:
 
 
 def resolve(value: Any) -> Any:
-    """The value of an input form (format.md, Input forms): an array, or nested lists if it is ragged."""
+    """The value of an input form (format.md, Input forms)."""
     if isinstance(value, dict):
         return _form(value)
-    if isinstance(value, list):
-        try:
-            return np.array(_numbers(value), float)
-        except ValueError:
-            return _numbers(value)  # shots of unequal length, which an error case needs
-    return value
+    return np.array(_numbers(value), float) if isinstance(value, list) else value
 
 
 def _form(form: Json) -> Any:

@@ -42,7 +42,7 @@ CAPTURE = words(
 
 
 def build_observation(given: dict[str, Any], signals: Any, frames: Any = None) -> Observation:
-    """The observation of a case; the signals may be ragged in an error case."""
+    """The observation of a case."""
     return Observation(
         signals=signals,
         reflectance=given["reflectance"],

@@ -150,16 +150,9 @@ def uneven_light(bend: float = 1.0) -> Floats:
     return np.asarray(np.round(light / light[18], 9))
 
 
-def frames(
-    camera: Json = NIKON,
-    lamps: Sequence[str] = ("D55",),
-    *,
-    table: str = "babelcolor",
-    white: Any = FLAT,
-    **more: Any,
-) -> list[Json]:
+def frames(camera: Json = NIKON, lamps: Sequence[str] = ("D55",), *, white: Any = FLAT, **more: Any) -> list[Json]:
     """Shots as measured: mean, standard error and clipped share of each frame."""
-    photo = photograph(camera, lamps, {"chart": table, "patches": ALL}, white=white, **more)
+    photo = photograph(camera, lamps, {"chart": "babelcolor", "patches": ALL}, white=white, **more)
     shots = []
     for j in range(len(lamps)):
         D = photo["dark"][j]
@@ -189,24 +182,6 @@ def put(shot: Json, frame: str, key: str, where: Any, value: float) -> Json:
 def evenly(camera: Json = NIKON, lamps: Sequence[str] = ("D55",), **more: Any) -> list[Json]:
     """Shots in even light whose white is the chart's white patch."""
     return frames(camera, lamps, white=resolve({"chart": "babelcolor", "patches": [19]})[0], shade=0.0, **more)
-
-
-def faulty() -> list[tuple[str, str, str, list[Json]]]:
-    """Captures for which Eq. (5) must raise: name, comment, code, shots."""
-    (shot,) = frames()
-    every = slice(None)
-    return [
-        ("channel-all-clipped", "Every patch's green is clipped.", "overexposed",
-         [clip(shot, "chart", slice(0, 24))]),
-        ("white-clipped", "The white frame is clipped in red.", "overexposed",
-         [clip(shot, "white", slice(4, 5), 0.02, slice(0, 1))]),
-        ("white-faint", "The white frame's blue lies at 0.2 % of the range.", "underexposed",
-         [put(shot, "white", "mean", (every, 2), 90.0)]),
-        ("white-noisy", "The white frame is known to worse than 5 % at one patch.", "underexposed",
-         [put(shot, "white", "standard_error", (5, 1), 1000.0)]),
-        ("patches-lost", "Noise swallows 20 of 24 patches.", "underexposed",
-         [put(shot, "chart", "standard_error", (slice(0, 20), every), 5000.0)]),
-    ]  # fmt: skip
 
 
 def dimmed(shots: list[Json], light: Floats) -> list[Json]:

@@ -4,26 +4,22 @@ from __future__ import annotations
 
 from golden.contract import Stage
 from golden.stages import (
-    calibrate,
+    captures,
     choice,
     colour,
     finder,
-    light,
     mosaic,
     patches,
     picture,
     pose,
-    regions,
-    rivals,
     signals,
-    spectrum,
     ssf,
     verdict,
 )
 
 ORDER = (
-    mosaic, pose, patches, signals, ssf, choice, calibrate, light, rivals, verdict, colour, spectrum, regions,
-    picture, finder,
+    mosaic.STAGE, pose.STAGE, patches.STAGE, signals.STAGE, ssf.STAGE, choice.STAGE, *captures.STAGES, verdict.STAGE,
+    colour.STAGE, colour.SPECTRUM, picture.REGION_STAGE, picture.STAGE, finder.STAGE,
 )  # fmt: skip
-"""A stage follows those whose outputs its cases name."""
-STAGES: dict[str, Stage] = {module.STAGE.name: module.STAGE for module in ORDER}
+"""A stage follows those whose cases its own name."""
+STAGES: dict[str, Stage] = {stage.name: stage for stage in ORDER}

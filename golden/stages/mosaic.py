@@ -115,7 +115,6 @@ def _samples() -> list[Row]:
 def _levels() -> list[Row]:
     """Tables, black and white levels, areas and colour filters."""
     curve = np.minimum(np.arange(1024) ** 2 // 16, 65535).astype(np.uint16)
-    short = (60000 - 250 * np.arange(200)).astype(np.uint16)
     pattern = {50713: (SHORT, [2, 2]), 50714: (RATIONAL, [6400, 100, 6425, 100, 6450, 100, 2577, 40])}
     down, across = [(3 * i) % 8 for i in range(HEIGHT)], [(5 * i) % 16 - 8 for i in range(WIDTH)]
     rows, columns = ([sum(deltas[i::2]) / (len(deltas) / 2) for i in (0, 1)] for deltas in (down, across))
@@ -125,15 +124,12 @@ def _levels() -> list[Row]:
         50715: (SRATIONAL, [part for v in across for part in (v, 4)]),
         50716: (SRATIONAL, [part for v in down for part in (v, 2)]),
     }
-    masked = [[0, 0, 40, 8], [0, 8, 4, 56]]
-    even, odd, unmasked = (4, 6, 38, 54), (3, 5, 38, 52), (4, 8, 40, 56)
+    even, odd = (4, 6, 38, 54), (3, 5, 38, 52)
     corner = "The colour pattern begins at the active area's corner, wherever that lies."
     return [
         ("linearization", "A LinearizationTable of every value; black and white are on its scale.",
          plain(10, tags={50712: (SHORT, curve.tolist()), 50717: (LONG, [65000]), 50714: (SHORT, [100])}),
          {"table": curve, "white": 65000.0, "black": [100.0] * 4}),
-        ("linearization-short", "A table shorter than the values: its last entry holds for the rest.",
-         plain(8, tags={50712: (SHORT, short.tolist()), 50717: (LONG, [60000])}), {"table": short, "white": 60000.0}),
         ("black-pattern", "A black level for each position, as fractions.",
          plain(12, tags=pattern), {"black": [64.0, 64.25, 64.5, 64.425]}),
         ("black-deltas", "A level for each column of the cell, deltas of rows and columns: the mean by position.",
@@ -143,9 +139,6 @@ def _levels() -> list[Row]:
          plain(14, tags={50717: (SHORT, [15871])}), {"white": 15871.0}),
         ("active-area-even", corner, plain(12, cfa=bytes((1, 0, 2, 1)), tags={50829: (LONG, even)}), {"area": even}),
         ("active-area-odd", corner, plain(12, cfa=bytes((1, 2, 0, 1)), tags={50829: (LONG, odd)}), {"area": odd}),
-        ("masked-areas", "Two masked areas beside the active one.",
-         plain(16, tags={50829: (SHORT, unmasked), 50830: (SHORT, masked[0] + masked[1])}),
-         {"area": unmasked, "masked_areas": masked}),
         *((f"cfa-{letters.lower()}", f"Colour filters {letters}.",
            Dng(slope(12), cfa=bytes("RGB".index(letter) for letter in letters), bits=12), {})
           for letters in ("GRBG", "GBRG", "BGGR")),
@@ -163,10 +156,6 @@ def _directories() -> list[Row]:
         50722: (SRATIONAL, [part for value in ninths for part in (value, 100)]),
         50728: (RATIONAL, [1, 2, 1, 1, 5, 8]),
     }
-    phone: Tags = {
-        271: None, 272: None, 50729: (RATIONAL, [345703, 1000000, 358539, 1000000]),
-        51041: (dngs.DOUBLE, [2e-4, 1e-6, 1.5e-4, 9e-7, 2.5e-4, 2e-6]), 33434: (RATIONAL, [0, 1000]),
-    }  # fmt: skip
     nets = [[[1.0 + (i + j + k) / 16 for j in range(3)] for i in range(2)] for k in range(4)]
     corners = [(row, column, HEIGHT - 1, WIDTH - 1) for row in (0, 1) for column in (0, 1)]
     maps = [gain_map(net, corner, (2, 2), (1.0, 0.5)) for net, corner in zip(nets, corners, strict=True)]
@@ -188,10 +177,6 @@ def _directories() -> list[Row]:
          {"make": "Acme", "model": "Phone 7", "orientation": 6, "exposure": 0.02, "iso": 400.0,
           "color_matrix1": [-value / 8 for value in ninths], "color_matrix2": [value / 100 for value in ninths],
           "as_shot_neutral": [0.5, 1.0, 0.625]}),
-        ("metadata-phone", "AsShotWhiteXY instead of a neutral, a noise profile for each plane, no make or model.",
-         plain(10, first=phone),
-         {"make": "", "model": "Maker Model 1", "as_shot_white_xy": [0.345703, 0.358539],
-          "noise_profile": [2e-4, 1e-6, 1.5e-4, 9e-7, 2.5e-4, 2e-6]}),
         ("opcodes", "Four gain maps as Android writes them, one of three planes, bad pixels by place and by value, "
          "and an optional opcode that nobody knows.",
          plain(14, cfa=bytes((2, 1, 1, 0)), tags=opcodes),

@@ -65,7 +65,6 @@ def rows() -> list[Row]:
     """All cases."""
     quads, apply = np.round(VIEW.quads(), 4), {"lens_shading": "apply"}
     first, tilted = {"quads": rounded(quads[:1], 4)}, {"quads": rounded(TILTED.quads(), 4)}
-    half = {"quads": rounded(quads * 0.5 + VIEW.quads().mean(axis=1, keepdims=True) * 0.5, 4)}
     outside = quads.tolist()
     outside[23] = [[x + 40, y] for x, y in outside[23]]
 
@@ -77,7 +76,6 @@ def rows() -> list[Row]:
         ("chart-alone", "24 patches of one photo.", "patches-chart", {}, ""),
         ("triple", "Chart, white and dark frame, light that falls off.",
          "patches-shaded patches-white patches-dark", {}, ""),
-        ("no-dark", "Chart and white frame.", "patches-shaded patches-white", {}, ""),
         ("dust", "Hot pixels in the chart photo, dust in the white frame: one mask for all frames.",
          "patches-hot patches-dust patches-dark", {}, ""),
         ("tails", "Noise with long tails: which samples go hangs on both middle values of the sorted ones.",
@@ -94,12 +92,10 @@ def rows() -> list[Row]:
         ("error-fifteen", "15 samples of each position are too few.",
          "patches-chart", box(21.0, 25.0, 40.0, 36.0), lost),
         ("error-outside", "A patch leaves the photo.", "patches-chart", {"quads": outside}, lost),
-        ("error-small", "Patches of half the edge hold too few samples.", "patches-chart", half, lost),
         ("error-iso", "The white frame at another ISO.", "patches-chart patches-white-iso", {}, differ),
         ("error-longer", "The white frame exposed 1.2 % longer.",
          "patches-chart patches-white-longer", first, differ),
         ("error-no-map", "Shading to be applied, and no map.", "patches-chart", apply, wrong),
-        ("error-word", "Another word for the shading.", "patches-chart", {"lens_shading": "maybe"}, wrong),
     ]  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""The stage `picture`: photos of golden/dng as pictures in standard colour, by a result of the stage `colour`."""
+"""The stages `picture` and `regions`: photos of golden/dng in standard colour, and rectangles of them measured."""
 
 from __future__ import annotations
 
@@ -28,16 +28,12 @@ TABLE: list[tuple[str, str, Json, str]] = [
     ("reference", "A white surface in the photo, and the lamp by name.", {}, "success"),
     ("auto", "The light by the white surface's raw ratios.", {"lamp": "auto"}, "success"),
     ("calibration", "No white surface: the balance of the calibration, with its errors.", {"white": None}, "success"),
-    ("display-p3", "A wider display.", {"space": "display-p3"}, "success"),
-    ("xyz-d65", "XYZ itself.", {"space": "xyz-d65"}, "success"),
     ("xyz-d50", "XYZ for ICC.", {"space": "xyz-d50"}, "success"),
     ("shading", "The lens's map applied.", MAPPED, "success"),
     ("corner", "Colours at the edge, from mirrored samples.", {"area": [156, 120, 24, 12]}, "success"),
     ("dark", "A dark frame subtracted.", {"dark": "patches-dark.dng"}, "success"),
     ("torch", "With the torch minus without it: the noise of both photos.", TORCH, "success"),
     ("clipped", "Patches at the ceiling.", CLIPPED, "success"),
-    ("cfa-grbg", "Another order of the colours.", WHOLE | {"photo": "cfa-grbg.dng"}, "success"),
-    ("cfa-gbrg", "Another order of the colours.", WHOLE | {"photo": "cfa-gbrg.dng"}, "success"),
     ("cfa-bggr", "Another order of the colours.", WHOLE | {"photo": "cfa-bggr.dng"}, "success"),
     ("odd", "Odd height and width.", WHOLE | {"photo": "active-area-odd.dng"}, "success"),
     ("turned", "A camera held upright.", WHOLE | {"photo": "metadata.dng"}, "success"),
@@ -79,5 +75,52 @@ STAGE = Stage(
     run=run,
     inputs=words("result lamp photo dark white space shading area"),
     limits=[("norm", 2e-5, "picture uncertainty")],
+    arrays=frozenset(),
+)
+
+
+MANY = [[20, 20, 20, 20], [45, 20, 14, 20], [68, 69, 20, 14]]
+PLAIN: Json = {"photo": "patches-chart.dng", "areas": MANY, "dark": None, "lens_shading": "as-stored"}
+WRONG = "invalid_argument"
+REGIONS: list[tuple[str, str, Json, str]] = [
+    ("plain", "Rectangles, black level off.", {}, "success"),
+    ("dark", "A dark frame instead of the black level.", {"dark": "patches-dark.dng"}, "success"),
+    ("shading", "The lens's map applied.", {"photo": "patches-mapped.dng", "lens_shading": "apply"}, "success"),
+    ("odd", "Borders that lie on odd columns and rows.", {"areas": [[21, 23, 17, 15]]}, "success"),
+    ("error-outside", "It leaves the photo.", {"areas": [[-1, 20, 20, 20]]}, WRONG),
+    ("error-empty", "No width.", {"areas": [[20, 20, 0, 20]]}, WRONG),
+    ("error-small", "Too few samples.", {"areas": [[20, 20, 6, 6]]}, WRONG),
+    (
+        "error-clipped",
+        "At the ceiling.",
+        {"photo": "patches-clipped.dng", "areas": [[20, 92, 20, 20]]},
+        "overexposed",
+    ),
+]  # fmt: skip
+"""Name, comment, what is unlike the base case, and the outcome."""
+
+
+def region_cases() -> Iterator[Json]:
+    """All cases of the stage `regions`."""
+    for name, comment, change, expect in REGIONS:
+        yield contract.case(f"regions/{name}", comment, PLAIN | change, expect=expect)
+
+
+def measure(call: Call) -> dict[str, Any]:
+    """The stage `regions`: the rectangles' raw signals and their errors."""
+    given = call.given
+    photo, dark = (None if given[role] is None else read_photo(given[role]) for role in ("photo", "dark"))
+    assert photo is not None
+    regions = measure_regions(photo, given["areas"], dark=dark, lens_shading=given["lens_shading"])
+    return {"raw": np.stack([one.raw for one in regions]), "standard_error": np.stack([one.error for one in regions])}
+
+
+REGION_STAGE = Stage(
+    name="regions",
+    requires="patches",
+    cases=region_cases,
+    run=measure,
+    inputs=words("photo areas dark lens_shading"),
+    limits=(("norm", 1e-14, "raw"), ("norm", 1e-13, "standard_error")),
     arrays=frozenset(),
 )

@@ -275,10 +275,6 @@ def test_patch_means_are_what_was_drawn() -> None:
     assert gain[:, 2] == pytest.approx(red + 3 / 32, rel=1e-5)
 
 
-def test_a_quarter_is_a_quarter() -> None:
-    assert np.all(np.array(CASES["signals/quarter"]["outputs"]["signals"]) == 0.25)
-
-
 def test_the_zero_code_is_the_basis_mean() -> None:
     case, mean = CASES["ssf/cameras-zero-code"], read_basis("cameras").mean
     assert not np.any(case["outputs"]["code"])

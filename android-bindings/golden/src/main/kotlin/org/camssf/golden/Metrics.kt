@@ -28,32 +28,26 @@ internal object Metrics {
         a.shape.contentEquals(b.shape) && a.values.all { it.isFinite() }
 
     private fun norm(a: Tensor, b: Tensor): Double {
-        if (!comparable(a, b)) return WRONG
         val size = b.values.maxOfOrNull { abs(it) } ?: 0.0
-        val off = a.values.indices.maxOfOrNull { abs(a.values[it] - b.values[it]) } ?: 0.0
-        return off / if (size == 0.0) 1.0 else size
+        return worst(a, b) { size }
     }
 
-    private fun relative(a: Tensor, b: Tensor): Double {
+    private fun relative(a: Tensor, b: Tensor): Double = worst(a, b) { abs(it) }
+
+    /** The largest difference in parts of the size, of which 0 stands for 1. */
+    private fun worst(a: Tensor, b: Tensor, size: (Double) -> Double): Double {
         if (!comparable(a, b)) return WRONG
-        return a.values.indices.maxOf {
-            abs(a.values[it] - b.values[it]) / if (b.values[it] == 0.0) 1.0 else abs(b.values[it])
-        }
+        return a.values.indices.maxOfOrNull { i ->
+            val part = size(b.values[i])
+            abs(a.values[i] - b.values[i]) / if (part == 0.0) 1.0 else part
+        } ?: 0.0
     }
 
     /** Curves (681, 3), each divided by its own peak, against the 5-nm nodes (69, 3) of curves at peak 1. */
     private fun peak(a: Tensor, b: Tensor): Double {
         val peaks = peaks(a) ?: return WRONG
-        val onGrid = a.shape[0] == Grid.SIZE
-        val nodes = if (onGrid) {
-            DoubleArray(3 * NODES) {
-                a.values[30 * (it / 3) + it % 3] / peaks[it % 3]
-            }
-        } else {
-            a.values
-        }
-        if (!b.hasShape(nodes.size / 3, 3)) return WRONG
-        return nodes.indices.maxOf { abs(nodes[it] - b.values[it]) }
+        if (!a.hasShape(Grid.SIZE, 3) || !b.hasShape(NODES, 3)) return WRONG
+        return b.values.indices.maxOf { abs(a.values[30 * (it / 3) + it % 3] / peaks[it % 3] - b.values[it]) }
     }
 
     private fun rmse(a: Tensor, b: Tensor): Double {

@@ -1,0 +1,267 @@
+"""The stages `calibrate`, `light` and `rivals`: what the product does with the patch statistics of a capture."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from camssf.calibration import solve as calibrate_capture
+from camssf.fit.capture_fit import prepare_fit
+from camssf.fit.solutions import cross_validate, prediction_bands, recover_each_shot, recover_fit, score
+from camssf.verdict.assumptions import assume
+from camssf.verdict.rival_lamps import weigh, weigh_rivals
+from golden.contract import LARGEST_GAP, Call, Stage, case, words
+from golden.forms import Json
+from golden.products import CAPTURE, build_capture, chosen, judgement
+from golden.scenes import ALL, BOTH, CANON, NIKON, PHONE, clip, dimmed, evenly, frames, uneven_light
+
+Row: TypeAlias = tuple[str, str, Json]
+"""Name, comment, and what is unlike the base case: fields of TAKEN, inputs, and `rmse`, `expect`."""
+TAKEN: Json = {"camera": NIKON, "lamps": ["D55"], "noise": "low", "fading": 0.0}
+"""The photos of the base case, unless a row gives `shots`; `told`: the lamps' names, if others than the true ones."""
+PHONES: Json = {"basis": "phones", "camera": PHONE}
+PAPER: Json = {"basis": "gaussian", "gamma": 1.0}
+FOUR = [*BOTH, "LED-B3", "LED-B3"]
+LED, WRONG = {"lamps": ["LED-B3"], "unnamed": [1]}, {"expect": "invalid_argument"}
+
+
+def cases(stage: str, rows: Callable[[], list[Row]]) -> Iterable[Json]:
+    """All cases of a stage: a shot under each lamp, and the product's defaults."""
+    for name, comment, change in rows():
+        taken = TAKEN | {key: change[key] for key in TAKEN.keys() & change.keys()}
+        unnamed, rmse = change.get("unnamed", ()), change.get("rmse")
+        told: list[str] = change["told"] if "told" in change else taken["lamps"]
+        lamps = ["equal-energy" if j in unnamed else lamp for j, lamp in enumerate(told, 1)]
+        inputs: Json = {
+            "shots": change.get("shots") or frames(**taken),
+            "reflectance": {"chart": "babelcolor", "patches": ALL},
+            "chart_tolerance": 0.03,
+            "white": 18,
+            "lamp": {"lamps": lamps},
+            "lamp_tolerance": {"constant": 0.02, "shape": [len(lamps)]},
+            "lamp_modes": {"polynomials": [[] for _ in lamps]},
+            "white_reflectance": None,
+            "basis": "cameras",
+            "l2": None,
+            "gamma": None,
+            "nonnegative": None,
+        } | {key: value for key, value in change.items() if key not in (*TAKEN, "told", "rmse", "expect")}
+        truth = None if rmse is None else taken["camera"]
+        yield case(f"{stage}/{name}", comment, inputs, expect=change.get("expect", "success"), truth=truth, rmse=rmse)
+
+
+def calibrate_rows() -> list[Row]:
+    """From patch statistics to curves, scores and verdict."""
+    first, second = frames(NIKON, BOTH)
+    one, two = evenly(PHONE), evenly(PHONE, BOTH)
+    each_own = [*dimmed(two[:1], uneven_light()), *dimmed(two[1:], uneven_light(0.5))]
+    random = 1.0 + 0.08 * np.sin(37.0 * np.arange(24.0) ** 2)
+    by_patch, white = dimmed(one, np.round(random / random[18], 6)), slice(18, 19)
+    card = [evenly()[0] | {"white": None}]
+    families = {"lamp_modes": {"modes": ["daylight", "white-led"]}, "lamp_tolerance": [0.02, 0.17]}
+    return [
+        ("one-shot", "Chart, white, dark under D55 with the product's defaults.", {"rmse": 0.05}),
+        ("two-shots", "D55 and a bulb.", {"camera": CANON, "lamps": BOTH, "rmse": 0.05}),
+        ("no-white", "The chart's white patch stands in: ρ_w is its table, its row drops out.",
+         {"shots": card, "rmse": 0.06}),
+        ("uneven", "No white frame, and light that falls off by a quarter: solved for with the curves.",
+         PHONES | {"shots": dimmed(one, uneven_light()), "rmse": 0.06}),
+        ("uneven-two-shots", "The same of two shots, each with a light of its own.",
+         PHONES | {"shots": each_own, "lamps": BOTH, "rmse": 0.06}),
+        ("one-by-one", "Each patch photographed by itself: the light differs by 8 %.",
+         PHONES | {"shots": by_patch, "light_per_patch": 0.08, "rmse": 0.09}),
+        ("error-one-by-one", "Light cannot differ by nothing.", WRONG | {"shots": card, "light_per_patch": 0.0}),
+        ("grey-card", "The white frame shows a card of 90 %.",
+         {"shots": frames(white=np.full(681, 0.9)), "white_reflectance": 0.9, "rmse": 0.05}),
+        ("clipped-in-one", "Three patches clipped in the second shot serve in the first alone.",
+         {"shots": [first, clip(second, "chart", slice(18, 21))], "lamps": BOTH, "rmse": 0.05}),
+        ("clipped-in-both", "A patch that no shot can use is left out of the fit, and predicted.",
+         {"shots": [clip(first, "chart", white), clip(second, "chart", white)], "lamps": BOTH, "rmse": 0.05}),
+        ("families", "Two lamps known by their kind alone: predicted under the estimated lamps.",
+         families | {"lamps": ["D55", "LED-B3"], "told": ["daylight", "white-led"], "rmse": 0.08}),
+        ("paper", "The paper's basis with a given γ; no band.", PAPER | {"rmse": 0.15}),
+        ("auto-camera", "No basis told: the signals choose, and folds and rivals stand on that.",
+         {"basis": "auto", "lamps": BOTH, "rmse": 0.05}),
+        ("auto-other-maker", "A phone's curves in a file that names a maker of cameras: camera_unusual.",
+         {"basis": "auto", "camera": PHONE, "lamps": BOTH, "noise": "none", "lamp_tolerance": [0.0, 0.0],
+          "make": "NIKON CORPORATION"}),
+        ("error-nothing-left", "γ = 1e9 on the paper's basis: no curve.",
+         PAPER | {"gamma": 1e9, "expect": "not_converged"}),
+        ("error-rival-of-four", "Of four shots one lamp is named wrongly: another lamp refuses it.",
+         {"lamps": FOUR, "told": [*FOUR[:3], "D55"], "expect": "lamp_unfit"}),
+        ("five-shots", "The same of five: rivals are not tried, the shots contradict each other.",
+         {"lamps": [*FOUR, "D55"], "told": [*FOUR[:3], "D55", "D55"]}),
+    ]  # fmt: skip
+
+
+def calibrate(call: Call) -> dict[str, Any]:
+    """The stage `calibrate`: `camssf.calibration.solve` from patch statistics, as a phone does after measuring."""
+    measured, options = build_capture(call.given, call.engine)
+    done = calibrate_capture(measured, options=options)
+    assert done.ssf is not None
+    curves, std = done.ssf.peak()
+    return {
+        "signals": done.signals.values,
+        "used": done.signals.used.tolist(),
+        "ssf": curves,
+        "ssf_std": None if std is None else std[::10],
+        "predicted": done.ssf.predicted,
+        "gap": done.ssf.proof.gap,
+        "channel_gain": done.ssf.channel_gain,
+        "rmsre_percent": done.scores.rmsre_percent,
+        "codes": [reason.code for reason in done.verdict.reasons],
+    }
+
+
+def matrix(made_for: str, tint: float) -> Json:
+    """A colour matrix that takes the scene's equal raw white for a light of about 5,000 K."""
+    return {"light": made_for, "values": [1.0 / 0.96, 0.0, 0.0, 0.0, tint, 0.0, 0.0, 0.0, 1.0 / 0.82]}
+
+
+def light_rows() -> list[Row]:
+    """Light that nobody named, which is told as equal energy; of a phone where no other camera is named."""
+    base: Json = {"camera": PHONE, "noise": "usual", "basis": "auto", "make": "Apple", "unnamed": [1]}
+    two: Json = {"lamps": BOTH, "unnamed": [1, 2]}
+    called: Json = {"unnamed": []}
+    pair, apart = [[matrix("A", 0.9), matrix("D65", 1.1)]], [[matrix("D65", 3.0)]]
+    fallen = dimmed(evenly(PHONE, ["LED-B3"], noise="usual"), uneven_light())
+    table: list[Row] = [
+        ("daylight", "Unnamed light, in truth D55.", {}),
+        ("white-led", "Unnamed light, in truth a white LED: kinds are mixed.", LED),
+        ("two", "Daylight and a bulb, neither named.", two),
+        ("one-of-two", "Named daylight and an unnamed bulb: only the first is compared with other lamps.",
+         two | {"unnamed": [2]}),
+        ("faded", "A chart that lost a fifth of its colours, under unnamed daylight.", {"fading": 0.2}),
+        ("called-right", "D55, named D55: the table and the kind are mixed.", called | {"called": ["D55"]}),
+        ("called-wrong", "D55, named D75: the kind is taken, and the assumptions say so.",
+         called | {"called": ["D75"]}),
+        ("called-kind", "A white LED named by its kind: its shapes are weighed.",
+         LED | called | {"called": ["white-led"]}),
+        ("told-of-two", "The numbers of one-of-two: a lamp named with its tolerance is taken as said.",
+         two | {"unnamed": [2], "called": ["D55,2%", ""]}),
+        ("told-basis", "The basis is told, a fluorescent lamp is not.", {"lamps": ["FL2"], "basis": "phones"}),
+        ("camera", "A camera needs a named lamp: refused, with the probable lights.",
+         {"camera": NIKON, "make": "NIKON CORPORATION"}),
+        ("no-maker", "The file names no known maker: the signals decide.", {"make": "golden"}),
+        ("uneven", "An unnamed white LED, no white frame, and light that falls off by a quarter.",
+         LED | {"shots": fallen}),
+        ("error-paper", "A basis without a prior weighs nothing.", PAPER | WRONG),
+        ("three", "Daylight, a bulb and a white LED, none named: kinds are screened shot by shot.",
+         {"lamps": FOUR[:3], "unnamed": [1, 2, 3]}),
+        ("matrices", "A white LED, and a file whose two colour matrices give the chromaticity of its white.",
+         LED | {"colour_matrices": pair}),
+        ("wrong-matrices", "Colour matrices that give a white of no kind: the kinds stay as they are.",
+         LED | {"colour_matrices": apart}),
+        ("torch", "The phone's torch, a white LED, beside named daylight.",
+         called | {"lamps": ["LED-B3", "D55"], "torch": [1]}),
+        ("error-four", "Four unnamed lights are too many.",
+         WRONG | {"lamps": [*FOUR[:3], "FL2"], "unnamed": [1, 2, 3, 4]}),
+    ]  # fmt: skip
+    return [(name, comment, base | change) for name, comment, change in table]
+
+
+def light(call: Call) -> dict[str, Any]:
+    """The stage `light`: curves and light for unnamed lamps, and the verdict, even if it refuses."""
+    measured, options = build_capture(call.given, call.engine)
+    free_fit = prepare_fit(measured, options)
+    ssf = recover_fit(free_fit, free_fit.signals.used, options.gamma)
+    fit = free_fit.conditioned_on(ssf)
+    verdict = weigh(free_fit, ssf, recover_each_shot(fit))
+    scores = score(fit, ssf, cross_validate(fit, ssf, prediction_bands(fit, free_fit.signals.used, ssf)))
+    lights = [light for light in ssf.lights if light is not None]
+    test = ssf.family_test
+    return chosen(ssf) | judgement(verdict) | {
+        "length": None if test is None else np.array([test.length, test.longest]),
+        "weighed": [[weight.basis, *weight.kinds] for weight in ssf.choice],
+        "likeliest": list(ssf.kinds),
+        "rmsre_percent": scores.rmsre_percent,
+        "kinds": np.array([list(light.kinds.values()) for light in lights]),
+        "power": np.stack([light.power[::10] for light in lights]),
+        "power_std": np.stack([light.std[::10] for light in lights]),
+        "kelvin": np.array([light.kelvin for light in lights]),
+        "kelvin_std": np.array([light.kelvin_std for light in lights]),
+        "said": [known.message for known in assume(measured, ssf, fit.level(ssf), None) if known.code == "lamp"],
+    }  # fmt: skip
+
+
+def rivals_rows() -> list[Row]:
+    """By how much each other lamp would fit better: the gains that rule 4 of the verdict uses."""
+    bulb = {"camera": PHONE, "lamps": ["A"], "told": ["D55"], "basis": "auto"}
+    return [
+        ("right", "D55 under its own name: no lamp gains much.", {}),
+        ("wrong", "D55 named A: daylight gains most.", {"told": ["A"]}),
+        ("phone", "On the basis of phones, two shots, the second named wrongly.",
+         PHONES | {"lamps": ["D55", "LED-B3"], "told": BOTH}),
+        ("auto", "A phone's bulb named daylight: possible for a camera, but not for a phone.",
+         bulb | {"make": "samsung", "model": "SM-G991B"}),
+        ("auto-no-maker", "The same of a file that does not say who made it.", bulb),
+        ("no-white", "A wrong lamp without a white frame: gain modes stand beside every lamp.",
+         {"shots": [evenly()[0] | {"white": None}], "told": ["A"]}),
+        ("kind", "Told by its kind alone: a rival has no modes.",
+         {"told": ["daylight"], "lamp_modes": {"modes": ["daylight"]}}),
+    ]  # fmt: skip
+
+
+def rivals(call: Call) -> dict[str, Any]:
+    """The stage `rivals`: `camssf.verdict.rival_lamps.weigh_rivals`, the gain of every lamp for each shot."""
+    measured, options = build_capture(call.given, "reference")
+    fit = prepare_fit(measured, options)
+    weighed = weigh_rivals(fit, recover_fit(fit, fit.signals.used, options.gamma))
+    return {"gains": np.array([rival.gain for rival in weighed]).reshape(len(measured.shots), -1)}
+
+
+STAGES = (
+    Stage(
+        name="calibrate",
+        requires="signals model",
+        cases=lambda: cases("calibrate", calibrate_rows),
+        run=calibrate,
+        inputs=CAPTURE,
+        optional=words("make model light_per_patch"),
+        limits=(
+            ("norm", 1e-15, "signals"),
+            ("exact", 0.0, "used"),
+            ("norm", 1e-10, "ssf ssf_std predicted"),
+            ("norm", 1e-14, "channel_gain"),
+            ("norm", 1e-8, "rmsre_percent"),
+            ("exact", 0.0, "codes"),
+            ("at_most", LARGEST_GAP, "gap"),
+        ),
+    ),
+    Stage(
+        name="light",
+        requires="signals model",
+        cases=lambda: cases("light", light_rows),
+        run=light,
+        inputs=CAPTURE | words("unnamed"),
+        optional=words("make model colour_matrices torch called"),
+        rounded=words("ssf ssf_std power power_std predicted"),
+        limits=(
+            ("exact", 0.0, "weighed"),
+            ("relative", 1e-10, "log_evidence"),
+            ("norm", 1e-8, "probability"),
+            ("exact", 0.0, "basis prior_scale likeliest"),
+            ("norm", 1e-8, "length chart_fading"),
+            ("norm", 1e-9, "ssf ssf_std predicted"),
+            ("norm", 1e-8, "rmsre_percent kinds"),
+            ("norm", 1e-9, "power power_std"),
+            ("relative", 1e-9, "kelvin kelvin_std"),
+            ("exact", 0.0, "status codes messages"),
+            ("relative", 1e-8, "values"),
+            ("relative", 1e-15, "thresholds"),
+            ("exact", 0.0, "said"),
+            ("at_most", LARGEST_GAP, "gap"),
+        ),
+    ),
+    Stage(
+        name="rivals",
+        requires="signals model",
+        cases=lambda: cases("rivals", rivals_rows),
+        run=rivals,
+        inputs=CAPTURE,
+        optional=words("make model"),
+        limits=(("norm", 1e-8, "gains"),),
+    ),
+)
