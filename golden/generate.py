@@ -94,10 +94,13 @@ def _change(stored: bytes | None, made: bytes | None) -> str:
 
 
 def _scenes() -> dict[str, Json]:
-    """Every case before it is run, by its name; the photos are pending then."""
+    """Every case before it is run, by its name; the photos that cases name are pending then, stored or made."""
     scenes = [scene for stage in STAGES.values() for scene in stage.cases()]
     for scene in scenes:
         forms.PENDING.update(scene["files"])
+        for value in scene["inputs"].values():
+            if isinstance(value, str) and value.endswith(".dng") and f"dng/{value}" not in forms.PENDING:
+                forms.PENDING[f"dng/{value}"] = (ROOT / "dng" / value).read_bytes()
     if twice := [name for name, count in Counter(scene["case"] for scene in scenes).items() if count > 1]:
         raise GoldenError(f"two cases share a name: {twice}")
     return {scene["case"]: scene for scene in scenes}

@@ -18,10 +18,18 @@ from camssf.photo.patches import FrameMeans, PatchMeans
 from camssf.photo.read.colour_matrix import ColourMatrix
 from camssf.photo.read.dng import Mosaic, read_dng
 from camssf.photo.shot import Shot
-from camssf.recovery.basis import read_basis, widened
+from camssf.recovery.basis import LEARNED, read_basis, widened
 from camssf.recovery.observation import Observation
 from camssf.recovery.onnx_model import load_model
-from camssf.recovery.sensitivity import SolverSettings, Ssf
+from camssf.recovery.sensitivity import (
+    FamilyTest,
+    Hypothesis,
+    Proof,
+    SolverSettings,
+    Ssf,
+    half_width_of,
+    prior_std,
+)
 from camssf.spectra import ChartTable, Lamp, Light, read_chart
 from camssf.spectra.lamps import AUTO, TORCH
 from camssf.spectra.layouts import LAYOUTS
@@ -139,6 +147,36 @@ def pose_by_hand(quads: Floats, corners: Floats | None = None) -> Pose:
         layout="classic24", corners=np.zeros((4, 2)) if corners is None else corners, patches=quads, quarter_turns=0,
         method="by hand", score=1.0, notes=(),
     )  # fmt: skip
+
+
+def build_answer(given: dict[str, Any], solution: dict[str, Any]) -> Ssf:
+    """An answer with the curves, code and predictions of a solution, and all else as the case says."""
+    choice = tuple(
+        Hypothesis(basis=basis, log_evidence=0.0, probability=probability)
+        for basis, probability in given.get("choice", ())
+    )
+    basis = max(choice, key=lambda weight: weight.probability).basis if choice else given.get("basis", "golden")
+    std, size = given["ssf_std"], solution["code"].size
+    return Ssf(
+        basis=basis,
+        engine="golden",
+        l2=1.0,
+        gamma=np.zeros(3),
+        values=solution["ssf"],
+        code=solution["code"],
+        predicted=solution["predicted"],
+        proof=Proof(gap=np.zeros(3), layers_gap=np.zeros(1), finish_steps=np.zeros(1, np.int64)),
+        lamp=given["lamp"],
+        gain_code=np.zeros((1, 0)),
+        channel_gain=np.ones(3),
+        std=std,
+        code_covariance=None if std is None else np.diag(np.array(given.get("code_variance", np.ones(size)), float)),
+        log_evidence=None if std is None else 0.0,
+        half_width_without_photo=half_width_of(prior_std(read_basis(basis))) if basis in LEARNED else None,
+        chart_fading=given.get("chart_fading", 0.0),
+        family_test=FamilyTest(*given["family_test"]) if "family_test" in given else None,
+        choice=choice,
+    )
 
 
 def build_capture(given: dict[str, Any], engine: str) -> tuple[Capture, Options]:

@@ -10,34 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camssf.photo.find.candidates import find_candidates
-from camssf.photo.find.chart_colours import ChartColours, chart_colours
+from camssf.photo.find.chart_colours import ChartColours
 from camssf.photo.find.picture import SearchImage, codes_of_bytes, codes_of_light, codes_of_mosaic, rgb_of_yuv
 from camssf.photo.find.search import own_kind, plain_signals
 from camssf.photo.read.dng import Mosaic
-from golden.contract import Call, Stage, words
-from golden.drawing import BLACK, GAP, TABLE, TILTED, Samples, View, charts, draw, file, photo_case, turned
+from golden.contract import Call, Stage, case, words
 from golden.forms import Json
 from golden.products import own_card, read_card, read_photo
+from golden.views import BLACK
 
 FORMS = ("mosaic", "light", "rgb", "luma", "yuv")
 """Forms to which the photo is converted before the search (format.md)."""
-WIDE = View((440, 300), (-60 * 8 * 900, 900, 150), (-30 * 8 * 900, -120, 900), (48 * 8 * 900, 30, -12))
-
-
-def photos() -> dict[str, bytes]:
-    """All photos by name."""
-    clutter = _clutter((480, 320))
-    chart, among = draw(TILTED), clutter.copy()
-    among[60 : 60 + chart.shape[0], 120 : 120 + chart.shape[1]] = chart
-    drawn = {
-        "tilted": draw(WIDE),
-        "two": np.concatenate([draw(turned(24, 0)), draw(turned(24, 2))]),
-        "sg140": upright(next(kind for kind in chart_colours() if kind.columns == 14), 20),
-        "clutter": among,
-        "none": clutter,
-    }
-    files = {f"finder-{name}.dng": file(samples) for name, samples in drawn.items()}
-    return charts() | files | {"finder-card.dng": card_photo()}
 
 
 def rows() -> list[tuple[str, str, str, Json]]:
@@ -60,50 +43,16 @@ def rows() -> list[tuple[str, str, str, Json]]:
 
 def cases() -> Iterator[Json]:
     """All cases."""
-    files = photos()
     for name, comment, photo, change in rows():
         own = {key: value for key, value in change.items() if key != "expect"}
         inputs = {"dng": f"{photo}.dng", "form": "mosaic"} | own
-        yield photo_case(f"finder/{name}", comment, inputs, files, change.get("expect", "success"))
-
-
-def upright(kind: ChartColours, pitch: int) -> Samples:
-    """An upright chart of this kind with patches 0.8 pitch wide, 30 px from the edges."""
-    colours = BLACK + np.rint(12000 * kind.colours).astype(np.int64)
-    height, width = (n * pitch + 60 for n in (kind.rows, kind.columns))
-    y, x = np.mgrid[0:height, 0:width].astype(np.int64)
-    i, j = (x - 30) // pitch, (y - 30) // pitch
-    inside = (x >= 30) & (y >= 30) & (i < kind.columns) & (j < kind.rows)
-    edge = pitch // 10
-    for place in ((x - 30) % pitch, (y - 30) % pitch):
-        inside &= (place >= edge) & (place < pitch - edge)
-    patch = np.where(inside, np.clip(j, 0, kind.rows - 1) * kind.columns + np.clip(i, 0, kind.columns - 1), 0)
-    colour = np.array([[0, 1], [1, 2]])[y % 2, x % 2]
-    noise = (29 * x + 37 * y + x * y) % 7 - 3
-    return np.asarray(np.where(inside, colours[patch, colour], GAP) + noise, dtype=np.uint16)
+        yield case(f"finder/{name}", comment, inputs, expect=change.get("expect", "success"))
 
 
 def card_kind(card: Json) -> ChartColours:
     """The kind of chart of a layout and its table."""
     table = read_card(card)
     return own_kind(table.layout, plain_signals(table))
-
-
-def card_photo() -> bytes:
-    """A photo of the user's own chart."""
-    return file(upright(card_kind(own_card()), 24))
-
-
-def _clutter(size: tuple[int, int]) -> Samples:
-    """A background without a chart: keys in the upper third, grey tiles in the middle, marks below."""
-    width, height = size
-    y, x = np.mgrid[0:height, 0:width].astype(np.int64)
-    noise = (29 * x + 37 * y + x * y) % 11 - 5
-    keys = np.where((x % 26 < 20) & (y % 26 < 20), 1200, 420)
-    tiles = np.where((x % 34 < 30) & (y % 34 < 30), 700 + 900 * ((5 * (x // 34) + 3 * (y // 34)) % 11), TABLE)
-    marks = np.where(((x * x // 97 + 3 * y) % 23 < 9) & (y % 14 < 8), 600, 6000)
-    third = height // 3
-    return np.asarray(np.where(y < third, keys, np.where(y < 2 * third, tiles, marks)) + noise, dtype=np.uint16)
 
 
 def run(call: Call) -> dict[str, Any]:

@@ -8,57 +8,14 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from camssf.photo.patches import FrameMeans, measure_patches
-from golden.contract import Call, Stage, stored, words
-from golden.dngs import gain_map, opcode_list
-from golden.drawing import BLACK, TILTED, WHITE, Samples, charts, draw, file, photo_case, rounded, turned
+from golden.contract import Call, Stage, case, stored, words
 from golden.forms import Json
 from golden.products import pose_by_hand, read_photo
-
-
-def _shaded(samples: Samples, by: int) -> Samples:
-    """The samples in light that falls off from left to right, by x / `by`."""
-    x = np.arange(samples.shape[1], dtype=np.int64)
-    above = samples.astype(np.int64) - BLACK
-    return (BLACK + above * (4096 - 4096 * x // by) // 4096).astype(np.uint16)
-
+from golden.views import TILTED, rounded, turned
 
 Row: TypeAlias = tuple[str, str, str, Json, str]
 """Name, comment, the photos of chart, white and dark frame, what else is unlike the base case, and the error code."""
 VIEW = turned(24, 0)
-
-
-def photos() -> dict[str, bytes]:
-    """All photos by name."""
-    width, height = VIEW.size
-    y, x = np.mgrid[0:height, 0:width].astype(np.int64)
-    photo = draw(VIEW, unrest=23)
-    flat = _shaded((9000 + (41 * x + 17 * y + x * y) % 31 - 15).astype(np.uint16), 700)
-    hot = np.where((7 * x + 3 * y) % 61 == 0, 16383, photo).astype(np.uint16)
-    dust = np.where((5 * x + 11 * y) % 73 == 0, 300, flat).astype(np.uint16)
-    lot = (29 * x + 37 * y + x * y) % 97
-    tails = (photo + np.where(lot < 80, lot % 8, 2 * (lot - 80))).astype(np.uint16)
-    bright = np.minimum(BLACK + (photo.astype(np.int64) - BLACK) * 3 // 2, WHITE + (x + y) % 3).astype(np.uint16)
-    maps = [
-        gain_map(
-            [[1.0 + (3 * i + 2 * j + k) / 32 for j in range(5)] for i in range(4)],
-            (row, column, height, width), (2, 2), (1 / 3, 1 / 4),
-        )
-        for k, (row, column) in enumerate(np.ndindex(2, 2))
-    ]  # fmt: skip
-    return charts() | {
-        "patches-chart.dng": file(photo),
-        "patches-white.dng": file(flat),
-        "patches-dark.dng": file((BLACK + (13 * x + 7 * y + x * y) % 5 - 2).astype(np.uint16)),
-        "patches-shaded.dng": file(_shaded(photo, 700)),
-        "patches-hot.dng": file(hot),
-        "patches-dust.dng": file(dust),
-        "patches-tails.dng": file(tails),
-        "patches-clipped.dng": file(bright),
-        "patches-mapped.dng": file(_shaded(photo, 700), tags={51009: opcode_list(*maps)}),
-        "patches-white-rounded.dng": file(flat, iso=101),
-        "patches-white-iso.dng": file(flat, iso=200),
-        "patches-white-longer.dng": file(flat, exposure=(253, 15000)),
-    }
 
 
 def rows() -> list[Row]:
@@ -101,11 +58,11 @@ def rows() -> list[Row]:
 
 def cases() -> Iterator[Json]:
     """All cases."""
-    files, base = photos(), {"quads": rounded(VIEW.quads(), 4), "lens_shading": "as-stored"}
+    base = {"quads": rounded(VIEW.quads(), 4), "lens_shading": "as-stored"}
     for name, comment, names, change, code in rows():
         frames: Json = dict.fromkeys(("photo", "white", "dark"))
         frames |= zip(frames, (f"{photo}.dng" for photo in names.split()), strict=False)
-        yield photo_case(f"patches/{name}", comment, frames | base | change, files, code or "success")
+        yield case(f"patches/{name}", comment, frames | base | change, expect=code or "success")
 
 
 def run(call: Call) -> dict[str, Any]:

@@ -9,11 +9,10 @@ import numpy as np
 
 from camssf.photo.find.pose import find_chart
 from camssf.spectra import read_chart
-from golden.contract import Call, Stage, words
-from golden.drawing import TILTED, charts, photo_case, rounded, turned
+from golden.contract import Call, Stage, case, words
 from golden.forms import Json
 from golden.products import own_card, read_card, read_photo
-from golden.stages.finder import card_photo
+from golden.views import TILTED, rounded, turned
 
 Row: TypeAlias = tuple[str, str, str, Any, Json]
 """Name, comment, photo, the corners by hand, and what is unlike the base case: inputs, and `expect`."""
@@ -51,13 +50,12 @@ def rows() -> list[Row]:
 
 def cases() -> Iterator[Json]:
     """All cases."""
-    photos = charts() | {"finder-card.dng": card_photo()}
     for name, comment, photo, corners, change in rows():
         expect = change.get("expect", "success")
         inputs = {"dng": f"{photo}.dng", "table": "classic24",
                   "corners": rounded(corners) if isinstance(corners, np.ndarray) else corners}  # fmt: skip
         own = {key: value for key, value in change.items() if key != "expect"}
-        yield photo_case(f"pose/{name}", comment, inputs | own, photos, expect)
+        yield case(f"pose/{name}", comment, inputs | own, expect=expect)
 
 
 def run(call: Call) -> dict[str, Any]:
