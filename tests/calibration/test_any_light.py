@@ -13,6 +13,7 @@ import pytest
 
 from camssf.calibration import attempt, solve
 from camssf.cli.terminal import summarise
+from camssf.colorimetry import signals_of
 from camssf.documents import forms
 from camssf.documents.document import document_bytes
 from camssf.documents.unnamed_light import cost_of, kinds_in_words, light_in_words, lights_of
@@ -30,13 +31,17 @@ from camssf.report.page import page
 from camssf.report.shots import shots_of
 from camssf.result import Result
 from camssf.spectra import Lamp, Unnamed, colour_science, read_lamp, read_light
-from camssf.spectra.bundled import observer
+from camssf.spectra.bundled import observer, surfaces
 from camssf.spectra.families import FAMILIES as LAMP_KINDS
 from camssf.spectra.lights import Called, kind_of, unnamed_light
+from camssf_colour import Camera, Reference, View, standard_colour
+from camssf_colour.standard import of_surfaces
 from golden.forms import resolve
 from golden.scenes import PHONE
 from tests.recovery.test_choice import SEEN, capture, observed
 from tests.support.captures import capture_in, document_of
+
+LIGHTS = ("D65", "D50", "A", "2500K", "LED-B3", "FL2", "FL3.12")
 
 
 def unnamed(given: Capture, *named: Lamp) -> Capture:
@@ -259,3 +264,38 @@ def test_a_stored_name_reads_no_file(name: str, tmp_path: Path, monkeypatch: pyt
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InvalidArgument, match="is no light by the name"):
         Called.from_plain({"name": name}, "capture.shots[0].lamp")
+
+
+@pytest.mark.full
+@pytest.mark.requirement("R-COLOUR")
+@pytest.mark.parametrize("other", [False, True], ids=["the chart's light", "another light"])
+def test_the_colour_after_a_calibration_in_unnamed_light_covers_the_truth(other: bool) -> None:
+    """14 phones drawn from the prior. What curves and light add is compared with the colour by the true ones."""
+    rng, basis, surfaces_seen = np.random.default_rng(8), read_basis("phones"), surfaces()[::60]
+    none = np.zeros((0, 681))
+    whole: list[Any] = []
+    of_light: list[Any] = []
+    for number, name in enumerate(LIGHTS * 2):
+        code = 0.7 * rng.normal(size=(3, basis.dictionary.shape[2]))
+        curves = np.maximum(basis.mean + np.einsum("cmr,cr->cm", basis.dictionary, code), 0.0).T
+        curves = curves / curves.max(axis=0)
+        result = solve(unnamed(capture(curves, (name,), make="Apple")))
+        raw = read_lamp(name).values @ curves  # `capture` has a white frame of equal channels
+        result = replace(result, answer=replace(result.answer, channel_gain=raw / raw[1]))
+        light = read_lamp(LIGHTS[(number + 2) % len(LIGHTS)] if other else name).values
+        y, error = signals_of(surfaces_seen, light, curves), 0.002
+        reference = Reference(raw=3000.0 * (light @ curves), error=0.002)
+        colours = standard_colour(result, "auto", y, error, reference=reference)
+        truth = of_surfaces(surfaces_seen, light, View())[1]
+        exact = standard_colour(
+            Camera("true", curves, np.zeros((0, 681, 3))), Lamp("true", light, 0.0, none, ""), y, error
+        )
+        added = colours.parts["curves"][1] + colours.parts["lamp"][1] + 1e-4 * np.eye(3)
+        for off, covariance, into in (
+            (colours.lab - truth, colours.lab_covariance, whole),
+            (colours.lab - exact.lab, added, of_light),
+        ):
+            into.append(np.einsum("mc,mc->m", off, np.linalg.solve(covariance, off[..., None])[..., 0]))
+    for chi in (np.concatenate(whole), np.concatenate(of_light)):
+        assert np.mean(chi < 7.815) > 0.93
+    assert np.mean(of_light) > 0.3  # nor is the band much too wide

@@ -11,6 +11,7 @@ from camssf.errors import ColourOutOfReach, InvalidArgument, LampUnfit
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery import Observation, recover
 from camssf.recovery.basis import interpolate, misfit_profile, read_basis
+from camssf.recovery.covariance import LAMP_CORRELATION, smooth_errors
 from camssf.recovery.rows import anchor
 from camssf.recovery.sensitivity import SolverSettings
 from camssf.spectra import read_camera, read_chart, read_lamp
@@ -27,6 +28,7 @@ from camssf_colour import (
     standard_colour,
 )
 from camssf_colour.colour_error import expected_error, true_error
+from camssf_colour.light import OWN_WHITE, lamp_modes, see
 from camssf_colour.reach import MOST, REACH, check_reach
 from camssf_colour.standard import of_surfaces
 from tests.colour.conftest import blurred, exact, known, owned, power
@@ -330,3 +332,46 @@ def test_what_cannot_be_converted_is_refused() -> None:
         convert(twins, other(), "D55", np.ones(3))
     with pytest.raises(InvalidArgument, match="no response"):
         convert(exact(), blind, ultraviolet, np.ones(3))
+
+
+def test_conditioning_is_bayes_by_drawing() -> None:
+    """Weighted draws of a bulb's temperature and the smooth error give the mean and spread that `see` states."""
+    camera, named, own = owned(exact()), read_lamp("bulb"), power("D55")
+    raw = power("2600K") @ camera.values
+    seen = np.log((raw / raw[1])[[0, 2]])
+    light = see(camera, named, seen, 0.02)
+
+    modes = lamp_modes(named)
+    draws = np.random.default_rng(3).normal(size=(12000, len(modes)))
+    powers = named.values * np.maximum(1 + draws @ modes, 0.02)
+    logs = np.log(camera.own.raw * (powers @ camera.values) / (own @ camera.values))
+    smooth = 0.02 * smooth_errors(LAMP_CORRELATION, WAVELENGTHS).T * own
+    of_own = (smooth @ camera.values / (own @ camera.values)).T
+    of_own = of_own[[0, 2]] - of_own[1]
+    noise = of_own @ of_own.T + (OWN_WHITE**2 + 0.02**2) * (np.eye(2) + 1)
+    off = seen - (logs[:, [0, 2]] - logs[:, 1:2])
+    weight = np.exp(-0.5 * np.einsum("ni,ij,nj->n", off, np.linalg.inv(noise), off))
+    weight /= weight.sum()
+    mean = weight @ powers
+    std = np.sqrt(weight @ (powers - mean) ** 2)
+    stated = np.sqrt((light.power_modes**2).sum(axis=0))
+    assert np.abs(light.power - mean).max() < 0.25 * std.max()
+    assert np.abs(stated / std - 1).max() < 0.15
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("side", ["source", "target"])
+def test_the_curves_part_is_what_drawing_curves_gives(side: str) -> None:
+    """Of either camera."""
+    cameras = {"source": exact(), "target": other()}
+    true = cameras[side].values
+    y = signals_of(CHART[:6], power("LED-B3"), cameras["source"].values)
+    unsure = blurred(true, 0.01)
+    lamp = known("LED-B3")
+    found = convert(**(cameras | {side: unsure}), lamp=lamp, signals=y, kind="matrix")
+    assert not found.parts["lamp"].any()
+    drawn = [
+        convert(**(cameras | {side: exact(values)}), lamp=lamp, signals=y, kind="matrix").signals
+        for values in true + np.einsum("nq,qmc->nmc", np.random.default_rng(5).normal(size=(200, 2)), unsure.modes)
+    ]
+    assert np.abs(sizes(found.parts["curves"]) - np.std(drawn, axis=0)).max() < 0.2 * np.std(drawn, axis=0).max()

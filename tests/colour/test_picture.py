@@ -2,6 +2,9 @@
 
 import io
 import json
+import os
+import shutil
+import subprocess
 from dataclasses import replace
 from functools import cache
 from importlib.resources import files
@@ -10,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import rawpy
 import tifffile
 from PIL import Image, ImageCms, ImageOps
 
@@ -263,3 +267,64 @@ def test_the_model_computes_the_same_strip() -> None:
     theirs = session.run(["picture", "uncertainty"], vars(strip) | vars(made.table))
     for ours, other in zip(picture_strip(strip, made.table), theirs, strict=True):
         assert np.abs(ours - other).max() < 1e-6
+
+
+def test_a_smooth_picture_is_demosaiced_as_libraw_does_it(tmp_path: Path) -> None:
+    """By bilinear interpolation, with which the filters agree where nothing is sharp."""
+    y, x = np.mgrid[0:64, 0:96]
+    colours = 3000.0 + np.stack([20 * x + 10 * y, 15 * y + 5 * x, 1500 - 12 * x + 0 * y], axis=-1)
+    samples = np.empty(x.shape, np.uint16)
+    for at, letter in enumerate("RGGB"):
+        rows, columns = slice(at // 2, None, 2), slice(at % 2, None, 2)
+        samples[rows, columns] = colours[rows, columns, "RGB".index(letter)]
+    tags = [
+        (33421, 3, 2, (2, 2), True), (33422, 1, 4, bytes((0, 1, 1, 2)), True),
+        (50706, 1, 4, bytes((1, 4, 0, 0)), True), (50717, 4, 1, 65535, True),
+    ]  # fmt: skip
+    path = tmp_path / "smooth.dng"
+    tifffile.imwrite(path, samples, photometric="cfa", metadata=None, extratags=tags)
+    with rawpy.imread(str(path)) as raw:
+        theirs = raw.postprocess(
+            demosaic_algorithm=rawpy.DemosaicAlgorithm.LINEAR, output_color=rawpy.ColorSpace.raw, gamma=(1, 1),
+            no_auto_bright=True, no_auto_scale=True, user_wb=[1, 1, 1, 1], output_bps=16,
+        )  # fmt: skip
+    ours = np.moveaxis(demosaic(samples.astype(float).reshape(32, 2, 48, 2)).reshape(3, 60, 92), 0, 2)
+    assert np.abs(ours - theirs[2:-2, 2:-2]).max() < 12  # LibRaw's whole numbers, and its plain means of a slope
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("space", ["srgb", "display-p3"])
+def test_other_programs_read_the_colours_that_are_meant(space: str, tmp_path: Path) -> None:
+    """exiftool the profile's name, RawTherapee the colours, which it writes in sRGB by the file's profile."""
+    for program in ("exiftool", "rawtherapee-cli"):
+        if shutil.which(program) is None:
+            pytest.skip(f"{program} is not on this machine")
+    made = picture_of(scene(), space=space)
+    path, theirs = tmp_path / "picture.tif", tmp_path / "theirs.tif"
+    write_picture(made, path, '{"format": "camssf-picture/1"}', 16)
+    read = subprocess.run(["exiftool", "-j", path], capture_output=True, check=True)
+    (tags,) = json.loads(read.stdout)
+    assert tags["ProfileDescription"] == {"srgb": "sRGB (IEC 61966-2-1)", "display-p3": "Display P3"}[space]
+    assert tags["BitsPerSample"] == "16 16 16"
+    assert tags["ImageDescription"] == '{"format": "camssf-picture/1"}'
+    subprocess.run(
+        ["rawtherapee-cli", "-q", "-o", theirs, "-Y", "-t", "-b16", "-c", path],
+        check=True, capture_output=True, timeout=300, env=os.environ | {"HOME": str(tmp_path)},
+    )  # fmt: skip
+    to_xyz = SPACES["srgb"].to_xyz
+    xyz = linear(inner(tifffile.imread(theirs).astype(float)).mean(axis=1)) @ to_xyz.T
+    assert delta_e00(lab(xyz, to_xyz.sum(axis=1)), truth("D65"))[in_gamut("srgb")].max() < 0.5
+
+
+@pytest.mark.full
+def test_the_uncertainty_is_that_of_standard_colour_with_the_noise_of_a_pixel() -> None:
+    photo = scene(sensor=Sensor())
+    signal = white(photo)
+    layer = inner(whole(picture_of(photo))[1]).mean(axis=1) / PER_UNIT
+    y = signals_of(CHART, read_lamp(LAMP).values, camera().values)
+    noise = np.sqrt(signal.photon_noise * y * np.diagonal(noise_shares().sum(axis=2)))
+    theirs = standard_colour(camera(), LAMP, y, noise, reference=signal.reference, view=View(white="D65"))
+    ratio = layer / np.sqrt(np.diagonal(theirs.lab_covariance, axis1=1, axis2=2))
+    assert np.abs(np.log(np.median(ratio, axis=0))).max() < 0.25
+    assert ratio.min() > 0.5
+    assert ratio.max() < 2.5

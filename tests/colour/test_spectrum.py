@@ -13,6 +13,7 @@ from camssf.spectra import read_lamp
 from camssf.spectra.bundled import SURFACE_NODES, surface_sets, surfaces
 from camssf_colour import Camera, Reference, View
 from camssf_colour.absorbance import INDICES, absorbance, index_weights, indices, shipped_index
+from camssf_colour.posterior import LinearResponse, surface_posterior
 from camssf_colour.reflectance import LitSurfaces, SurfaceSpectra, spectrum
 from camssf_colour.surface_prior import SurfacePrior, prior_of, read_prior
 from tests.colour.conftest import exact, known, power
@@ -165,3 +166,43 @@ def test_colour_science_takes_the_spectra() -> None:
     assert isinstance(table, colour.MultiSpectralDistributions)
     assert np.array_equal(table.values.T, found.reflectance)
     assert np.array_equal(table.wavelengths, SURFACE_NODES)
+
+
+@pytest.mark.full
+def test_the_posterior_is_what_drawing_gives() -> None:
+    """Importance sampling: surfaces, errors and the level, of which nothing is known before, are drawn."""
+    rng = np.random.default_rng(5)
+    rows = surface_sets()[-1].values[[0, 9, 18, 27, 36, 45]]
+    prior, a = prior_of(rows, counts=np.array([1.0, 2.0, 1.0, 1.0, 3.0, 1.0])), folded(exact())
+    moves = 0.006 * rng.normal(size=(2, 3, NODES)) * a
+    asked = np.stack([np.eye(NODES)[10], np.eye(NODES)[25], folded(exact(), "A")[1]])
+    asked_moves = 0.02 * rng.normal(size=(2, 1, NODES)) * asked[2]
+    response = LinearResponse(a, moves, asked, asked_moves, {"curves": slice(0, 1), "lamp": slice(1, 2)})
+    y = (a @ (0.5 * (rows[1] + rows[4])))[None] * [1.01, 1.0, 0.99]
+    error = 0.025 * y
+    found = surface_posterior(prior, response, y, error)
+
+    level, draws = y.mean(), 800_000
+    weights = np.exp(prior.log_weights)
+    which = rng.choice(len(weights), size=draws, p=weights / weights.sum())
+    scale = (prior.shapes @ a.T).mean(axis=1)
+    values, log = np.empty((draws, 3)), np.empty(draws)
+    for i in range(len(weights)):
+        mine = which == i
+        x, n = rng.normal(size=(mine.sum(), 2)), rng.normal(size=mine.sum())
+        root = np.linalg.cholesky(covariances(prior)[i] + 1e-12 * np.eye(NODES)) / scale[i]
+        centre, apart = prior.shapes[i] / scale[i], rng.normal(size=(mine.sum(), NODES)) @ root.T
+        seen = (centre + apart) @ a.T + np.einsum("ne,ecj,j->nc", x, moves, centre)
+        size = level * (1.0 + 0.06 * n)
+        log[mine] = 0.5 * n**2 - 0.5 * np.sum(((y[0] - size[:, None] * seen) / error[0]) ** 2, axis=1)
+        drawn_outputs = (centre + apart) @ asked.T
+        drawn_outputs[:, 2] += np.einsum("ne,ej,j->n", x, asked_moves[:, 0], centre)
+        values[mine] = drawn_outputs * size[:, None] / level
+    weight = np.exp(log - log.max())
+    weight /= weight.sum()
+    assert 1.0 / np.sum(weight**2) > 2_000, "too few draws count"
+    mean = weight @ values
+    covariance = (weight[:, None] * (values - mean)).T @ (values - mean)
+    std = np.sqrt(np.diagonal(covariance))
+    assert np.abs(found.mean[0] / level - mean).max() < 0.06 * std.min()
+    assert np.abs((found.covariance[0] / level**2 - covariance) / np.outer(std, std)).max() < 0.06

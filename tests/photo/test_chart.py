@@ -8,6 +8,7 @@ from camssf.errors import Blurred, ChartNotFound, InvalidArgument
 from camssf.photo.find.candidates import find_candidates
 from camssf.photo.find.picture import codes_of_mosaic
 from camssf.photo.find.pose import Pose, find_chart
+from camssf.photo.patches import measure_patches
 from camssf.photo.read.dng import Mosaic, read_dng
 from camssf.spectra.layouts import LAYOUTS
 from camssf_lab.simulation.camera import Sensor
@@ -153,3 +154,22 @@ def test_table_of_another_layout() -> None:
     _, photo = photo_of(Scene(), size=SMALL)
     with pytest.raises(InvalidArgument, match="does not fit the layout sg140"):
         find_chart(photo, replace(table(), layout=LAYOUTS["sg140"]))
+
+
+def test_real_photo_gives_the_means_of_hand_picked_corners(real: Mosaic, real_pose: Pose) -> None:
+    """Bilinear places between four corners read by eye, plain means of 36 × 32 px boxes, LibRaw's samples."""
+    import rawpy
+
+    with rawpy.imread(str(DNG / "colorchart.dng")) as raw:
+        above_black = raw.raw_image_visible.astype(float) - raw.black_level_per_channel[0]
+    means = measure_patches(real, real_pose)
+    side = 12.4 / 15
+    for number in range(24):
+        column, row = number % 6, number // 6
+        s, t = (column + side / 2) / (5 + side), (row + side / 2) / (3 + side)
+        corner = [(1 - s) * (1 - t), s * (1 - t), s * t, (1 - s) * t]
+        x, y = np.rint(np.array(corner) @ BY_EYE / 2).astype(int) * 2
+        box = above_black[y - 16 : y + 16, x - 18 : x + 18]
+        green = (box[::2, 1::2].mean() + box[1::2, ::2].mean()) / 2
+        theirs = [box[::2, ::2].mean(), green, box[1::2, 1::2].mean()]
+        np.testing.assert_allclose(means.chart.mean[number] - means.black, theirs, rtol=0.03)

@@ -268,3 +268,16 @@ def test_a_colour_applies_the_map_if_the_result_did(shots: dict[str, Path]) -> N
     stored, evened = signals(shaded, "as-stored"), signals(shaded, "as-stored", "apply")
     assert np.abs(evened - 0.9).max() < 0.02 < np.abs(stored - 0.9).max()
     assert signals(plain, "apply").tolist() == signals(plain, "as-stored").tolist()  # no map in this file
+
+
+def test_standard_errors_are_those_of_the_photon_noise() -> None:
+    """z = (mean - truth) / se over 24 patches, three colours and three frames is standard normal."""
+    frames = shoot(Scene(size=SIZE, fill=0.5, tilt=20))
+    sensor = Sensor()
+    got = measure_patches(mosaic(frames.chart), frames.pose, white=mosaic(frames.white), dark=mosaic(frames.dark))
+    assert got.white is not None
+    assert got.dark is not None
+    truths = (frames.levels, frames.white_levels, np.full(3, sensor.black))
+    z = [(f.mean - t) / f.standard_error for f, t in zip((got.chart, got.white, got.dark), truths, strict=True)]
+    assert np.std(z) == pytest.approx(1, abs=0.2)
+    assert np.abs(z).max() < 4.5

@@ -8,13 +8,16 @@ import pytest
 from camssf.errors import InvalidArgument, LampUnfit
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.recovery.basis import NODES, gaussian_basis, misfit_profile, read_basis
+from camssf.recovery.observation import Observation
 from camssf.recovery.rows import anchor
+from camssf.spectra import read_lamp
 from golden.linear_model import linear_model
 from tests.support.problems import (
     chart_and_lamp,
     explained,
     measured_cameras,
     observed,
+    predicted,
     recovered,
     theory,
     toy_camera,
@@ -183,3 +186,78 @@ def test_the_budget_s_parts_are_the_posterior(shots: int) -> None:
     unseen = np.einsum("cmx,xz,cmz->c", slopes, left @ left.T, slopes) + np.sum(missed() ** 2, axis=0)
     assert shares["unseen"] * band == pytest.approx(unseen, rel=1e-5)
     assert sum(shares.values()) == pytest.approx(np.ones(3))
+
+
+@pytest.mark.parametrize("shots", [1, 2])
+def test_prediction_bands_are_those_of_their_model(shots: int) -> None:
+    """GUM Supplement 1: draw code, errors and noise from the rows' own model, fit, compare."""
+    arguments, book = declared(shots), read_basis("cameras")
+    others = chart_and_lamp("D55", slice(0, 24))[0][1::2]
+    answer = recovered(**arguments)
+    found = predicted(answer, **arguments, of=others, of_tolerance=0.02)
+    assert found.values[:, :12] == pytest.approx(answer.predicted, rel=1e-9)
+    k, n = shots, 24
+    y = np.concatenate([arguments["signals"], found.values[:, 12:]], axis=1)
+    rows = linear_model(
+        Observation(
+            y,
+            np.concatenate([arguments["reflectance"], others]),
+            arguments["lamp"],
+            standard_error=np.concatenate([arguments["standard_error"], np.full((k, 12, 3), 1e3)], axis=1),
+            chart_tolerance=np.repeat([0.03, 0.02], 12),
+            white_reflectance=np.ones(681),
+            white_tolerance=0.01,
+            lamp_tolerance=np.full(k, 0.02),
+            lamp_modes=np.zeros((k, 0, 681)),
+        ),
+        book,
+    )
+    fitted = np.tile(np.arange(n) < 12, 3 * k)
+    rng = np.random.default_rng(4)
+    A, sigma, noise = rows.matrix[0], rows.covariance[0], np.diag(rows.terms["noise"][0])
+    errors = sum(term[0] for source, term in rows.terms.items() if source != "noise")
+    root = np.linalg.cholesky(errors + 1e-14 * np.eye(len(A)))
+    truth = A @ rng.normal(size=(72, 20000)) + root @ rng.normal(size=(len(A), 20000))
+    seen = (truth + np.sqrt(noise)[:, None] * rng.normal(size=truth.shape))[fitted]
+    B, S = A[fitted], sigma[np.ix_(fitted, fitted)]
+    x = np.linalg.solve(B.T @ np.linalg.solve(S, B) + np.eye(72), B.T @ np.linalg.solve(S, seen))
+    drawn = (truth - A @ x).std(axis=1).reshape(3, k, n)
+    for c in range(3):
+        # The rows' unit is the white signal of μ, the signals' that of the curve found.
+        curve = book.mean[c]
+        s = answer.values[:, c] * (curve @ arguments["lamp"][0]) * STEP
+        unit = (arguments["lamp"] @ curve) / (arguments["lamp"] @ s)
+        assert found.std[:, :, c] == pytest.approx(drawn[c] * unit[:, None], rel=0.03, abs=1e-5)
+
+
+@pytest.mark.full
+def test_lamps_far_off_leave_the_bands_honest() -> None:
+    """Cameras of the prior, LEDs drawn from their family's own modes: 95 % bands hold, and the LED helps a little."""
+    basis, led = read_basis("cameras"), read_lamp("white-led")
+    reflectance, day = chart_and_lamp("D55", slice(0, 24))
+    modes = np.stack([0 * led.modes, led.modes])
+    rng = np.random.default_rng(11)
+    held, wrong = [], []
+    while len(held) < 60:
+        camera = (basis.mean + np.einsum("cmr,cr->cm", basis.dictionary, rng.normal(size=(3, 24)))).T
+        light = led.values * (1 + rng.normal(size=len(led.modes)) @ led.modes)
+        if camera.min() < -0.15 * camera.max() or light.min() < 0:
+            continue  # no camera, no lamp
+        y = np.stack([theory(reflectance, lamp, camera) for lamp in (day, light)])
+        error = np.hypot(0.005 * y, 0.001)
+        y = y + error * rng.normal(size=y.shape)
+        truth = camera / camera.max(axis=0)
+        errors = []
+        for k in (1, 2):
+            answer = recovered(
+                y[:k], reflectance, np.stack([day, led.values])[:k], standard_error=error[:k], chart_tolerance=0.0,
+                white_tolerance=0.0, lamp_modes=modes[:k], basis=basis, engine="reference",
+            )  # fmt: skip
+            got, std = answer.peak()
+            assert std is not None
+            errors.append(np.sqrt(np.mean((got - truth)[40:641] ** 2)))
+        held.append(np.mean(np.abs(got - truth)[40:641] <= 1.96 * std[40:641]))
+        wrong.append(errors)
+    assert 0.92 <= np.mean(held) <= 0.98
+    alone, pair = np.mean(wrong, axis=0)
+    assert pair < alone

@@ -14,16 +14,18 @@ from camssf.grid import WAVELENGTHS, Floats
 from camssf.photo.find.pose import Pose
 from camssf.photo.patches import FrameMeans, PatchMeans
 from camssf.photo.signals import normalise
-from camssf.recovery.basis import Basis
+from camssf.recovery.basis import Basis, interpolate, read_basis
+from camssf.recovery.covariance import CHANNEL_SHARE, red_end, smooth_errors
 from camssf.recovery.hypotheses import recover
 from camssf.recovery.observation import Observation
+from camssf.recovery.rows import anchor
 from camssf.recovery.sensitivity import SolverSettings, Ssf
 from camssf.recovery.unfamiliar_camera import code_length
 from camssf.rules import rules
 from camssf.spectra import Lamp, read_chart, read_lamp
 from camssf.spectra.layouts import LAYOUTS
 from camssf.verdict.exposure_and_noise import FEW_PATCHES, few
-from camssf.verdict.goodness_of_fit import GoodnessOfFit, VerdictInputs, signal_covariance
+from camssf.verdict.goodness_of_fit import EXPLANATION, GoodnessOfFit, VerdictInputs, signal_covariance
 from camssf.verdict.judge import judge
 from camssf.verdict.lamp import OTHER_LAMP_REFUSES, RIVAL, Neutral, Rival
 from camssf.verdict.reasons import Check, Checks, Fatal, Reason, Verdict, refusal
@@ -246,3 +248,53 @@ def test_as_many_patches_as_the_limit_are_enough() -> None:
     scene = Scene(clean())
     for count, reasons in ((FEW_PATCHES, []), (FEW_PATCHES - 1, ["underexposed.few_dark"])):
         assert [reason.key for reason in few(np.arange(24) < count, 0, scene.shots[0], Checks())] == reasons
+
+
+def drawn_answer(scene: Scene) -> Ssf:
+    """On the basis that the camera was drawn from, with its own width."""
+    return recover(scene.evidence(scene.lamps), basis="cameras", settings=SolverSettings(engine="reference"))
+
+
+def drawn(rng: np.random.Generator) -> Scene:
+    """A capture in which everything is off just as it is told, under D55 with a white frame."""
+    long, short, bent = (interpolate(smooth_errors(length)) for length in (100.0, 25.0, 60.0))
+    lamp = read_lamp("D55")
+    basis = anchor(read_basis("cameras"), lamp.values)
+    edge = 70.0 * np.gradient(TABLE.values, 0.5, axis=1)
+
+    def chart() -> Floats:
+        u, v, w = (rng.normal(size=(24, c.shape[1])) @ c.T for c in (long, short, short))
+        return np.asarray(0.03 * red_end(WAVELENGTHS) * (0.6 * TABLE.values * u + v / 3 + edge * w))
+
+    curves = basis.mean + np.einsum("cmr,cr->cm", basis.dictionary, rng.normal(size=basis.dictionary.shape[::2]))
+    shared, light = chart(), lamp.values * (1 + lamp.tolerance * bent @ rng.normal(size=bent.shape[1]))
+    white = (1 + 0.01 * rng.normal()) * (1 + 0.01 * long @ rng.normal(size=long.shape[1]))
+    y = np.empty((24, 3))
+    for c in range(3):
+        off = np.sqrt(CHANNEL_SHARE) * shared + np.sqrt(1 - CHANNEL_SHARE) * chart()
+        y[:, c] = ((TABLE.values + off) * light) @ curves[c] / ((white * light) @ curves[c])
+    y *= 1 + 0.05 * 0.03 * rng.normal(size=y.shape)
+    error = Scene(np.maximum(y, 1e-3)).signals.standard_error[0]
+    return Scene(np.maximum(y + error * rng.normal(size=y.shape), 1e-3))
+
+
+@pytest.mark.full
+def test_surprise_is_chi_squared_when_all_is_as_told() -> None:
+    """Camera, chart, white, lamp, drift and noise drawn from the model: T, and the explanations' gains."""
+    rng = np.random.default_rng(4)
+    z, strongest = [], []
+    for _ in range(80):
+        scene = drawn(rng)
+        found = VerdictInputs(
+            scene.signals, TABLE, scene.shots, scene.poses, scene.lamps, (scene.rho, 0.01)
+        ).goodness_of_fit_of_shot(0, drawn_answer(scene))
+        z.append(found.z)
+        strongest.append(max(explanation.gain for explanation in found.explanations))
+    # Of 80 standard normal numbers: the mean within 0.34, the spread within 0.21, each three standard errors.
+    assert abs(np.mean(z)) < 0.34
+    assert abs(np.std(z) - 1.0) < 0.21
+    # 28 explanations, most of three degrees of freedom; their own curves' part makes them explain a little less.
+    tenth, thousandth = (chi2.isf(share / 26, 3) for share in (0.1, 0.001))
+    assert 0.01 < np.mean(np.array(strongest) > tenth) < 0.2
+    assert thousandth < EXPLANATION < chi2.isf(0.0005 / 26, 3)
+    assert max(strongest) < EXPLANATION
