@@ -74,20 +74,14 @@ def kotlin_calls() -> Iterator[tuple[str, set[str], set[str] | None]]:
                 yield f"{path.name}: {call[:60]}", keys, None if aside else set(re.findall(r'"(\w+)" to ', call))
 
 
-CALLS = [*python_calls(), *kotlin_calls()]
-
-
-@pytest.mark.parametrize(("keys", "names"), [call[1:] for call in CALLS], ids=[call[0] for call in CALLS])
-def test_each_call_names_a_message_and_gives_its_placeholders(keys: set[str], names: set[str] | None) -> None:
-    assert keys
-    assert keys <= set(messages())
-    if names is not None:
-        assert all(placeholders(key) == names for key in keys)
-
-
-def test_each_message_is_used() -> None:
-    assert len(CALLS) > 150
-    assert set(messages()) - REASONS == set().union(*(keys for _, keys, _ in CALLS))
+def test_each_call_names_a_message_and_gives_its_placeholders_and_each_message_is_used() -> None:
+    calls = [*python_calls(), *kotlin_calls()]
+    assert len(calls) > 150
+    for place, keys, names in calls:
+        assert keys, place
+        assert keys <= set(messages()), place
+        assert names is None or all(placeholders(key) == names for key in keys), place
+    assert set(messages()) - REASONS == set().union(*(keys for _, keys, _ in calls))
     templates = "".join(text for entry in FILE["messages"].values() for text in entry.values())
     assert set(FILE["phrases"]) <= {match[1] for match in PLACEHOLDER.finditer(templates)}
 

@@ -21,13 +21,12 @@ from camssf.recovery.unnamed_light import by_modes
 from camssf.spectra import read_lamp
 from golden.compare import blur, norm, optimality
 from golden.linear_model import LinearModel, linear_model
-from golden.reading import paths, read_case
 from golden.running import by_model, findings, judge, problem, run
+from tests.golden.test_golden import CASES as EVERY
 from tests.recovery.test_dense_model import BASES, random_captures
 from tests.support.long_cases import LONG
 from tests.support.problems import chart_and_lamp, observed, recovered, seeds, theory, toy_camera, whiten
 
-EVERY = {f"{path.parent.name}/{path.stem}": read_case(path) for path in paths()}
 CASES = {name: case for name, case in EVERY.items() if by_model(case)}
 LAMPS = ("D55", "A", "LED-B3", "FL2")
 SEEDED = ("cameras", "gaussian", "phones", "gaussian", "ryyb", "gaussian")
