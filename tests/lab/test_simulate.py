@@ -240,6 +240,22 @@ def test_several_lamps_and_the_truth(tmp_path: Path) -> None:
     np.testing.assert_allclose(read_camera(str(done.truth)).values, values[:, 1:], atol=1e-6)
 
 
+def test_colour_tags_are_plausible(tmp_path: Path) -> None:
+    """Under D65 the matrix must take the lamp's own XYZ to the neutral that the file names."""
+    done = simulate("Nikon 5100 (NPL)", "D65", tmp_path, scene=Scene(size=SIZE))
+    found = read_dng(done.shots[0].white)
+    predicted = found.color_matrix1 @ [0.95047, 1.0, 1.08883]
+    np.testing.assert_allclose(predicted / predicted[1], found.as_shot_neutral, rtol=1e-3)
+    samples = found.samples.astype(float) - found.black[0, 0]
+    neutral = np.array([samples[0::2, 0::2].mean(), samples[0::2, 1::2].mean(), samples[1::2, 1::2].mean()])
+    np.testing.assert_allclose(neutral / neutral.max(), found.as_shot_neutral, rtol=2e-3)
+    with rawpy.imread(str(done.shots[0].white)) as raw:
+        gains = np.array(raw.camera_whitebalance[:3])
+        np.testing.assert_allclose(gains / gains[1], found.as_shot_neutral[1] / found.as_shot_neutral, rtol=1e-3)
+        gains = np.array(raw.daylight_whitebalance[:3])  # LibRaw's own, from the ColorMatrix
+        np.testing.assert_allclose(gains / gains[1], found.as_shot_neutral[1] / found.as_shot_neutral, rtol=0.01)
+
+
 @pytest.mark.parametrize("failing", [1, 6])
 def test_all_files_or_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failing: int) -> None:
     written = module.write_dng
