@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from camssf.errors import ChartNotFound, InvalidArgument
-from camssf.grid import WAVELENGTHS
+from camssf.grid import WAVELENGTHS, Floats
 from camssf.photo.capture import measure
+from camssf.photo.find.geometry import block_corners, homography, map_points
 from camssf.photo.find.pose import Pose, find_chart
 from camssf.photo.read.dng import read_dng
 from camssf.spectra import ChartTable, read_chart
@@ -73,14 +74,20 @@ def test_a_layout_file() -> None:
 
 
 DAMAGED: dict[str, tuple[dict[str, Any], str]] = {
+    "another format": ({"format": "camssf-layout/2"}, '"format"'),
+    "a field too many": ({"colums": 6}, 'no field "colums"'),
+    "a name of ours": ({"name": "SG140"}, "shipped layout"),
     "a name that is a path": ({"name": "../card"}, '"name"'),
     "half a column": ({"columns": 6.5}, '"columns"'),
+    "one row": ({"rows": 1}, '"rows"'),
     "too few patches": ({"columns": 3, "rows": 3}, "9 patches"),
     "a patch of no size": ({"patch": [18, 0]}, '"patch"'),
+    "a gap below nothing": ({"gap": -1}, '"gap"'),
+    "wide gaps": ({"gap": 20}, "too wide"),
     "a white patch by number": ({"white": 19}, '"white"'),
+    "fiducials the other way round": ({"fiducials": CARD["fiducials"][::-1]}, '"fiducials"'),
     "fiducials inside": ({"fiducials": [[9, 9], [90, 9], [90, 50], [9, 50]]}, '"fiducials"'),
 }
-"""What the golden cases `finder/error-layout-…`, which Kotlin refuses too, do not have."""
 
 
 @pytest.mark.parametrize(("fields", "match"), DAMAGED.values(), ids=DAMAGED)
@@ -132,6 +139,24 @@ def test_such_a_chart_is_found(card: tuple[Path, str, ChartTable, Scene]) -> Non
     pose = find_chart(read_dng(folder / "chart.dng"), table)
     assert worst(pose, true_pose(scene)) < 0.02
     assert (pose.layout, pose.quarter_turns, pose.method) == ("garden card", 1, "detected")
+
+
+def marks_in(true: Pose, table: ChartTable) -> Floats:
+    """The fiducials' places in the photo, px."""
+    block = block_corners(table.layout, table.layout.side)
+    return map_points(homography(block, true.corners), np.array(table.layout.fiducials))
+
+
+@pytest.mark.parametrize("first", [0, 3])
+def test_corners_by_hand_may_be_the_fiducials(card: tuple[Path, str, ChartTable, Scene], first: int) -> None:
+    folder, _, table, scene = card
+    true = true_pose(scene)
+    photo = read_dng(folder / "chart.dng")
+    marks = np.roll(marks_in(true, table), -first, axis=0)
+    for corners in (marks + 2.0, marks[::-1] - 2.0, np.roll(true.corners, first, axis=0)):
+        pose = find_chart(photo, table, corners=corners)
+        assert worst(pose, true) < 0.02
+        assert not pose.notes
 
 
 def test_patches_without_gaps_need_corners(tmp_path: Path) -> None:
