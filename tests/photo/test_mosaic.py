@@ -163,6 +163,23 @@ def test_a_small_file_asks_for_little_memory(tmp_path: Path, name: str) -> None:
     assert int(grown) < 50_000  # kB
 
 
+def test_folder_missing_file_and_forbidden_names(tmp_path: Path) -> None:
+    with pytest.raises(UnreadableRaw, match="folder"):
+        read_dng(tmp_path)
+    with pytest.raises(UnreadableRaw, match="no file"):
+        read_dng(tmp_path / "none.dng")
+    with pytest.raises(UnreadableRaw):
+        read_dng(f"{tmp_path}/a\0b.dng")
+
+
+@pytest.mark.parametrize("cut", [0.5, 0.999])
+@pytest.mark.parametrize("name", ["colorchart.dng", "blackmagic_ljpeg.dng"])
+def test_real_files_cut_short(tmp_path: Path, name: str, cut: float) -> None:
+    content = (REAL / name).read_bytes()
+    with pytest.raises(UnreadableRaw, match="truncated"):
+        read_dng(write(tmp_path, content[: int(cut * len(content))]))
+
+
 def test_truncated_anywhere(tmp_path: Path) -> None:
     area = {50829: (LONG, [4, 6, 60, 90]), 50713: (SHORT, [2, 2]), 50714: (SHORT, [10, 20, 30, 40])}
     rich = area | {51009: opcode_list(GAIN_MAP, BAD_PIXELS), 50712: (SHORT, list(range(512)))}
