@@ -51,7 +51,7 @@ def picture_strip(inputs: StripInputs, table: PixelTable) -> tuple[Array, Array]
     h, w = h - 2, w - 2
     signals, reached = demosaic(inputs.mosaic), _reached(inputs.clipped)
     xyz = xyz_of(table, places_of(xp.reshape(signals, (3, 4 * h * w))))
-    numbers = FULL * _curved(inputs.matrix @ xyz, inputs.curved)
+    numbers = FULL * _curved(_mixed(inputs.matrix, xyz), inputs.curved)
     numbers = xp.where(xp.reshape(reached, (4 * h * w,)) > 0.5, FULL, numbers)
 
     cells = 0.25 * sum(xp.reshape(signals[:, :, i, :, j], (3, h * w)) for i, j in PLACES)
@@ -61,13 +61,19 @@ def picture_strip(inputs: StripInputs, table: PixelTable) -> tuple[Array, Array]
     )
     # Of the light of both photos: the photo's own is the difference and the dark photo's once more.
     variance = inputs.photon_noise[:, None] * xp.maximum(cells + 2.0 * dark, 0.0) * gains
-    noise = constant(xp, [noise_shares()[i, j] for i, j in PAIRS]) @ variance
+    noise = _mixed(constant(xp, [noise_shares()[i, j] for i, j in PAIRS]), variance)
     places = places_of(cells)
     layer = xp.minimum(PER_UNIT * xp.sqrt(lab_variances(table, places, noise)), OUT_OF_REACH - 1.0)
     layer = xp.where(out_of_reach(table, places, noise), OUT_OF_REACH, layer)
     clipped = sum(xp.reshape(reached[:, i, :, j], (h * w,)) for i, j in PLACES) > 0.5
     layer = xp.where(clipped, CLIPPED, layer)
     return xp.reshape(numbers, (3, h, 2, w, 2)), xp.reshape(layer, (3, h, w))
+
+
+def _mixed(matrix: Array, values: Array) -> Array:
+    """matrix (k, 3) @ values (3, n), without the linear algebra's own threads: they would wait beside the strips'."""
+    rows = (sum(matrix[i, c] * values[c, :] for c in range(3)) for i in range(matrix.shape[0]))
+    return namespace(values).stack(list(rows), axis=0)
 
 
 def _curved(linear: Array, curved: Array) -> Array:
