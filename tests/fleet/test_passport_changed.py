@@ -1,6 +1,7 @@
 """Passports that were changed or never right are refused; other libraries, a JVM and Kotlin judge alike."""
 
 import hashlib
+import hmac
 import json
 from collections.abc import Iterator
 from dataclasses import replace
@@ -41,6 +42,7 @@ from tests.support.signed_passports import (
     FOLDER,
     LATER,
     answer,
+    b64,
     claimed,
     read_list,
     small,
@@ -114,6 +116,17 @@ def test_any_bit_matters() -> None:
 
 def header_of(data: bytes) -> dict[str, Any]:
     return dict(json.loads(unb64(data.split(b".")[0])))
+
+
+@pytest.mark.requirement("R-PASSPORT")
+def test_swapped_algorithms() -> None:
+    """The old tricks: no signature at all; the public key as the secret of an HMAC."""
+    _header, payload, signature = signed().split(b".")
+    for alg in ("none", "HS256", "ES256"):
+        text = b64(json.dumps(header_of(signed()) | {"alg": alg}).encode()) + b"." + payload
+        macs = (b64(hmac.digest(secret, text, "sha256")) for secret in (pem(), pem().strip()))
+        for mac in (b"", *macs, signature):
+            refuses(text + b"." + mac)
 
 
 def test_one_that_is_too_large(monkeypatch: pytest.MonkeyPatch) -> None:
