@@ -425,3 +425,14 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeyp
     assert cli.main(words) == cli.BATCH_FAILED
     assert json.loads(capsys.readouterr().out)["resumed"] == 3
     assert cli.main(["batch", "m.csv", "-o", "archive", "--correct"]) == InvalidArgument.exit_status
+
+
+@pytest.mark.full
+def test_a_picture_s_sidecar_is_part_of_it(desk: Desk) -> None:
+    desk.write(["cam,a.png,D55,,,,,"], {"a.png": "Phone", "a.png.json": '{"black": 1}'})
+    assert [desk.run().resumed for _ in range(2)] == [0, 1]
+    (desk.home / "a.png.json").write_text('{"black": 2}')
+    assert desk.run().resumed == 0
+    (desk.home / "a.png.json").unlink()
+    assert desk.run().resumed == 0
+    assert desk.visits() == {"cam": 3}

@@ -24,8 +24,9 @@ from camssf.recovery.sensitivity import FamilyTest, Hypothesis, Ssf, solve_on_ba
 from camssf.recovery.unfamiliar_camera import stranger_probability
 from camssf.rules import rules
 from camssf.spectra import read_chart, read_lamp
+from camssf.spectra.lights import unnamed_light
 from golden.forms import resolve
-from golden.scenes import BETWEEN, PHONE
+from golden.scenes import BETWEEN, ODD, PHONE, YELLOW_PHONE
 from tests.support.documents import document
 from tests.support.problems import theory
 from tests.verdict.test_verdict import BLACK, frame, pose
@@ -306,3 +307,30 @@ def test_bands_of_mixtures_hold() -> None:
         ratio.append(np.sum(off**2) / np.sum(std[SEEN] ** 2))
     assert 0.93 <= np.mean(inside) <= 0.98
     assert np.sqrt(np.mean(ratio)) == pytest.approx(1.0, abs=0.12)
+
+
+def test_a_faded_chart_is_found_and_allowed_for() -> None:
+    """A phone's photo of a chart that lost a fifth of its colours: the answer is that of the faded table."""
+    phone = resolve(PHONE)
+    clean = observed(phone, "D55", "A")
+    given = replace(clean, signals=observed(phone, "D55", "A", fading=0.2).signals)
+    found = recover(given)
+    assert found.chart_fading == pytest.approx(0.2, abs=0.05)
+    assert found.prior_scale == 1.0
+    truth = phone / phone.max(axis=0)
+    off, unaware = (np.abs(ssf.peak()[0] - truth).mean() for ssf in (found, recover(given, basis="phones")))
+    assert off < 0.6 * unaware
+    assert recover(clean).chart_fading == 0.0
+    odd = recover(observed(resolve(ODD), "D55", "A"))
+    assert odd.chart_fading == 0.0  # another camera is not taken for a faded chart
+
+
+@pytest.mark.full
+@pytest.mark.requirement("R-UNUSUAL")
+def test_a_phone_with_yellow_for_green_is_a_phone() -> None:
+    """In a phone's file it is no unusual camera, and its light may be unnamed."""
+    shot = capture(resolve(YELLOW_PHONE), ["D55"], make="HUAWEI")
+    found = solve(shot)
+    assert (found.ssf.basis, found.verdict.status) == ("ryyb", "accepted")
+    unnamed = solve(replace(shot, shots=(replace(shot.shots[0], lamp=unnamed_light()),)))
+    assert (unnamed.ssf.basis, unnamed.verdict.status) == ("ryyb", "accepted")
