@@ -121,7 +121,6 @@ def solve(
     *,
     nonnegative: bool = False,
     depth: int = DEPTH,
-    finish: int | None = None,
     layers: str = "splitting",
 ) -> Code:
     """The code of each problem.
@@ -132,11 +131,9 @@ def solve(
         gamma: (p,) γ ≥ 0; not 0 where λ₂ = 0.
         nonnegative: x ≥ 0.
         depth, layers: number of layers, and their name in `camssf.recovery.layers.LAYERS`.
-        finish: largest number of pivots of one walk, which is taken where the layers' gap is above SETTLED; 0 for no
-            walk, None for `finish_steps`.
     """
     problem, log_det = whitened_problem(linear, l2, gamma, nonnegative)
-    solution = optimum(problem, LAYERS[layers](problem), depth=depth, steps=finish)
+    solution = optimum(problem, LAYERS[layers](problem), depth=depth)
     objective, _ = duality_gap(problem, solution.x)
     spread, more = inverse(problem.H + np.eye(solution.x.shape[-2]))
     evidence = log_evidence(problem.A, problem.b, spread @ problem.g, log_det + more)

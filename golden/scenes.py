@@ -26,9 +26,6 @@ FAMILY = [[[0.0, 0.15], [0.0], [0.0]], [[0.0, 0.5], [0.0, 0.0, 0.6], [0.0, -0.3,
 """Modes of two uncertain lamps, a daylight and a white LED, as polynomials."""
 BOTH = ["D55", "A"]
 NIKON, CANON = {"camera": "Nikon D5100"}, {"camera": "Canon EOS 5D Mark II"}
-BELLS = {
-    "bells": [[[1.0, 604, 31], [0.07, 442, 24]], [[1.0, 534, 37]], [[1.0, 459, 26], [0.03, 545, 30]]],
-}  # fmt: skip
 PHONE = {
     "bells": [
         [[0.66, 623.6, 26.9], [0.639, 595.5, 11.9], [0.102, 524.3, 22.6]],

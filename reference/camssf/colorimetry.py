@@ -1,7 +1,7 @@
 """Colour spaces (XYZ, Lab, sRGB, u'v', CIEDE2000, adaptation), and transforms from white-balanced signals to XYZ.
 
 XYZ is relative: Y of a perfect white diffuser is 1. The published formulas are implemented here, so that a
-calibration loads no library for them; tests/colour/test_appearance.py compares each with colour-science.
+calibration loads no library for them; tests/colour/test_transforms.py compares each with colour-science.
 
 The transforms are fitted on the signals of real surfaces under a lamp. A root-polynomial of degree 2 (Finlayson,
 Mackiewicz and Hurlbert, IEEE Trans. Image Process. 2015, 24, 1460) uses r, g, b, √(r g), √(g b), √(r b), so a

@@ -243,9 +243,6 @@ def test_a_name_with_a_stated_tolerance_is_taken_as_said() -> None:
     assert (told.tolerance, len(told.modes)) == (exact.tolerance, 0)
 
 
-# -- colour with a result in unnamed light -------------------------------------------------------------------------
-
-
 # -- combinations of lamps ----------------------------------------------------------------------------------------
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import camssf
-from camssf import cli
+from camssf import cli, errors
 from camssf.errors import CalibrationError, InvalidArgument
 from camssf.fit.scores import rmse
 from camssf.options import Options
@@ -286,3 +286,21 @@ def test_progress_shows_itself_on_long_work_only(
         assert ("looking for the chart" in err) is shown
         assert out == ""
     assert err == "invalid_argument: enough.\n  \n"
+
+
+@pytest.mark.requirement("R-REFUSAL")
+def test_a_refused_capture_leaves_its_evidence(shots: Path, tmp_path: Path, capsys: Capture) -> None:
+    """A white frame in place of the chart."""
+    out = tmp_path / "out"
+    call = ["calibrate", str(shots / "white.dng"), "--lamp", "D55"]
+    assert cli.main([*call, "-o", str(out)]) == errors.ChartNotFound.exit_status
+    assert sorted(path.name for path in out.iterdir()) == ["report.html", "result.json"]
+    document = json.loads((out / "result.json").read_text("utf-8"))
+    assert document["verdict"]["status"] == "refused"
+    assert [reason["code"] for reason in document["verdict"]["reasons"]] == ["chart_not_found"]
+    assert "answer" not in document
+    _, err = capsys.readouterr()
+    assert err.count("chart_not_found") == 1
+    assert str(out / "report.html") in err
+    assert cli.main(call) == errors.ChartNotFound.exit_status
+    assert json.loads(capsys.readouterr().out) == document

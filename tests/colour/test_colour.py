@@ -375,3 +375,13 @@ def test_the_curves_part_is_what_drawing_curves_gives(side: str) -> None:
         for values in true + np.einsum("nq,qmc->nmc", np.random.default_rng(5).normal(size=(200, 2)), unsure.modes)
     ]
     assert np.abs(sizes(found.parts["curves"]) - np.std(drawn, axis=0)).max() < 0.2 * np.std(drawn, axis=0).max()
+
+
+@pytest.mark.parametrize("name", ["auto", "torch"])
+def test_a_light_that_nothing_tells_is_refused_unless_it_has_one_kind(name: str) -> None:
+    camera = exact()
+    if name == "torch":
+        assert standard_colour(camera, name, np.full(3, 0.5)).lamps == (("white-led", 1.0),)
+        return
+    with pytest.raises(InvalidArgument, match="lamp is unknown, and nothing in the photo tells it"):
+        standard_colour(camera, name, np.full(3, 0.5))

@@ -69,6 +69,12 @@ def test_units_that_are_equal_spread_by_nothing(one: Registry) -> None:
     assert all((np.asarray(number) == 0).all() for number in between_units([np.ones((2, 3, 5))] * 3))
 
 
+def test_curves_of_another_length_are_named(one: Registry) -> None:
+    one.add([made(1, bells()), made(2, bells()[:, :60], serial="B2")])
+    with pytest.raises(InvalidArgument, match="the curves cannot be right"):
+        spread(one, MODEL)
+
+
 @pytest.mark.parametrize("wrong", [float("nan"), float("inf"), -1e30, 7.0])
 def test_curves_that_cannot_be_are_named(one: Registry, wrong: float) -> None:
     curves = bells()

@@ -168,3 +168,14 @@ def test_nobody_answers(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
         pytest.raises(InvalidArgument, match="has no worker"),
     ):
         desk.run(dask=empty.scheduler_address)
+
+
+def test_the_poisonous_is_put_aside_after_two_deaths(desk: Desk, cluster: Any) -> None:
+    desk.write([f"{name},{name},D55,,,,," for name in "abcxdef"], {n: f"Phone {n}" for n in "abcdef"} | {"x": "dies"})
+    summary = desk.run(dask=cluster.scheduler_address)
+    assert (summary.by_status["failed"], summary.total) == (1, 7)
+    assert desk.tasks()["x"] == "failed"
+    assert desk.visits()["x"] == pools.DEATHS
+    assert len(desk.rows()) == 6
+    again = desk.run(dask=cluster.scheduler_address)
+    assert (again.resumed, desk.visits()["x"]) == (7, pools.DEATHS)

@@ -59,7 +59,7 @@ def test_natives_are_stored_at_pages_of_16_kib(tmp_path: Path) -> None:
 
 def test_the_built_apk_is_what_an_app_is() -> None:
     if not APK.is_file():
-        pytest.skip("no APK (mvn -f android-bindings verify -Papk): it is not read back")
+        pytest.skip("no jar, no APK (mvn -f android-bindings verify -Papk): it is not read back")
     read = ["aapt", "dump", "xmltree", str(APK), "AndroidManifest.xml"]
     manifest = subprocess.run(read, capture_output=True, text=True, check=True).stdout
     flags = dict(re.findall(r"A: android:(\w+)\(\w+\)=\(type 0x12\)(0x\w+)", manifest))

@@ -21,7 +21,7 @@ PARENT = ET.parse(ROOT / "android-bindings" / "pom.xml").getroot()
 POM = {"m": "http://maven.apache.org/POM/4.0.0"}
 MODULES = ["bom", "camera2", "camerax", "colour", "core", "finder", "model", "model-gaussian", "passport", "testing"]
 
-published = pytest.mark.skipif(not REPOSITORY.is_dir(), reason="no repository (mvn -f android-bindings verify)")
+published = pytest.mark.skipif(not REPOSITORY.is_dir(), reason="no jar (mvn -f android-bindings verify)")
 pytestmark = pytest.mark.full
 
 

@@ -90,6 +90,7 @@ def test_what_the_file_leaves_out(tmp_path: Path) -> None:
     assert read(tmp_path, samples=noise(), first={50708: None}).unique_model == ""
     assert (found.exposure, found.iso, found.gain_map) == (None, None, False)
     assert found.color_matrix1 is found.color_matrix2 is found.as_shot_neutral is None
+    assert read(tmp_path, samples=noise() // 64, bits=10, tags={50717: None}).white == 1023
 
 
 def of(**dng: Any) -> bytes:
@@ -274,7 +275,7 @@ def test_more_samples_than_a_photo_has_are_refused_before_decoding(tmp_path: Pat
 
 
 @pytest.mark.full
-@pytest.mark.skipif(sys.platform != "linux", reason="the peak of a process is read_whole as Linux tells it")
+@pytest.mark.skipif(sys.platform != "linux", reason="the peak of a process is read as Linux tells it")
 def test_the_memory_of_the_largest_photo(tmp_path: Path) -> None:
     """Flat, so it is small: two bytes a sample, and 350 MB, in which no chart is found."""
     rows, columns = 12_288, 16_384

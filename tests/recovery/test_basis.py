@@ -213,6 +213,7 @@ def test_the_shipped_basis_is_the_one_that_was_judged() -> None:
     basis, notice = read_basis("phones"), (Path(__file__).parents[2] / "NOTICE").read_text("utf-8")
     assert basis.sha256() == "b885e56fc003bcffb390d0df96588632855f835e61b26b747215852f9d5153f8"
     assert all(paper in basis.source for paper in PAPERS)
+    assert training_set_of("phones").curves == {}
     assert all(
         word in notice for word in ("phones.npz", "Tominaga", "2021, 21, 4985", "Burggraaff", "2019, 27, 19075")
     )

@@ -119,7 +119,45 @@ def test_an_optimum_is_a_fixed_point(l2: float, gamma: float, nonnegative: bool,
         assert layer(v) == pytest.approx(v, abs=1e-9)
 
 
+@SIGNED
+@PENALTIES
+@SHAPES
+def test_a_fixed_point_is_an_optimum(l2: float, gamma: float, nonnegative: bool, rows: int, atoms: int) -> None:
+    """Where the layers come to rest the KKT conditions hold, and v holds the multiplier: w = (ρ + λ₂) (v - x)."""
+    problem = random_problem(5, l2, gamma, nonnegative, rows, atoms)
+    layer = splitting(problem)
+    v = states(layer, 20_000)[-1]
+    assert abs(layer(v) - v).max() < 1e-13
+    x = layer.answer(v)
+    assert kkt(problem, x) < 1e-9
+    assert (constants(problem)[0] + l2) * (v - x) == pytest.approx(problem.residual(x), abs=1e-9)
+    assert x == pytest.approx(optimum(problem), abs=1e-9)
+
+
 # How fast.
+
+
+def test_the_bound_of_one_layer_on_the_support() -> None:
+    """K = (1 - α β) I + α (2 β - 1) ρ W: eigenvalues from -γ / (2 γ + 6 λ₂) to (2 γ + 3 λ₂) / (2 γ + 6 λ₂)."""
+    for l2, gamma in ((1.0, 0.05), (0.3, 2.0), (2.0, 0.0), (1.0, 30.0)):
+        problem = random_problem(8, l2, gamma)
+        (rho, beta), layer = constants(problem), splitting(problem)
+        W = np.linalg.inv(problem.H + rho * np.eye(12))
+        whole = layer.W2 + layer.W3
+        expected = (1 - RELAXATION * beta) * np.eye(12) + RELAXATION * (2 * beta - 1) * rho * W
+        assert whole == pytest.approx(expected, abs=1e-13)
+        eigenvalues = np.linalg.eigvalsh(whole)
+        least, most = -gamma / (2 * gamma + 6 * l2), (2 * gamma + 3 * l2) / (2 * gamma + 6 * l2)
+        assert least < eigenvalues.min()
+        assert eigenvalues.max() < most
+        # Any support: the block of W is between the same bounds, by interlacing.
+        some = np.arange(12) % 3 != 0
+        block = np.linalg.eigvalsh(whole[np.ix_(some, some)])
+        assert least < block.min()
+        assert block.max() < most
+        # A bare direction and one that the data hold at any cost reach them.
+        bare, held = (1 - RELAXATION * beta + RELAXATION * (2 * beta - 1) * share for share in (1.0, 0.0))
+        assert (bare, held) == pytest.approx((most, least), abs=1e-15)
 
 
 # Its relatives.

@@ -1,7 +1,9 @@
 """Other people's files of lamps and cameras, judged by other people's readers and files."""
 
 import json
+import os
 import re
+import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -345,17 +347,43 @@ def test_a_broken_file_of_dcamprof_is_refused(old: str, new: str, tmp_path: Path
         read_camera(write(tmp_path / "camera.json", DCAMPROF_TEXT.replace(old, new)))
 
 
-def test_spectacle_s_two_greens_are_one(tmp_path: Path) -> None:
-    """A file as a camera's own script of SPECTACLE saves it: np.savetxt with its header."""
-    path = tmp_path / "spectral_response.csv"
+SPECTACLE = """
+import sys, json, pathlib
+import scipy.integrate
+from spectacle import spectral
+print(json.dumps(spectral.load_spectral_response(pathlib.Path(sys.argv[1])).tolist()))
+"""
+
+
+def spectacle(tmp_path: Path) -> Path:
+    """A file with two greens, as a camera's own script of SPECTACLE saves it: np.savetxt with its header."""
     nm = np.arange(390.0, 701.0)
     columns = [np.exp(-(((nm - centre) / 40.0) ** 2)) for centre in (600, 530, 460, 534)]
-    table = np.array([nm, *columns, *(0.01 * column for column in columns)])
-    np.savetxt(path, table.T, delimiter=",", header="wavelength,R,G,B,G2,R_err,G_err,B_err,G2_err")
+    folder = tmp_path / "calibration"
+    folder.mkdir()
+    path = folder / "spectral_response.csv"
+    table = np.column_stack([nm, *columns, *(0.01 * column for column in columns)])
+    np.savetxt(path, table, delimiter=",", header="wavelength,R,G,B,G2,R_err,G_err,B_err,G2_err")
+    return path
+
+
+@pytest.mark.parametrize("judge", ["numpy", "pyspectacle"])
+def test_spectacle_is_read_as_its_own_reader_does(judge: str, tmp_path: Path) -> None:
+    path = spectacle(tmp_path)
+    table = np.loadtxt(path, delimiter=",").T
+    if judge == "pyspectacle":
+        python = os.environ.get("CAMSSF_SPECTACLE")
+        if not python:
+            pytest.skip("CAMSSF_SPECTACLE names no Python that has pyspectacle")
+        done = subprocess.run(
+            [python, "-W", "ignore", "-c", SPECTACLE, str(tmp_path)],
+            capture_output=True, text=True, check=True, timeout=120, env=os.environ | {"HOME": str(tmp_path)},
+        )  # fmt: skip
+        table = np.array(json.loads(done.stdout.splitlines()[-1]))
     name, nm, curves = read_curves(path, None)
     assert name == "spectral_response"
     assert np.array_equal(nm, table[0])
-    assert np.allclose(curves, np.column_stack([table[1], 0.5 * (table[2] + table[4]), table[3]]), rtol=1e-15)
+    assert np.array_equal(curves, np.column_stack([table[1], 0.5 * (table[2] + table[4]), table[3]]))
 
 
 def camspec(*names: str, mark: str = "\t", end: str = "\r\n") -> str:

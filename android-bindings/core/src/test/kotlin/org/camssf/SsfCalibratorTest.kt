@@ -280,6 +280,7 @@ class SsfCalibratorTest {
         val version = Regex("version = \"(.*)\"").find(File(root, "pyproject.toml").readText())!!.groupValues[1]
         assertEquals(version, Camssf.VERSION)
     }
+
     private companion object {
         val RESULTS = HashMap<String, Recovered>()
     }
