@@ -72,14 +72,17 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
 @pytest.fixture
 def browser(server: Server, tmp_path: Path) -> Iterator[Browser]:
     running = Browser(tmp_path / "profile")
-    open_page(running, server)
-    yield running
-    running.do("Page.navigate", url="about:blank")  # leaves the page: its files go
-    left(server, [])
+    try:
+        open_page(running, server)
+        yield running
+        running.do("Page.navigate", url="about:blank")  # leaves the page: its files go
+        running.wait("location.href === 'about:blank'")  # its question is answered while something is asked of it
+        left(server, [])
+    finally:
+        running.close()
     faults = [event for event in running.events if event["method"] == "Runtime.exceptionThrown"]
     logged = [event["params"]["entry"] for event in running.events if event["method"] == "Log.entryAdded"]
     sent = [event["params"] for event in running.events if event["method"] == "Network.requestWillBeSent"]
-    running.close()
     assert faults == []
     assert [entry["text"] for entry in logged if entry["level"] == "error"] == []
     outside = [each["request"]["url"] for each in sent]
