@@ -156,6 +156,11 @@ def _directories() -> list[Row]:
         50722: (SRATIONAL, [part for value in ninths for part in (value, 100)]),
         50728: (RATIONAL, [1, 2, 1, 1, 5, 8]),
     }
+    phone: Tags = {
+        271: None, 272: None, 50729: (RATIONAL, [345703, 1000000, 358539, 1000000]),
+        51041: (dngs.DOUBLE, [2e-4, 1e-6, 1.5e-4, 9e-7, 2.5e-4, 2e-6]), 33434: (RATIONAL, [0, 1000]),
+    }  # fmt: skip
+    unmasked, masked = (4, 8, 40, 56), [[0, 0, 40, 8], [0, 8, 4, 56]]
     nets = [[[1.0 + (i + j + k) / 16 for j in range(3)] for i in range(2)] for k in range(4)]
     corners = [(row, column, HEIGHT - 1, WIDTH - 1) for row in (0, 1) for column in (0, 1)]
     maps = [gain_map(net, corner, (2, 2), (1.0, 0.5)) for net, corner in zip(nets, corners, strict=True)]
@@ -177,6 +182,11 @@ def _directories() -> list[Row]:
          {"make": "Acme", "model": "Phone 7", "orientation": 6, "exposure": 0.02, "iso": 400.0,
           "color_matrix1": [-value / 8 for value in ninths], "color_matrix2": [value / 100 for value in ninths],
           "as_shot_neutral": [0.5, 1.0, 0.625]}),
+        ("metadata-phone", "AsShotWhiteXY instead of a neutral, a noise profile for each plane, two masked areas, "
+         "no make or model.",
+         plain(16, first=phone, tags={50829: (SHORT, unmasked), 50830: (SHORT, masked[0] + masked[1])}),
+         {"make": "", "model": "Maker Model 1", "as_shot_white_xy": [0.345703, 0.358539],
+          "noise_profile": [2e-4, 1e-6, 1.5e-4, 9e-7, 2.5e-4, 2e-6], "area": unmasked, "masked_areas": masked}),
         ("opcodes", "Four gain maps as Android writes them, one of three planes, bad pixels by place and by value, "
          "and an optional opcode that nobody knows.",
          plain(14, cfa=bytes((2, 1, 1, 0)), tags=opcodes),

@@ -98,7 +98,7 @@ class UnchangedTest {
 
     @Test
     fun `a mosaic and a pose are what they were`() {
-        val mosaics = listOf("metadata", "metadata-phone", "opcodes", "patches-mapped", "masked-areas").map { name ->
+        val mosaics = listOf("metadata", "metadata-phone", "opcodes", "patches-mapped").map { name ->
             DngSource.of(File(photo.parentFile, "$name.dng")).use { DngReader.read(it) }
         }
         val corrections = mosaics.map { it.corrections }

@@ -118,7 +118,7 @@ class MeasuredCaptureTest {
     @Test
     fun `what is no whole capture is refused`() {
         val refused = opened("phones").use { calibrator ->
-            calibrator.calibrateBlocking(Capture(Shot(dng("bits-12"), Lamp.read("D55"), flat), chart))
+            calibrator.calibrateBlocking(Capture(Shot(dng("bits-14"), Lamp.read("D55"), flat), chart))
         }
         assertEquals("refused", refused.verdict.outcome.word)
         val error = assertThrows(InvalidArgument::class.java) { MeasuredCapture.fromJson(refused.toJson(), "x.json") }
