@@ -1,7 +1,7 @@
 """Are the answers optimal?
 
 Seeded calls of the product as it ships: measured cameras on the learned bases with its penalties (λ₂ 1, γ 0.05), 12
-and 24 patches of another measured table or of the tolerance told, one to three shots, lamps by name and by kind,
+and 24 patches of another measured table or of the stated tolerance, one to three shots, lamps by name and by kind,
 noise up to 2 %. Each is solved by the NumPy reference and by the shipped ONNX model. How many end with the layers'
 answer (`finish_steps` 0) and a gap <= 1e-10 (bar: 99 %), and how far the curves are from the exact ones, in parts of
 their peak (bar: 1e-7 in all). Exact is the finish from the layers' answer, whatever their own proof says.
@@ -39,7 +39,7 @@ SEED = 0
 
 
 def light_of(name: str, rng: np.random.Generator) -> tuple[Lamp, Floats]:
-    """What is told of a lamp, and what really fell: of a kind a real lamp is drawn and told as one of its shapes."""
+    """The lamp that a call names, and the real one's power; of a kind a real lamp is drawn, and one shape named."""
     if name not in FAMILIES:
         return replace(read_lamp(name), tolerance=0.02, modes=np.zeros((0, lamp(name).size))), lamp(name)
     power, light = draw_kind(name, rng)
@@ -59,15 +59,15 @@ def draw(seed: int, index: int) -> tuple[Observation, str]:
     else:
         errors = interpolate(smooth_errors(CHART_CORRELATION))
         seen = table * (1.0 + 0.02 * (errors @ rng.normal(size=(errors.shape[1], n))).T)
-    told, fell = zip(*(light_of(name, rng) for name in names), strict=True)
+    named, powers = zip(*(light_of(name, rng) for name in names), strict=True)
     noise, basis = float(rng.uniform(0.0005, 0.02)), str(rng.choice(LEARNED))
-    light = np.stack(fell)
+    light = np.stack(powers)
     y = ((light[:, None, :] * seen) @ known[name]) / (light @ known[name])[:, None, :]
     error = noise * np.hypot(y, 0.05)
     observation = Observation(
-        y + error * rng.normal(size=y.shape), table, np.stack([one.values for one in told]), standard_error=error,
-        chart_tolerance=0.03, white_tolerance=0.01, lamp_tolerance=np.array([one.tolerance for one in told]),
-        lamp_modes=lamp_modes(told),
+        y + error * rng.normal(size=y.shape), table, np.stack([one.values for one in named]), standard_error=error,
+        chart_tolerance=0.03, white_tolerance=0.01, lamp_tolerance=np.array([one.tolerance for one in named]),
+        lamp_modes=lamp_modes(named),
     )  # fmt: skip
     return observation, basis
 

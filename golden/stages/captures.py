@@ -20,7 +20,7 @@ from golden.scenes import ALL, BOTH, CANON, NIKON, PHONE, clip, dimmed, evenly, 
 Row: TypeAlias = tuple[str, str, Json]
 """Name, comment, and what is unlike the base case: fields of TAKEN, inputs, and `rmse`, `expect`."""
 TAKEN: Json = {"camera": NIKON, "lamps": ["D55"], "noise": "low", "fading": 0.0}
-"""The photos of the base case, unless a row gives `shots`; `told`: the lamps' names, if others than the true ones."""
+"""The photos of the base case, unless a row gives `shots`; `named`: lamps' names, if others than the true ones."""
 PHONES: Json = {"basis": "phones", "camera": PHONE}
 PAPER: Json = {"basis": "gaussian", "gamma": 1.0}
 FOUR = [*BOTH, "LED-B3", "LED-B3"]
@@ -32,8 +32,8 @@ def cases(stage: str, rows: Callable[[], list[Row]]) -> Iterable[Json]:
     for name, comment, change in rows():
         taken = TAKEN | {key: change[key] for key in TAKEN.keys() & change.keys()}
         unnamed, rmse = change.get("unnamed", ()), change.get("rmse")
-        told: list[str] = change["told"] if "told" in change else taken["lamps"]
-        lamps = ["equal-energy" if j in unnamed else lamp for j, lamp in enumerate(told, 1)]
+        named: list[str] = change["named"] if "named" in change else taken["lamps"]
+        lamps = ["equal-energy" if j in unnamed else lamp for j, lamp in enumerate(named, 1)]
         inputs: Json = {
             "shots": change.get("shots") or frames(**taken),
             "reflectance": {"chart": "babelcolor", "patches": ALL},
@@ -47,7 +47,7 @@ def cases(stage: str, rows: Callable[[], list[Row]]) -> Iterable[Json]:
             "l2": None,
             "gamma": None,
             "nonnegative": None,
-        } | {key: value for key, value in change.items() if key not in (*TAKEN, "told", "rmse", "expect")}
+        } | {key: value for key, value in change.items() if key not in (*TAKEN, "named", "rmse", "expect")}
         truth = None if rmse is None else taken["camera"]
         yield case(f"{stage}/{name}", comment, inputs, expect=change.get("expect", "success"), truth=truth, rmse=rmse)
 
@@ -80,7 +80,7 @@ def calibrate_rows() -> list[Row]:
         ("clipped-in-both", "A patch that no shot can use is left out of the fit, and predicted.",
          {"shots": [clip(first, "chart", white), clip(second, "chart", white)], "lamps": BOTH, "rmse": 0.05}),
         ("families", "Two lamps known by their kind alone: predicted under the estimated lamps.",
-         families | {"lamps": ["D55", "LED-B3"], "told": ["daylight", "white-led"], "rmse": 0.08}),
+         families | {"lamps": ["D55", "LED-B3"], "named": ["daylight", "white-led"], "rmse": 0.08}),
         ("paper", "The paper's basis with a given γ; no band.", PAPER | {"rmse": 0.15}),
         ("auto-camera", "No basis told: the signals choose, and folds and rivals stand on that.",
          {"basis": "auto", "lamps": BOTH, "rmse": 0.05}),
@@ -90,9 +90,9 @@ def calibrate_rows() -> list[Row]:
         ("error-nothing-left", "γ = 1e9 on the paper's basis: no curve.",
          PAPER | {"gamma": 1e9, "expect": "not_converged"}),
         ("error-rival-of-four", "Of four shots one lamp is named wrongly: another lamp refuses it.",
-         {"lamps": FOUR, "told": [*FOUR[:3], "D55"], "expect": "lamp_unfit"}),
+         {"lamps": FOUR, "named": [*FOUR[:3], "D55"], "expect": "lamp_unfit"}),
         ("five-shots", "The same of five: rivals are not tried, the shots contradict each other.",
-         {"lamps": [*FOUR, "D55"], "told": [*FOUR[:3], "D55", "D55"]}),
+         {"lamps": [*FOUR, "D55"], "named": [*FOUR[:3], "D55", "D55"]}),
     ]  # fmt: skip
 
 
@@ -121,7 +121,7 @@ def matrix(made_for: str, tint: float) -> Json:
 
 
 def light_rows() -> list[Row]:
-    """Light that nobody named, which is told as equal energy; of a phone where no other camera is named."""
+    """Light that nobody named, which is given as equal energy; of a phone where no other camera is named."""
     base: Json = {"camera": PHONE, "noise": "usual", "basis": "auto", "make": "Apple", "unnamed": [1]}
     two: Json = {"lamps": BOTH, "unnamed": [1, 2]}
     called: Json = {"unnamed": []}
@@ -188,19 +188,19 @@ def light(call: Call) -> dict[str, Any]:
 
 def rivals_rows() -> list[Row]:
     """By how much each other lamp would fit better: the gains that rule 4 of the verdict uses."""
-    bulb = {"camera": PHONE, "lamps": ["A"], "told": ["D55"], "basis": "auto"}
+    bulb = {"camera": PHONE, "lamps": ["A"], "named": ["D55"], "basis": "auto"}
     return [
         ("right", "D55 under its own name: no lamp gains much.", {}),
-        ("wrong", "D55 named A: daylight gains most.", {"told": ["A"]}),
+        ("wrong", "D55 named A: daylight gains most.", {"named": ["A"]}),
         ("phone", "On the basis of phones, two shots, the second named wrongly.",
-         PHONES | {"lamps": ["D55", "LED-B3"], "told": BOTH}),
+         PHONES | {"lamps": ["D55", "LED-B3"], "named": BOTH}),
         ("auto", "A phone's bulb named daylight: possible for a camera, but not for a phone.",
          bulb | {"make": "samsung", "model": "SM-G991B"}),
         ("auto-no-maker", "The same of a file that does not say who made it.", bulb),
         ("no-white", "A wrong lamp without a white frame: gain modes stand beside every lamp.",
-         {"shots": [evenly()[0] | {"white": None}], "told": ["A"]}),
+         {"shots": [evenly()[0] | {"white": None}], "named": ["A"]}),
         ("kind", "Told by its kind alone: a rival has no modes.",
-         {"told": ["daylight"], "lamp_modes": {"modes": ["daylight"]}}),
+         {"named": ["daylight"], "lamp_modes": {"modes": ["daylight"]}}),
     ]  # fmt: skip
 
 

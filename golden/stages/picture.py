@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from camssf.photo.read.dng import Mosaic
 from camssf_colour.picture import standard_picture, white_of_region
 from camssf_colour.regions import measure_regions
 from golden import contract
@@ -49,11 +50,15 @@ def cases() -> Iterator[Json]:
         yield contract.case(f"picture/{name}", comment, BASE | change, expect=expect)
 
 
+def photos_of(given: dict[str, Any]) -> tuple[Mosaic, Mosaic | None]:
+    """The photo of a case, and its dark frame, if it has one."""
+    return read_photo(given["photo"]), None if given["dark"] is None else read_photo(given["dark"])
+
+
 def run(call: Call) -> dict[str, Any]:
     """Part of the picture and of its uncertainty: `area` is x, y, width, height, all even; the whole if null."""
     given = call.given
-    photo, dark = (None if given[role] is None else read_photo(given[role]) for role in ("photo", "dark"))
-    assert photo is not None
+    photo, dark = photos_of(given)
     white = None
     if given["white"] is not None:
         (region,) = measure_regions(photo, [given["white"]], dark=dark, lens_shading=given["shading"])
@@ -90,12 +95,8 @@ REGIONS: list[tuple[str, str, Json, str]] = [
     ("error-outside", "It leaves the photo.", {"areas": [[-1, 20, 20, 20]]}, WRONG),
     ("error-empty", "No width.", {"areas": [[20, 20, 0, 20]]}, WRONG),
     ("error-small", "Too few samples.", {"areas": [[20, 20, 6, 6]]}, WRONG),
-    (
-        "error-clipped",
-        "At the ceiling.",
-        {"photo": "patches-clipped.dng", "areas": [[20, 92, 20, 20]]},
-        "overexposed",
-    ),
+    ("error-clipped", "At the ceiling.",
+     {"photo": "patches-clipped.dng", "areas": [[20, 92, 20, 20]]}, "overexposed"),
 ]  # fmt: skip
 """Name, comment, what is unlike the base case, and the outcome."""
 
@@ -109,8 +110,7 @@ def region_cases() -> Iterator[Json]:
 def measure(call: Call) -> dict[str, Any]:
     """The stage `regions`: the rectangles' raw signals and their errors."""
     given = call.given
-    photo, dark = (None if given[role] is None else read_photo(given[role]) for role in ("photo", "dark"))
-    assert photo is not None
+    photo, dark = photos_of(given)
     regions = measure_regions(photo, given["areas"], dark=dark, lens_shading=given["lens_shading"])
     return {"raw": np.stack([one.raw for one in regions]), "standard_error": np.stack([one.error for one in regions])}
 

@@ -50,6 +50,8 @@ def test_the_manifest_names_every_file() -> None:
     roles = {"mosaic": ("dng",), "pose": ("dng",), "patches": ("photo", "white", "dark"), "finder": ("dng",)}
     used = {case["inputs"].get(role) for case in CASES.values() for role in roles.get(case["stage"], ())}
     assert used - {None} == set(photos)
+    truths = [case["truth"]["ssf"] for case in CASES.values() if case["truth"]]
+    assert {form["camera"] for form in truths if "camera" in form} == set(forms.spectra("cameras")["values"])
 
 
 @pytest.mark.repository
