@@ -11,11 +11,14 @@ import importlib.util
 import os
 import re
 import shutil
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
 import pytest
 import typer.main
+
+from tests.support.browser import NAMES, Browser
 
 # Small matrices: on a busy machine several threads only wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -44,7 +47,7 @@ COMMANDS = {
     "strace": ("strace",),
     "exiftool": ("exiftool",),
     "rawtherapee": ("rawtherapee-cli",),
-    "chromium": ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable"),
+    "chromium": NAMES,
 }
 """Required tools that are programs, by any of these names; others are files or Python packages."""
 FILES = {"axe": "CAMSSF_AXE", "spectacle": "CAMSSF_SPECTACLE"}
@@ -112,3 +115,11 @@ def pytest_sessionfinish(session: pytest.Session) -> object:
             reporter.write_line(f"\nERROR: {where} skipped, but {', '.join(tools)} is required: {reason}", red=True)
             session.exitstatus = pytest.ExitCode.TESTS_FAILED
     return (yield)
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    """One for all tests of a file; each opens a tab of its own."""
+    running = Browser(tmp_path_factory.mktemp("browser") / "profile")
+    yield running
+    running.close()

@@ -22,6 +22,7 @@ from camssf.result import Result
 from camssf_app.orders import ORDERS, CalibrateOrder
 from camssf_app.tasks import TASKS, perform
 from tests.spectra.test_layouts import photographed, write_card
+from tests.support.axe import faults, serious_faults
 from tests.support.browser import Browser
 from tests.support.captures import photos
 
@@ -570,18 +571,11 @@ def test_bad_files_a_cancelled_task_a_refusal_and_a_second_tab(
 @pytest.mark.full
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_axe_finds_no_serious_fault_in_the_app(browser: Browser, scheme: str) -> None:
-    path = os.environ.get("CAMSSF_AXE", "")
-    if not Path(path).is_file():
-        pytest.skip("no axe-core on this machine (CAMSSF_AXE names no file): accessibility is not judged by axe")
-    browser.do("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
     browser.drop("#drop", chart())
     browser.wait("document.querySelector('.card')")
     browser.js("for (const each of document.querySelectorAll('[hidden]')) each.hidden = false")
     browser.js("document.querySelector('details').open = true")
     browser.js("for (const each of document.querySelectorAll('.problem')) each.textContent = 'A problem.'")
-    browser.js(Path(path).read_text("utf-8") + "; 0")
-    judge = "axe.run(document, {resultTypes: ['violations'], iframes: false}).then(r => r.violations.map(v => %s))"
-    faults = browser.js(judge % "[v.id, v.impact, v.nodes.map(n => n.html.slice(0, 90))]")
-    assert [fault for fault in faults if fault[1] in ("serious", "critical")] == []
+    assert serious_faults(browser, scheme) == []
     browser.js("document.querySelector('#drop').replaceWith(document.querySelector('#files'))")  # it can find one
-    assert "label" in [each[0] for each in browser.js(judge % "[v.id]")]
+    assert "label" in [each[0] for each in faults(browser, scheme)]

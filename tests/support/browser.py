@@ -14,7 +14,7 @@ import pytest
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 FLAGS = (
     "headless no-sandbox disable-gpu disable-quic no-first-run disable-background-networking disable-sync "
-    "disable-component-update remote-debugging-pipe window-size=1280,1000"
+    "disable-component-update hide-scrollbars remote-debugging-pipe window-size=1280,1000"
 )
 BEGIN = """
 import fcntl, os, sys
@@ -76,6 +76,7 @@ class Browser:
         for domain in ("Page", "Runtime", "DOM", "Log", "Network"):
             self.do(f"{domain}.enable")
         self.do("Page.navigate", url=address)
+        self.wait("location.href != 'about:blank' && document.readyState == 'complete'")
         return target
 
     def js(self, expression: str) -> Any:

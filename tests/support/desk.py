@@ -8,7 +8,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -36,12 +36,15 @@ def template(refusal: bool) -> dict[str, Any]:
     return dict(whole)
 
 
-def stub(job: Job, folder: Path) -> Outcome:
-    """In place of the calibration: one document, whose camera is the photo's text, or what the text says."""
+def stub(job: Job, folder: Path, names: tuple[str, ...] = ("result.json",)) -> Outcome:
+    """In place of the calibration: one document, whose camera is the photo's text, or what the text says.
+
+    names: the files that hold the document.
+    """
     photo = Path(job.photos[0])
     text = photo.read_text()
     with open(photo.parent / "visits", "a") as file:
-        file.write(f"{job.name}\n")
+        file.write(f"{job.name} {os.getpid()}\n")
     if text == "dies":
         os.kill(os.getpid(), signal.SIGKILL)
     if text == "bug":
@@ -51,41 +54,16 @@ def stub(job: Job, folder: Path) -> Outcome:
     whole = json.loads(json.dumps(template(text == "refused")))
     (whole["capture"].get("unfinished") or whole["capture"]["shots"][0])["photo"]["model"] = text
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "result.json").write_text(json.dumps(whole), "utf-8")
-    return Outcome(job.name, whole["verdict"]["status"])
-
-
-def pages_stub(job: Job, folder: Path) -> Outcome:
-    """As `stub` for a batch without a registry, whose results have four files each; a visit tells its process."""
-    text = Path(job.photos[0]).read_text()
-    if text == "dies":
-        os.kill(os.getpid(), signal.SIGKILL)
-    if text == "bug":
-        raise RuntimeError("two\nlines")
-    if text == "refused":
-        return Outcome(job.name, "refused", "overexposed", "Too bright.")
-    folder.mkdir(parents=True, exist_ok=True)
-    if text == "refused with evidence":
-        (folder / "result.json").write_text('{"verdict": {"status": "refused"}}')
-        (folder / "ssf.csv").unlink(missing_ok=True)
-        return Outcome(job.name, "refused", "overexposed", "Too bright.")
-    for name in NAMES:
-        (folder / name).write_text('{"verdict": {"status": "accepted"}}')
+    for name in names:
+        (folder / name).write_text(json.dumps(whole), "utf-8")
     if text == "dies late":
         os.kill(os.getpid(), signal.SIGKILL)
-    with open(folder / "visits", "a") as file:
-        file.write(f"{os.getpid()} {os.environ.get('OMP_NUM_THREADS')} {text}\n")
-    return Outcome(job.name, "accepted")
+    return Outcome(job.name, whole["verdict"]["status"], whole["verdict"]["reasons"][0]["code"])
 
 
-def slow(job: Job, folder: Path) -> Outcome:
+def slow(job: Job, folder: Path, **more: Any) -> Outcome:
     time.sleep(0.4)
-    return stub(job, folder)
-
-
-def slow_pages(job: Job, folder: Path) -> Outcome:
-    time.sleep(0.7)
-    return pages_stub(job, folder)
+    return stub(job, folder, **more)
 
 
 def until(holds: Callable[[], object], seconds: float = 120.0) -> None:
@@ -134,8 +112,9 @@ class Desk:
         return self._run(registry, processes, {"work": stub, **more})
 
     def run_pages(self, *, processes: bool = False, **more: Any) -> tuple[Outcome, ...]:
-        """Without a registry."""
-        return self._run(None, processes, {"work": pages_stub, **more}).outcomes
+        """Without a registry, where a result has several files."""
+        work = partial(more.pop("work", stub), names=NAMES)
+        return self._run(None, processes, {"work": work, **more}).outcomes
 
     def _run(self, registry: Registry | None, processes: bool, more: dict[str, Any]) -> Summary:
         manifest = Manifest(self.home / more.pop("manifest", "manifest.csv"), **more.pop("options", {}))
@@ -162,5 +141,12 @@ class Desk:
 
     def visits(self) -> Counter[str]:
         """How often each job was begun with `stub`."""
+        return Counter(name for name, _ in self._begun())
+
+    def workers(self) -> set[int]:
+        """The processes that began jobs."""
+        return {int(process) for _, process in self._begun()}
+
+    def _begun(self) -> list[list[str]]:
         file = self.home / "visits"
-        return Counter(file.read_text().split()) if file.exists() else Counter()
+        return [line.split() for line in file.read_text().splitlines()] if file.exists() else []
