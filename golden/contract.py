@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+import json
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
 
-from golden.forms import Json
+from golden.forms import ROOT, Json
 from golden.linear_model import LinearModel
 
 LARGEST_GAP = 1e-9
@@ -37,9 +38,9 @@ class Stage:
     Attributes:
         name: its folder under cases/.
         requires: the capabilities that a runner needs.
-        cases: all cases before they are run.
         run: the outputs of a case by the reference or the model.
         inputs, optional: keys of the inputs, and those that a case may leave out.
+        cases: all cases before they are run; None: those that are stored, as `told` says.
         limits: against the stored outputs, or all limits of a complete case from it and what `case` said of it.
         outputs: stored outputs beyond those of `limits`.
         arrays: inputs that `resolve` makes arrays of; None for all but PLAIN.
@@ -49,15 +50,19 @@ class Stage:
 
     name: str
     requires: str
-    cases: Callable[[], Iterable[Json]]
     run: Callable[[Call], dict[str, Any]]
     inputs: frozenset[str]
     limits: Limits | Callable[[Json, Json], list[Json]]
+    cases: Callable[[], Iterable[Json]] | None = None
     optional: frozenset[str] = frozenset()
     outputs: frozenset[str] = frozenset()
     arrays: frozenset[str] | None = None
     rounded: frozenset[str] = words("ssf ssf_std code_covariance")
     problem: Callable[[dict[str, Any]], LinearModel] | None = None
+
+    def scenes(self) -> Iterable[Json]:
+        """All cases before they are run."""
+        return told(self.name) if self.cases is None else self.cases()
 
     def stored_outputs(self) -> list[str]:
         """The outputs that a case stores."""
@@ -79,7 +84,6 @@ def case(
     expect: str = "success",
     truth: Json | None = None,
     rmse: float | None = None,
-    files: dict[str, bytes] | None = None,
     outputs: Json | None = None,
 ) -> Json:
     """A case before it is run.
@@ -90,13 +94,22 @@ def case(
         inputs: in the forms of format.md.
         expect: "success" or an error code.
         truth: the true camera; `rmse` bounds the error of the curves.
-        files: photos by their path in golden/.
         outputs: those that the author knows; what is found must agree.
     """
     return {
         "case": name, "comment": comment, "inputs": inputs, "expect": expect, "truth": truth, "rmse": rmse,
-        "files": files or {}, "outputs": outputs,
+        "outputs": outputs,
     }  # fmt: skip
+
+
+def told(stage: str, *, outputs: bool = False) -> Iterator[Json]:
+    """The cases of a stage that are written by hand: `comment`, `expect`, `inputs`, and maybe `outputs`."""
+    for path in sorted((ROOT / "cases" / stage).glob("*.json")):
+        known = json.loads(path.read_bytes())
+        yield case(
+            f"{stage}/{path.stem}", known["comment"], known["inputs"], expect=known["expect"],
+            outputs=known.get("outputs") if outputs else None,
+        )  # fmt: skip
 
 
 def limit(value: str, against: str, metric: str, bound: float, *requires: str) -> Json:

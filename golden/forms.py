@@ -16,7 +16,7 @@ from camssf.recovery.basis import interpolate
 Json: TypeAlias = dict[str, Any]
 ROOT = Path(__file__).parent
 PENDING: dict[str, bytes] = {}
-"""Files that the generator has made but not yet written; it writes only after all checks have passed."""
+"""Cases that the generator has made but not yet written; it writes only after all checks have passed."""
 
 
 class GoldenError(ValueError):
@@ -38,11 +38,6 @@ def parsed(text: bytes) -> Json:
     """A file of JSON."""
     parsed: Json = json.loads(text)
     return parsed
-
-
-def dng(name: str) -> bytes:
-    """The bytes of golden/dng/<name>, from the generator's memory or from the file."""
-    return content(f"dng/{name}")
 
 
 def content(name: str) -> bytes:

@@ -66,7 +66,7 @@ def main(arguments: list[str] | None = None) -> int:
         return 1
     finally:
         forms.PENDING.clear()
-    known = [path for kind in ("cases/*/*.json", "dng/*", "manifest.json") for path in ROOT.glob(kind)]
+    known = [path for kind in ("cases/*/*.json", "manifest.json") for path in ROOT.glob(kind)]
     stored = {path.relative_to(ROOT).as_posix(): path.read_bytes() for path in known}
     changed = sorted(name for name in stored.keys() | made.keys() if stored.get(name) != made.get(name))
     for name in changed:
@@ -94,13 +94,8 @@ def _change(stored: bytes | None, made: bytes | None) -> str:
 
 
 def _scenes() -> dict[str, Json]:
-    """Every case before it is run, by its name; the photos that cases name are pending then, stored or made."""
-    scenes = [scene for stage in STAGES.values() for scene in stage.cases()]
-    for scene in scenes:
-        forms.PENDING.update(scene["files"])
-        for value in scene["inputs"].values():
-            if isinstance(value, str) and value.endswith(".dng") and f"dng/{value}" not in forms.PENDING:
-                forms.PENDING[f"dng/{value}"] = (ROOT / "dng" / value).read_bytes()
+    """Every case before it is run, by its name."""
+    scenes = [scene for stage in STAGES.values() for scene in stage.scenes()]
     if twice := [name for name, count in Counter(scene["case"] for scene in scenes).items() if count > 1]:
         raise GoldenError(f"two cases share a name: {twice}")
     return {scene["case"]: scene for scene in scenes}
@@ -117,15 +112,16 @@ def _files(scenes: dict[str, Json]) -> dict[str, bytes]:
             faults.append(str(error))
     if faults:
         raise GoldenError("\n".join(faults))
-    hashes = {name: digest(content) for name, content in sorted(forms.PENDING.items())}
-    spectra = {f"spectra/{path.name}": digest(path.read_bytes()) for path in sorted((ROOT / "spectra").iterdir())}
+    given = {
+        kind: {f"{kind}/{path.name}": digest(path.read_bytes()) for path in sorted((ROOT / kind).iterdir())}
+        for kind in ("spectra", "dng")
+    }
     manifest = {
         "format": FORMAT,
         "count": len(scenes),
         "generator": generator_digest(),
-        "spectra": spectra,
-        "dng": {name: known for name, known in hashes.items() if name.startswith("dng/")},
-        "cases": {name: hashes[f"cases/{name}.json"] for name in sorted(scenes)},
+        **given,
+        "cases": {name: digest(forms.PENDING[f"cases/{name}.json"]) for name in sorted(scenes)},
     }
     text = json.dumps(manifest, indent=1, ensure_ascii=False) + "\n"
     return forms.PENDING | {"manifest.json": text.encode()}

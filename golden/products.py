@@ -37,7 +37,7 @@ from camssf.spectra.lights import unnamed_light
 from camssf.verdict.reasons import Verdict
 from golden.compare import optimality
 from golden.contract import Call, words
-from golden.forms import Json, dng, resolve
+from golden.forms import ROOT, Json, resolve
 from golden.linear_model import LinearModel, linear_model
 
 ROWS = words("basis reflectance chart_tolerance white_reflectance white_tolerance lamp lamp_tolerance lamp_modes")
@@ -259,29 +259,7 @@ def _frame(frame: Json | None) -> FrameMeans | None:
 
 def read_photo(name: str) -> Mosaic:
     """A photo of golden/dng."""
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / name
-        path.write_bytes(dng(name))
-        return read_dng(path)
-
-
-CARD: Json = {
-    "format": "camssf-layout/1", "name": "garden card", "columns": 7, "rows": 5, "patch": 8, "gap": 2,
-    "white": "p19", "fiducials": [[-10, -10], [78, -10], [78, 58], [-10, 58]],
-}  # fmt: skip
-"""A layout of the user's own."""
-
-
-def own_card() -> Json:
-    """The inputs `layout` and `csv`: CARD and a table of mixtures of the 24 colours, four decimals."""
-    nodes = np.arange(400, 701, 20)
-    known = read_chart("classic24").values[:, 2 * (nodes - 380)]
-    lines = ["patch," + ",".join(str(node) for node in nodes)]
-    for i in range(CARD["columns"] * CARD["rows"]):
-        share = (37 * i) % 100 / 100
-        mixed = (1 - share) * known[i % 24] + share * known[(7 * i + 5) % 24]
-        lines.append(f"p{i + 1}," + ",".join(f"{value:.4f}" for value in mixed))
-    return {"layout": CARD, "csv": "\n".join(lines) + "\n"}
+    return read_dng(ROOT / "dng" / name)
 
 
 def read_card(card: Json) -> ChartTable:

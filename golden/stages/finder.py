@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from math import isqrt
 from typing import Any
 
@@ -14,39 +13,12 @@ from camssf.photo.find.chart_colours import ChartColours
 from camssf.photo.find.picture import SearchImage, codes_of_bytes, codes_of_light, codes_of_mosaic, rgb_of_yuv
 from camssf.photo.find.search import own_kind, plain_signals
 from camssf.photo.read.dng import Mosaic
-from golden.contract import Call, Stage, case, words
+from golden.contract import Call, Stage, words
 from golden.forms import Json
-from golden.products import own_card, read_card, read_photo
-from golden.views import BLACK
+from golden.products import read_card, read_photo
 
-FORMS = ("mosaic", "light", "rgb", "luma", "yuv")
-"""Forms to which the photo is converted before the search (format.md)."""
-
-
-def rows() -> list[tuple[str, str, str, Json]]:
-    """Name, comment, photo, and what is unlike the base case: one of FORMS, or a chart of the user's own."""
-    return [
-        *((f"form-{form}", f"An upright chart, searched as {form}.", "chart-turned-0", {"form": form})
-          for form in FORMS),
-        *((f"turned-{n}", f"The chart turned by {90 * n}° clockwise.", f"chart-turned-{n}", {})
-          for n in (1, 2, 3)),
-        ("mirrored", "A mirrored chart.", "chart-mirrored", {}),
-        ("tilted", "Turned and tilted.", "finder-tilted", {}),
-        ("two", "Two charts: the first in the list agrees best.", "finder-two", {}),
-        ("semi-gloss", "140 patches, the classic 24 among them.", "finder-sg140", {}),
-        ("clutter", "Between keys and tiles.", "finder-clutter", {}),
-        ("none", "Keys and tiles alone.", "finder-none", {}),
-        ("own-layout", "A chart of the user's own layout and table.", "finder-card", own_card()),
-        ("error-small", "28 × 20 cells.", "chart-small", {"expect": "invalid_argument"}),
-    ]  # fmt: skip
-
-
-def cases() -> Iterator[Json]:
-    """All cases."""
-    for name, comment, photo, change in rows():
-        own = {key: value for key, value in change.items() if key != "expect"}
-        inputs = {"dng": f"{photo}.dng", "form": "mosaic"} | own
-        yield case(f"finder/{name}", comment, inputs, expect=change.get("expect", "success"))
+BLACK = 256
+"""Black level of the photos, DN."""
 
 
 def card_kind(card: Json) -> ChartColours:
@@ -103,7 +75,6 @@ def _searched(photo: Mosaic, form: str) -> SearchImage:
 STAGE = Stage(
     name="finder",
     requires="finder",
-    cases=cases,
     run=run,
     inputs=words("dng form"),
     optional=words("layout csv"),

@@ -17,13 +17,14 @@ from camssf.recovery.onnx_model import SHIPPED, load_model
 from camssf.recovery.rows import anchor
 from camssf.spectra import read_chart, read_lamp
 from camssf_lab.learning.training import read_curves
-from golden import compare, forms, generate, reading, views
+from golden import compare, forms, generate, reading
 from golden.forms import ROOT, GoldenError, resolve
 from golden.products import build_rows, raw_signals
 from golden.reading import check, paths, read_case
 from golden.running import Finding, by_model, findings, judge, run
 from golden.scenes import scene
 from golden.stages import STAGES
+from tests.golden import views
 from tests.support.long_cases import LONG
 from tests.support.problems import CURVES
 
@@ -264,8 +265,7 @@ def test_poses_are_where_the_chart_was_drawn(name: str) -> None:
 
 def test_gain_maps_are_applied_where_they_lie() -> None:
     applied, stored = (CASES[f"patches/shading-{word}"]["outputs"] for word in ("applied", "stored"))
-    above = np.array(stored["chart_mean"]) - views.BLACK
-    gain = (np.array(applied["chart_mean"]) - views.BLACK) / above
+    gain = (np.array(applied["chart_mean"]) - 256) / (np.array(stored["chart_mean"]) - 256)  # the black level
     # the map of the red positions: 1 + (3 i + 2 j) / 32, i and j linear in the place of the patch's centre
     centres = views.turned(24, 0).quads().mean(axis=1) + 0.5
     width, height = views.turned(24, 0).size

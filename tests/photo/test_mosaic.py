@@ -18,10 +18,9 @@ from camssf.photo.find.pose import find_chart
 from camssf.photo.read.dng import Mosaic, read_dng
 from camssf.photo.read.pieces import MAX_SAMPLES
 from camssf_lab.simulation.scene import Scene
-from golden.dngs import BAD_PIXELS, DEFLATE, GAIN_MAP, JPEG, LONG, RATIONAL, SHORT, SRATIONAL, Dng, Tags, opcode_list
 from golden.forms import ROOT
-from golden.stages.mosaic import chaos, slope
 from tests.support import scenes
+from tests.support.dngs import BAD_PIXELS, DEFLATE, GAIN_MAP, LONG, RATIONAL, SHORT, SRATIONAL, Dng, Tags, opcode_list
 from tests.support.processes import SEARCH
 
 pytestmark = pytest.mark.requirement("R-SAMPLES")
@@ -140,8 +139,9 @@ def test_a_small_file_asks_for_little_memory(tmp_path: Path, name: str) -> None:
     if name == "one tile for all":
         count = 1600
         tags: Tags = {256: (LONG, [256 * 40]), 257: (LONG, [256 * 40])}
+        tags |= {322: (LONG, [256]), 323: (LONG, [256])} | dict.fromkeys((273, 278, 279))
         tags |= {324: (LONG, [8] * count), 325: (LONG, [2 * 256 * 256] * count)}
-        content, words = Dng(noise(256, 256), tile=(256, 256), tags=tags).encode(), "overlap"
+        content, words = Dng(noise(256, 256), tags=tags).encode(), "overlap"
     else:
         content, words = (ROOT / "dng" / "error-jpeg-claim.dng").read_bytes(), "too short"
     path = write(tmp_path, content)
@@ -184,7 +184,7 @@ def test_real_files_cut_short(tmp_path: Path, name: str, cut: float) -> None:
 def test_truncated_anywhere(tmp_path: Path) -> None:
     area = {50829: (LONG, [4, 6, 60, 90]), 50713: (SHORT, [2, 2]), 50714: (SHORT, [10, 20, 30, 40])}
     rich = area | {51009: opcode_list(GAIN_MAP, BAD_PIXELS), 50712: (SHORT, list(range(512)))}
-    content = Dng(noise(), order=">", place="sub", tags=rich, exif={33434: (RATIONAL, [1, 50])}).encode()
+    content = Dng(noise(), order=">", sub=True, tags=rich, exif={33434: (RATIONAL, [1, 50])}).encode()
     lengths = {*range(40), *range(len(content) - 400, len(content)), *range(40, len(content), 97)}
     whole = read_dng(write(tmp_path, content))
     for length in sorted(lengths):
@@ -247,8 +247,8 @@ def read_whole(folder: Path, dng: Dng, **how: Any) -> Mosaic:
 
 def test_dense_rows_before_other_data_are_not_padded(tmp_path: Path) -> None:
     """The count of 12-bit samples as if they had 16, and as many bytes behind them: LibRaw reads the same."""
-    samples = slope(12, 120, 160)
-    padded = np.vstack([samples, chaos(12, 40, 160)])
+    samples = noise(120, 160, bits=12)
+    padded = np.vstack([samples, noise(40, 160, bits=12, seed=1)])
     dng = Dng(padded, bits=12, tags={257: (LONG, [120]), 278: (LONG, [120]), 279: (LONG, [120 * 160 * 2])})
     np.testing.assert_array_equal(read_whole(tmp_path, dng).samples, samples)
     with rawpy.imread(str(tmp_path / "photo.dng")) as raw:
@@ -299,7 +299,7 @@ def test_the_memory_of_the_largest_photo(tmp_path: Path) -> None:
 def matrices(folder: Path, matrix: list[int], light: int | None, neutral: list[int] | None) -> Mosaic:
     values = [part for value in matrix for part in (value, 10_000)]
     first: Tags = {50721: (SRATIONAL, values), 50728: None if neutral is None else (RATIONAL, neutral)}
-    return read_whole(folder, Dng(chaos(16), first=first | {50778: None if light is None else (SHORT, [light])}))
+    return read_whole(folder, Dng(noise(), first=first | {50778: None if light is None else (SHORT, [light])}))
 
 
 @pytest.mark.parametrize("neutral", [NEUTRAL, [1, 1] * 3, None])
@@ -341,33 +341,28 @@ def test_a_matrix_of_a_light_without_a_spectrum_is_left_out(tmp_path: Path, code
     assert f"made for light source {code or 0}, whose spectrum" in found.matrices_left_out
 
 
-def halves(damage: slice | None = None, compression: int = JPEG) -> bytes:
-    """Two tiles side by side; the bytes of the second are damaged."""
-    dng = Dng(slope(12), bits=12, compression=compression, tile=(40, 28))
-    content, first = dng.encode(), len(dng.pieces()[0])
-    if damage is None:
-        return content
-    return content[: 8 + first + 60] + b"\xfe" * 8 + content[8 + first + 68 :]
-
-
 def test_damage_outside_the_part_that_is_asked_for(tmp_path: Path) -> None:
-    path, samples = tmp_path / "photo.dng", slope(12)
-    path.write_bytes(halves(slice(0)))
+    """Tiles of 16 × 24; the second of the first row is damaged."""
+    sound = ROOT / "dng" / "jpeg-tiles.dng"
+    samples = read_dng(sound).samples
+    with tifffile.TiffFile(sound) as tiff:
+        at = tiff.pages[0].dataoffsets[1] + 60
+    content = sound.read_bytes()
+    path = write(tmp_path, content[:at] + b"\xfe" * 8 + content[at + 8 :])
     with pytest.raises(UnreadableRaw):
         read_dng(path)
-    part = (4, 2, 30, 26)
+    part = (4, 2, 30, 22)
     found = read_dng(path, part).samples
-    np.testing.assert_array_equal(found[4:30, 2:26], samples[4:30, 2:26])
-    assert found.sum() == samples[4:30, 2:26].sum()
+    np.testing.assert_array_equal(found[4:30, 2:22], samples[4:30, 2:22])
+    assert found.sum() == samples[4:30, 2:22].sum()
     rest = read_dng(path, part, rest=True).samples
-    np.testing.assert_array_equal(rest[:, :28], samples[:, :28])
-    assert not rest[:, 28:].any()
+    lost = np.zeros(samples.shape, bool)
+    lost[:16, 24:48] = True
+    np.testing.assert_array_equal(rest, np.where(lost, 0, samples))
     with pytest.raises(UnreadableRaw):
-        read_dng(path, (4, 2, 30, 29), rest=True)
-    path.write_bytes(halves())
-    np.testing.assert_array_equal(read_dng(path, part, rest=True).samples, samples)
-    whole = read_dng(path, (-9, -9, 999, 999)).samples
-    np.testing.assert_array_equal(whole, samples)
+        read_dng(path, (4, 2, 30, 25), rest=True)
+    np.testing.assert_array_equal(read_dng(sound, part, rest=True).samples, samples)
+    np.testing.assert_array_equal(read_dng(sound, (-9, -9, 999, 999)).samples, samples)
 
 
 def test_wrong_colour_filters_are_named_with_corners_by_hand_too() -> None:

@@ -16,8 +16,8 @@ from camssf.photo.read.dng import CFA_ORDERS, Mosaic, read_dng, shading
 from camssf.photo.signals import Signals, normalise
 from camssf_lab.simulation.camera import Sensor
 from camssf_lab.simulation.scene import Scene
-from golden.dngs import RATIONAL, SHORT, Dng, gain_map, opcode_list
 from tests.support.captures import photos
+from tests.support.dngs import RATIONAL, SHORT, Dng, gain_map, opcode_list
 from tests.support.scenes import SIZE, mosaic, shoot, table
 
 SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])

@@ -1,4 +1,4 @@
-"""Where the charts lie in the photos of golden/dng: stages `pose` and `patches`.
+"""Where the charts lie in the photos of golden/dng.
 
 The photos are stored inputs. They were drawn with integer arithmetic: each pixel is the mean of 4 × 4 points, patches
 of BabelColor's table are uniform, gaps and surround dark, and a formula of the position replaces noise.
@@ -7,14 +7,10 @@ of BabelColor's table are uniform, gaps and surround dark, and a formula of the 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from camssf.grid import Floats
-
-BLACK = 256
-"""Black level of the photos, DN."""
 
 
 @dataclass(frozen=True)
@@ -69,9 +65,3 @@ def turned(pitch: int, turns: int, margin: int = 30) -> View:
 
 
 TILTED = View((224, 184), (-50 * 8 * 940, 940, 342), (-9 * 8 * 940, -342, 940), (24 * 8 * 1000, 11, 17))
-
-
-def rounded(points: Floats, places: int = 2) -> list[Any]:
-    """Points as plain numbers."""
-    found: list[Any] = (np.round(points, places) + 0.0).tolist()
-    return found
