@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
 from camssf.documents.document import Document
@@ -46,7 +47,7 @@ TABLES: dict[str, dict[str, Callable[[], str]]] = {
     "registry.md": {"camssf_fleet.records": lambda: fields(Row)},
     "paper.md": {"benchmarks paper": lambda: results.markdown("paper")},
     "real.md": {"benchmarks real": lambda: results.markdown("real")},
-    "soup.md": {"tools.soup: python": soup.python_table, "tools.soup: kotlin": soup.kotlin_table},
+    "soup.md": {f"tools.soup: {language}": partial(soup.table, language) for language in soup.LANGUAGES},
     "tables.md": {"data/lamp-names.json": lamp_names},
     "traceability.md": {"tools.trace": trace.table},
     "verdict.md": {

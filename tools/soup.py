@@ -12,47 +12,38 @@ import re
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeAlias
 
-from tools.closure import UNSTATED, closure
 from tools.pages import markdown_table
+from tools.sbom import UNSTATED, Found, closure
 
 ROOT = Path(__file__).parents[1]
 KNOWN = Path(__file__).parent / "soup.json"
-HEAD = ("package", "version", "licence", "purpose; known faults")
 INDIRECT = "others"
 """The purpose of what only other dependencies need."""
 NOT_BUILT = "This site was built without the SBOMs that `mvn -f android-bindings verify` writes."
-Found: TypeAlias = Mapping[str, tuple[str, str]]
-"""Version and licence by name."""
 
 
-def python_found() -> Found:
-    """Python's dependencies in this environment."""
-    return {each.name: (each.version, each.licence) for each in closure()}
-
-
-def kotlin_found(folder: Path = ROOT / "android-bindings") -> Found:
+def kotlin_found() -> Found:
     """Kotlin's dependencies from the SBOMs of the shipped artifacts; empty if there are none."""
     found: dict[str, tuple[str, str]] = {}
-    for path in sorted((folder / "packaging" / "target" / "repository").glob("**/*-cyclonedx.json")):
+    for path in sorted((ROOT / "android-bindings/packaging/target/repository").glob("**/*-cyclonedx.json")):
         for each in json.loads(path.read_text("utf-8"))["components"]:
             if each.get("group") != "org.camssf" and each["name"] != "android-all":
-                found[f"{each['group']}:{each['name']}"] = (each["version"], _licence(each))
+                licences = [
+                    str(one.get("expression") or one["license"].get("id") or one["license"]["name"])
+                    for one in each.get("licenses", [])
+                ]
+                found[f"{each['group']}:{each['name']}"] = (each["version"], " OR ".join(licences) or UNSTATED)
     return dict(sorted(found.items()))
+
+
+LANGUAGES = {"python": closure, "kotlin": kotlin_found}
+"""What finds the dependencies: Python's in this environment."""
 
 
 def read_known() -> dict[str, dict[str, dict[str, str]]]:
     """The entries of tools/soup.json: by language, then by the dependency's name."""
     return dict(json.loads(KNOWN.read_text("utf-8")))
-
-
-def _licence(component: Mapping[str, Any]) -> str:
-    said = [
-        str(each.get("expression") or each["license"].get("id") or each["license"]["name"])
-        for each in component.get("licenses", [])
-    ]
-    return " OR ".join(said) or UNSTATED
 
 
 def faults(found: Found, known: Mapping[str, Mapping[str, str]]) -> list[str]:
@@ -67,37 +58,29 @@ def faults(found: Found, known: Mapping[str, Mapping[str, str]]) -> list[str]:
     return missing + licences + superfluous
 
 
-def table(found: Found, known: Mapping[str, Mapping[str, str]]) -> str:
+def table(language: str) -> str:
     """The table, then what only others need; bundled software is listed with the licence."""
+    found, known = LANGUAGES[language](), read_known()[language]
+    if not found:
+        return NOT_BUILT
     rows, others = [], []
     for name, (version, licence) in found.items():
-        versions = known.get(name, {})
-        if versions.get("for") == INDIRECT:
+        entry = {"for": "", "known": "none"} | known.get(name, {})
+        if entry["for"] == INDIRECT:
             others.append(f"{name} {version} ({licence})")
             continue
-        whole = licence + (f"; bundles {versions['bundles']}" if "bundles" in versions else "")
-        fault = versions.get("known", "none")
-        fault = "" if fault == "none" else f"; **known:** {fault}"
-        rows.append((name, version, whole, f"{versions.get('for', '')}{fault}"))
-    return f"{markdown_table(HEAD, rows)}\n\nNeeded only by these: {', '.join(others)}."
-
-
-def python_table() -> str:
-    """The table of Python's dependencies in this environment."""
-    return table(python_found(), read_known()["python"])
-
-
-def kotlin_table() -> str:
-    """The table of Kotlin's dependencies, or what to do where the artifacts are not built."""
-    found = kotlin_found()
-    return table(found, read_known()["kotlin"]) if found else NOT_BUILT
+        whole = licence + (f"; bundles {entry['bundles']}" if "bundles" in entry else "")
+        fault = "" if entry["known"] == "none" else f"; **known:** {entry['known']}"
+        rows.append((name, version, whole, entry["for"] + fault))
+    head = ("package", "version", "licence", "purpose; known faults")
+    return f"{markdown_table(head, rows)}\n\nNeeded only by these: {', '.join(others)}."
 
 
 def main() -> int:
     """Compare tools/soup.json with what is installed and built; returns 1 if there are faults."""
     known, wrong, counts = read_known(), [], []
-    for language, found in (("python", python_found()), ("kotlin", kotlin_found())):
-        if found:
+    for language, find in LANGUAGES.items():
+        if found := find():
             wrong += faults(found, known[language])
         counts.append(f"{len(found)} of {language}" if found else f"{language} not built")
     for each in wrong:

@@ -50,10 +50,10 @@ def test_anomalies_are_numbered_and_claims_name_requirements_that_are() -> None:
 
 @pytest.mark.requirement("R-SOUP")
 def test_the_sheet_has_every_dependency_and_each_is_pinned() -> None:
-    found = soup.python_found()
+    found = sbom.closure()
     assert soup.faults(found, soup.read_known()["python"]) == []
     assert set(found) <= set(pins())
-    table = soup.python_table()
+    table = soup.table("python")
     assert [name for name in found if f"{name} " not in table] == []
 
 
@@ -73,7 +73,7 @@ def test_the_sbom_is_cyclonedx_and_whole(tmp_path: Path) -> None:
     from cyclonedx.validation.json import JsonStrictValidator
 
     out = tmp_path / "dist" / "sbom.json"
-    assert sbom.main(["-o", str(out)]) == 0
+    sbom.main(["-o", str(out)])
     text = out.read_text("utf-8")
     assert JsonStrictValidator(SchemaVersion.V1_6).validate_str(text) is None
     found = json.loads(text)
