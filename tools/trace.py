@@ -9,20 +9,19 @@ or none ran. The site shows the table, with the results in out/results.
 
 from __future__ import annotations
 
-import argparse
 import ast
 import json
 import re
 import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
 from xml.etree import ElementTree
 
+from benchmarks.shared import command_parser
 from camssf import __version__
 from tools.pages import markdown_table
 
@@ -30,27 +29,10 @@ ROOT = Path(__file__).parents[1]
 REQUIREMENTS = Path(__file__).parent / "requirements.json"
 RESULTS = ROOT / "out" / "results"
 CLAIMS_PAGE = ROOT / "docs" / "claims.md"
-COMMAND = "python -m tools.trace"
-HEAD = ("requirement", "what", "if it did not hold", "tests", "last run")
 CLAIMS = "## What is proven, and what is not"
 NOT_RUN = "not run"
 TAG = re.compile(r'@(?:[\w.]+\.)?Tag\("(R-[A-Z0-9-]+)"\)')
 DECLARED = re.compile(r"^\s*(?:(?:internal|public|private|open|abstract) )*(class|fun) (`[^`]+`|\w+)")
-
-
-@dataclass(frozen=True)
-class Requirement:
-    """One requirement.
-
-    Attributes:
-        name: R- and capital letters.
-        text: one sentence.
-        risk: what happens to whom if it does not hold.
-    """
-
-    name: str
-    text: str
-    risk: str
 
 
 class Marked(NamedTuple):
@@ -73,9 +55,17 @@ Results: TypeAlias = dict[tuple[str, str], Counter[str]]
 """How many cases of a group and test passed, **failed** or were skipped."""
 
 
-def read_requirements(path: Path = REQUIREMENTS) -> list[Requirement]:
-    """All requirements, in the file's order."""
-    return [Requirement(**each) for each in json.loads(path.read_text("utf-8"))]
+def read_requirements() -> dict[str, dict[str, str]]:
+    """What each requirement says (`text`), and what happens to whom if it does not hold (`risk`), by its name.
+
+    Raises:
+        ValueError: two requirements have one name.
+    """
+    rows = json.loads(REQUIREMENTS.read_text("utf-8"))
+    found = {row["name"]: row for row in rows}
+    if len(found) < len(rows):
+        raise ValueError("A name in tools/requirements.json is there twice.")
+    return found
 
 
 def python_markers(text: str, place: str) -> Iterator[Marked]:
@@ -166,64 +156,49 @@ def claims(page: str) -> dict[str, str]:
 
 def faults(results: Results | None) -> list[str]:
     """What is missing or wrong in the trace, each with what to do."""
-    requirements = read_requirements()
-    known, shown = {requirement.name for requirement in requirements}, {test.requirement for test in markers()}
+    known, shown = read_requirements(), {test.requirement for test in markers()}
     found = [
-        f"{name} is there {n} times." for name, n in Counter(each.name for each in requirements).items() if n > 1
-    ]
-    found += [
         f"{name} has no test. Mark one: pytest.mark.requirement({name!r}) or @Tag({json.dumps(name)})."
-        for name in sorted(known - shown)
+        for name in known
+        if name not in shown
     ]
+    named = [(test.place, test.requirement) for test in markers()]
+    named += [(f"The claim {claim[:60]!r}", name) for claim, name in claims(CLAIMS_PAGE.read_text("utf-8")).items()]
     found += [
-        f"{test.place} names {test.requirement}, which tools/requirements.json does not know."
-        for test in markers()
-        if test.requirement not in known
-    ]
-    found += [
-        f"The claim {claim[:60]!r} names {name}, which tools/requirements.json does not know."
-        for claim, name in claims(CLAIMS_PAGE.read_text("utf-8")).items()
+        f"{place} names {name}, which tools/requirements.json does not know."
+        for place, name in named
         if name not in known
     ]
-    if results is not None:
-        ended = {requirement.name: counts(requirement.name, results) for requirement in requirements}
-        found += [
-            f"{name}: {in_words(count)}."
-            for name, count in ended.items()
-            if count["**failed**"] or not count["passed"]
-        ]
-    return found
+    ended = {} if results is None else {name: counts(name, results) for name in known}
+    return found + [f"{name}: {in_words(n)}." for name, n in ended.items() if n["**failed**"] or not n["passed"]]
 
 
-def table(folder: Path = RESULTS) -> str:
-    """When the tests of a folder's results ran, and the table of the requirements with what came of their tests."""
-    files = result_files(folder)
+def table() -> str:
+    """When the tests of the results in out/results ran, and the requirements with what came of their tests."""
+    files = result_files(RESULTS)
     results = read_results(files)
     rows = []
-    for each in read_requirements():
-        places = dict.fromkeys(Path(test.place).name for test in markers() if test.requirement == each.name)
-        names = ", ".join(f"`{name}`" for name in places)
-        rows.append((each.name, each.text, each.risk, names, in_words(counts(each.name, results))))
+    for name, each in read_requirements().items():
+        places = dict.fromkeys(f"`{Path(test.place).name}`" for test in markers() if test.requirement == name)
+        rows.append((name, each["text"], each["risk"], ", ".join(places), in_words(counts(name, results))))
     times = [path.stat().st_mtime for path in files]
     run = f"{datetime.fromtimestamp(max(times), UTC):%Y-%m-%d %H:%M} UTC, camssf {__version__}" if times else NOT_RUN
-    return f"Last run: {run}.\n\n{markdown_table(HEAD, rows)}"
+    head = ("requirement", "what", "if it did not hold", "tests", "last run")
+    return f"Last run: {run}.\n\n{markdown_table(head, rows)}"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Check the trace; returns 1 if there are faults."""
-    command = argparse.ArgumentParser(prog=COMMAND, description=(__doc__ or "").partition("\n")[0])
-    command.add_argument("--results", type=Path, nargs="*", default=[], help="JUnit XML, folders with TEST-*.xml")
-    paths = command.parse_args(argv).results
+    parser = command_parser(__spec__, __doc__)
+    parser.add_argument("--results", type=Path, nargs="*", default=[], help="JUnit XML, folders with TEST-*.xml")
+    paths = parser.parse_args(argv).results
     results = read_results(paths) if paths else None
-    wrong = faults(results)
+    wrong, names = faults(results), read_requirements()
     for fault in wrong:
         print(fault, file=sys.stderr)
-    requirements = read_requirements()
-    cases = ""
-    if results is not None:
-        cases = f", {in_words(sum((counts(each.name, results) for each in requirements), Counter[str]()))}"
+    cases = "" if results is None else f", {in_words(sum((counts(name, results) for name in names), Counter()))}"
     marked = len({(test.place, test.test) for test in markers()})
-    print(f"trace: {len(requirements)} requirements, {marked} markers{cases}, {len(wrong)} faults")
+    print(f"trace: {len(names)} requirements, {marked} markers{cases}, {len(wrong)} faults")
     return int(bool(wrong))
 
 
