@@ -1,20 +1,31 @@
-"""A hook of MkDocs: the site's pages and tables that are made from data, code and test results, and not kept."""
+"""A hook of MkDocs: the site's pages and tables that are made from data, code and test results, and not kept.
+
+Errors: what they say stands in data/errors.json, data/messages.json and data/rules.json, as `camssf explain CODE`
+prints it. On a page of reference each public name stands below the first example that uses it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import ast
+import re
+from collections.abc import Callable, Iterator
 from functools import partial
-from typing import TYPE_CHECKING
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
+import typer
+
+from camssf.cli import app
 from camssf.documents.document import Document
 from camssf.documents.schema import described, schema
-from camssf.rules import rules
+from camssf.error_codes import codes, explain_code
+from camssf.messages import messages
+from camssf.rules import Number, rules
 from camssf.spectra.lamps import lamp_aliases
 from camssf_fleet.passport.claims import Claims
 from camssf_fleet.records import Row
-from tools import cli_options, error_pages, formats, results, rules_table, soup, trace
-from tools.pages import filled, markdown_table
-from tools.reference_names import with_names
+from tools import formats, results, soup, trace
+from tools.pages import filled, markdown_table, template
 
 if TYPE_CHECKING:
     from mkdocs.config.defaults import MkDocsConfig
@@ -39,9 +50,96 @@ def fields(kind: type) -> str:
     return markdown_table(("field", "meaning"), [(" ".join(these), meaning) for meaning, these in names.items()])
 
 
+def options() -> str:
+    """The options of every command that has some, as `--help` tells them."""
+    parts = []
+    for context in _contexts(typer.main.get_command(app), "camssf"):
+        records = [each.get_help_record(context) for each in context.command.params if "--help" not in each.opts]
+        rows = [(f"`{record[0]}`", record[1].replace("|", "\\|")) for record in records if record]
+        if rows:
+            parts.append(f"**`{context.info_name}`**\n\n{markdown_table(('option', 'meaning'), rows)}")
+    return "\n\n".join(parts)
+
+
+def _contexts(command: Any, name: str) -> Iterator[typer.Context]:
+    """Of a command of typer's, or of each command of a group."""
+    if isinstance(command, typer.core.TyperGroup):
+        for inner, each in command.commands.items():
+            yield from _contexts(each, f"{name} {inner}")
+    else:
+        yield typer.Context(command, info_name=name)
+
+
+def limits() -> str:
+    """The bounds of the verdict; a quantity with a doubtful and a refusing bound is one row."""
+    found = rules().numbers
+    refusing = {f"verdict.{number.refuses}" for number in found.values() if number.refuses}
+    rows = []
+    for number in (each for each in found.values() if each.makes and each.name not in refusing):
+        bounds = [number, *([found[f"verdict.{number.refuses}"]] if number.refuses else [])]
+        unit = "" if number.unit == "1" else f" {number.unit}"
+        names = ", ".join(f"`{each.name.partition('.')[2]}`" for each in bounds)
+        rows.append((number.what, ", ".join(map(_limit, bounds)) + unit, names))
+    return markdown_table(("number", "limit", "`name`"), rows)
+
+
+def _limit(number: Number) -> str:
+    """Where an answer is doubtful, or `refused` before it."""
+    return f"{'refused ' * (number.makes == 'refused')}{number.beyond} {number.value:.4g}"
+
+
+def error_index() -> str:
+    """The list of all codes, with links to their pages, and the first sentence of what each means."""
+    every = [explain_code(code) for code in codes()]
+    first = {one.code: re.split(r"(?<=\.)\s|:\s", one.means)[0].rstrip(".") + "." for one in every}
+    rows = [(f"[`{one.code}`]({one.code}.md)", str(one.exit_status), first[one.code]) for one in every]
+    return markdown_table(("code", "exit status", "meaning"), rows)
+
+
+def error_pages() -> dict[str, str]:
+    """The page of each code by its file's name."""
+    pages = {}
+    for each in map(explain_code, codes()):
+        limited = dict.fromkeys(name for reason in each.reasons for name in reason.limits)
+        said = [message for message in messages().values() if message.code == each.code]
+        rows = [(f"`{message.key}`", f"{message.text} *{message.advice}*") for message in said]
+        table = markdown_table(("key", "text and *advice*"), rows) if rows else ""
+        pages[f"{each.code}.md"] = template("error.md", error=each, limits=limited, messages=table)
+    return pages
+
+
+def public_names(room: str) -> list[str]:
+    """What a package exports; of the errors each that has an exit status."""
+    module = import_module(room)
+    kinds = (name for name, kind in vars(module).items() if isinstance(kind, type) and hasattr(kind, "exit_status"))
+    return list(getattr(module, "__all__", None) or kinds)
+
+
+def names_in(section: str) -> set[str]:
+    """The names that the Python of a section uses or imports."""
+    blocks = re.findall(r"^```python\n(.*?)^```", section, re.DOTALL | re.MULTILINE)
+    nodes = [node for block in blocks for node in ast.walk(ast.parse(block))]
+    used = {node.id for node in nodes if isinstance(node, ast.Name)}
+    return used | {alias.name for node in nodes if isinstance(node, ast.ImportFrom) for alias in node.names}
+
+
+def with_names(page: str) -> str:
+    """A page whose title is a package, with marks of mkdocstrings; names without an example stand at its end."""
+    room = page.partition("\n")[0].removeprefix("# ")
+    left = public_names(room)
+    sections = re.split(r"^(?=## )", page, flags=re.MULTILINE)
+    for i, section in enumerate(sections):
+        used = names_in(section)
+        last = i == len(sections) - 1
+        shown = [name for name in left if name in used or last]
+        left = [name for name in left if name not in shown]
+        sections[i] = "\n\n".join([section.rstrip(), *(f"::: {room}.{name}" for name in shown)])
+    return "\n\n".join(sections) + "\n"
+
+
 TABLES: dict[str, dict[str, Callable[[], str]]] = {
-    "cli.md": {"tools.cli_options": cli_options.tables},
-    "errors/index.md": {"tools.error_pages": error_pages.index},
+    "cli.md": {"camssf.cli": options},
+    "errors/index.md": {"camssf.error_codes": error_index},
     "formats.md": {"tools.formats": lambda: formats.tables(schema(Document))},
     "passport.md": {"camssf_fleet.passport.claims": lambda: fields(Claims)},
     "registry.md": {"camssf_fleet.records": lambda: fields(Row)},
@@ -50,10 +148,7 @@ TABLES: dict[str, dict[str, Callable[[], str]]] = {
     "soup.md": {f"tools.soup: {language}": partial(soup.table, language) for language in soup.LANGUAGES},
     "tables.md": {"data/lamp-names.json": lamp_names},
     "traceability.md": {"tools.trace": trace.table},
-    "verdict.md": {
-        "benchmarks faults": lambda: results.markdown("faults"),
-        "tools.rules_table": lambda: rules_table.markdown(rules()),
-    },
+    "verdict.md": {"benchmarks faults": lambda: results.markdown("faults"), "data/rules.json": limits},
 }
 """What makes the tables of a page, by their marks in it."""
 
@@ -62,7 +157,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add a page for each error code."""
     from mkdocs.structure.files import File
 
-    for name, text in error_pages.pages().items():
+    for name, text in error_pages().items():
         files.append(File.generated(config, f"errors/{name}", content=text))
     return files
 

@@ -13,7 +13,7 @@ from camssf.errors import InvalidArgument
 from camssf.photo import samples, signals
 from camssf.rules import parse, rules
 from camssf.verdict import judge
-from tools import mutate_rules, rules_table
+from tools import mutate_rules, site_pages
 
 Json = dict[str, Any]
 TEXT = mutate_rules.PLACE.read_text("utf-8")
@@ -72,7 +72,7 @@ def test_a_missing_file_is_a_typed_error(tmp_path: Path, monkeypatch: pytest.Mon
 
 
 def test_the_site_s_table_has_every_limit_of_the_file() -> None:
-    table = rules_table.markdown(rules())
+    table = site_pages.limits()
     assert "| above 3.5 σ | `goodness_of_fit` |" in table
     assert "| above 0.1, refused above 0.25 share of white | `veil`, `veil_refuses` |" in table
     names = {number.name.partition(".")[2] for number in rules().numbers.values() if number.makes}

@@ -12,7 +12,7 @@ from camssf import Result
 from camssf.cli import BATCH_FAILED, BUG, INTERRUPTED, UNDECIDED, app, main
 from camssf.error_codes import codes
 from tests.support.pages import DOCS, PAGES, PROJECT, ROOT, blocks, calls, pins, text_of
-from tools import cli_options
+from tools import site_pages
 
 README = text_of("README.md")
 CLI = typer.main.get_command(app)
@@ -92,7 +92,7 @@ def test_the_readme_is_short() -> None:
 
 def test_cli_md_names_every_command_and_the_site_its_options() -> None:
     text = text_of("docs/cli.md")
-    parts = dict(re.findall(r"^\*\*`camssf ([\w -]+)`\*\*\n\n((?:\|.*\n?)+)", cli_options.tables(), re.MULTILINE))
+    parts = dict(re.findall(r"^\*\*`camssf ([\w -]+)`\*\*\n\n((?:\|.*\n?)+)", site_pages.options(), re.MULTILINE))
     for name, command in CLI.commands.items():  # type: ignore[attr-defined]
         assert f"`{name}`" in text or f"`camssf {name}`" in text
         for parameter in [] if isinstance(command, typer.core.TyperGroup) else command.params:

@@ -10,7 +10,7 @@ from typing import get_origin
 import pytest
 
 from tests.support.pages import DOCS, ROOT, blocks
-from tools.reference_names import names_in, public_names, with_names
+from tools.site_pages import names_in, public_names, with_names
 
 ROOMS = (
     "camssf", "camssf.spectra", "camssf.recovery", "camssf_colour", "camssf.exports", "camssf_lab.direct",
