@@ -26,7 +26,7 @@ from concurrent.futures.process import BrokenProcessPool
 from functools import cache, partial
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 from benchmarks.shared import command_parser, one_thread, progress
 from camssf.calibration import solve
@@ -42,9 +42,6 @@ from camssf_fleet.manifest import Manifest
 from camssf_lab.simulation.frames import simulate
 from camssf_lab.simulation.scene import Scene
 from golden.forms import ROOT
-
-Files: TypeAlias = list[tuple[str, bytes]]
-"""Suffixes and contents."""
 
 SLOW = 10.0
 """Seconds in which a small file must be read."""
@@ -62,119 +59,71 @@ WORDS = (
 )  # fmt: skip
 
 
-def mutate(data: bytes, rng: random.Random, others: Sequence[bytes]) -> bytes:
-    """A damaged copy: one to eight injuries, most of them small; the size at most doubles and a bit."""
+def damage(data: bytes, rng: random.Random, others: Sequence[bytes]) -> bytes:
+    """A copy with one to eight injuries, most of them small: other bytes stand where a piece was."""
     found = bytearray(data)
     for _ in range(rng.choice((1, 1, 1, 2, 3, 5, 8))):
         at = rng.randrange(len(found) + 1)
         if rng.random() < 0.5:  # where headers lie
             at = min(at, rng.randrange(min(len(found), 600) + 1))
-        end = min(len(found), at + rng.choice((1, 2, 4, 8, 64, 1024)))
-        kind = rng.randrange(9)
-        if kind == 0 and at < len(found):
-            found[at] ^= 1 << rng.randrange(8)
-        elif kind == 1 and at < len(found):
-            found[at] = rng.randrange(256)
-        elif kind == 2:
-            width = rng.choice((1, 2, 4))
-            number = rng.choice(NUMBERS) % (1 << (8 * width))
-            found[at : at + width] = number.to_bytes(width, rng.choice(("little", "big")))
-        elif kind == 3:
-            del found[at:end]
-        elif kind == 4 and len(found) < 2 * len(data) + 4096:
-            found[at:at] = found[at:end]
-        elif kind == 5 and len(found) < 2 * len(data) + 4096:
-            found[at:at] = rng.choice(WORDS)
-        elif kind == 6:
-            found[at:end] = rng.choice(WORDS)
-        elif kind == 7:
-            other = rng.choice(others)
-            place = rng.randrange(len(other) + 1)
-            found[at:end] = other[place : place + end - at]
-        elif rng.random() < 0.2:
-            del found[at:]
+        size = rng.choice((0, 1, 1, 2, 4, 8, 64, 1024)) if rng.random() < 0.97 else len(data)
+        piece, other, width = bytes(found[at : at + size]), rng.choice(others), rng.choice((1, 2, 4))
+        place, number = rng.randrange(len(other) + 1), rng.choice(NUMBERS) % (1 << (8 * width))
+        found[at : at + size] = rng.choice((
+            b"", 2 * piece, rng.choice(WORDS), other[place : place + size],
+            bytes(byte ^ 1 << rng.randrange(8) for byte in piece[:1]) + piece[1:],
+            number.to_bytes(width, rng.choice(("little", "big"))) + piece[width:],
+        ))  # fmt: skip
     return bytes(found)
 
 
-def mutate_entry(data: bytes, rng: random.Random) -> bytes:
+def damage_entries(data: bytes, rng: random.Random) -> bytes:
     """A copy of a TIFF with one to three damaged entries of its directories, which lie at the end of our files."""
-    found = bytearray(data)
-    order = "<" if data[:2] == b"II" else ">"
-    entries = _entries(data, order)
-    for _ in range(rng.choice((1, 1, 2, 3))):
-        at = rng.choice(entries)
-        _, _, count, value = struct.unpack_from(order + "HHII", data, at)
-        numbers = (*NUMBERS, count + 1, max(count - 1, 0), 2 * count, value + 1, rng.randrange(len(data)))
-        number, kind = rng.choice(numbers) % 2**32, rng.randrange(6)
-        if kind == 0:
-            struct.pack_into(order + "H", found, at, struct.unpack_from(order + "H", data, rng.choice(entries))[0])
-        elif kind == 1:
-            struct.pack_into(order + "H", found, at + 2, rng.randrange(14))
-        elif kind in (2, 3):
-            struct.pack_into(order + "I", found, at + 4 * kind - 4, number)
-        elif value < len(data) - 16:
-            place = value if kind == 4 else at + 8
-            found[place + rng.randrange(4)] ^= 1 << rng.randrange(8)
-    return bytes(found)
-
-
-def _entries(data: bytes, order: str) -> list[int]:
-    """Where the entries of all directories lie."""
-    found, left = [], [struct.unpack_from(order + "I", data, 4)[0]]
+    found, order = bytearray(data), "<" if data[:2] == b"II" else ">"
+    entries, left = [], [struct.unpack_from(order + "I", data, 4)[0]]
     while left:
         at = left.pop()
         (count,) = struct.unpack_from(order + "H", data, at)
         for entry in range(at + 2, at + 2 + 12 * count, 12):
-            found.append(entry)
+            entries.append(entry)
             tag, _, several, value = struct.unpack_from(order + "HHII", data, entry)
-            if tag in (330, 34665) and several == 1:
+            if tag in (330, 34665) and several == 1:  # a directory inside, or Exif's
                 left.append(value)
         left += [each for each in struct.unpack_from(order + "I", data, at + 2 + 12 * count) if each]
-    return found
+    for _ in range(rng.choice((1, 1, 2, 3))):
+        form, offset = rng.choice((("H", 0), ("H", 2), ("I", 4), ("I", 8)))  # tag, type, count, value or its place
+        at, other = rng.choice(entries) + offset, rng.choice(entries) + offset
+        was, another = (struct.unpack_from(order + form, data, place)[0] for place in (at, other))
+        number = rng.choice(
+            (*NUMBERS, another, was + 1, was - 1, 2 * was, rng.randrange(14), rng.randrange(len(data)))
+        )
+        struct.pack_into(order + form, found, at, number % (1 << (8 * struct.calcsize(form))))
+    return bytes(found)
 
 
-def mutate_tree(value: Any, rng: random.Random) -> Any:
-    """A damaged copy of a JSON document: one node becomes another kind of thing, goes, or doubles."""
+def damage_tree(tree: Any, rng: random.Random) -> Any:
+    """A JSON document, damaged in place: one node becomes another kind of thing, goes, or doubles."""
     strange: tuple[Any, ...] = (
         None, True, -1, 0, 1e308, -1e308, 2**70, "", "x" * 5000, "\0", "../..", [], {}, [[]], [None] * 3, "NaN",
         1e-320, "<script>alert(1)</script>",
     )  # fmt: skip
-    if isinstance(value, dict) and value and rng.random() < 0.9:
-        key = rng.choice(list(value))
-        rest = {k: v for k, v in value.items() if k != key}
-        pick = rng.random()
-        if pick < 0.08:
-            return rest
-        if pick < 0.12:
-            return value | {rng.choice(("", "x", "__class__", "format")): rng.choice(strange)}
-        return value | {key: mutate_tree(value[key], rng)}
-    if isinstance(value, list) and value and rng.random() < 0.9:
-        at = rng.randrange(len(value))
-        pick = rng.random()
-        if pick < 0.1:
-            return value[:at] + value[at + 1 :]
-        if pick < 0.2:
-            return [*value[:at], value[at], *value[at:]]
-        return [*value[:at], mutate_tree(value[at], rng), *value[at + 1 :]]
-    if isinstance(value, float) and rng.random() < 0.5:
-        return value * rng.choice((-1, 0, 1e9, 1e-9, 1e300))
-    return rng.choice(strange)
-
-
-def kept(reader: str) -> Files:
-    """The files of tools/sound."""
-    return [(path.suffix[1:], path.read_bytes()) for path in sorted((SOUND / reader).iterdir())]
-
-
-def dngs(_: str) -> Files:
-    """The small golden ones that are read."""
-    files = [path for path in sorted((ROOT / "dng").glob("*.dng")) if not path.name.startswith("error")]
-    return [("dng", path.read_bytes()) for path in files if path.stat().st_size < 6000]
-
-
-def documents(name: str) -> Files:
-    """One of `demo`."""
-    return [("json", demo()[name])]
+    node: Any = [tree]
+    whole, key, inner = node, 0, tree
+    while isinstance(inner, dict | list) and inner and rng.random() < 0.9:
+        node, key = inner, rng.choice(list(inner) if isinstance(inner, dict) else range(len(inner)))
+        inner = node[key]
+    pick = rng.random()
+    if pick < 0.1:
+        del node[key]
+    elif pick < 0.2 and isinstance(node, list):
+        node.insert(key, inner)
+    elif pick < 0.2:
+        node[rng.choice(("", "x", "__class__", "format"))] = rng.choice(strange)
+    elif isinstance(inner, float) and pick < 0.6:
+        node[key] = inner * rng.choice((-1, 0, 1e9, 1e-9, 1e300))
+    else:
+        node[key] = rng.choice(strange)
+    return whole[0] if whole else None
 
 
 @cache
@@ -193,22 +142,26 @@ def demo() -> dict[str, bytes]:
     }
 
 
-READERS: dict[str, tuple[Callable[[Path], object], Callable[[str], Files]]] = {
-    "dng": (read_dng, dngs),
-    "lamp": (lambda path: read_lamp(str(path)), kept),
-    "chart": (lambda path: read_chart(str(path)), kept),
-    "camera": (lambda path: read_camera(str(path)), kept),
-    "patches": (lambda path: read_document(path, Document), documents),
-    "result": (lambda path: report(Result.load(path)), documents),
-    "manifest": (lambda path: Manifest(path).read_all(), kept),
+READERS: dict[str, Callable[[Path], object]] = {
+    "dng": read_dng,
+    "lamp": lambda path: read_lamp(str(path)),
+    "chart": lambda path: read_chart(str(path)),
+    "camera": lambda path: read_camera(str(path)),
+    "patches": lambda path: read_document(path, Document),
+    "result": lambda path: report(Result.load(path)),
+    "manifest": lambda path: Manifest(path).read_all(),
 }
-"""By name: what reads a file, and sound files with their suffixes."""
+"""What reads a file, by name."""
 
 
 @cache
-def sound_files(reader: str) -> Files:
-    """Those of a reader."""
-    return READERS[reader][1](reader)
+def sound_files(reader: str) -> list[tuple[str, bytes]]:
+    """Suffixes and contents of files for a reader: small golden DNGs that are read, documents, or tools/sound."""
+    if reader in ("patches", "result"):
+        return [("json", demo()[reader])]
+    paths = sorted((ROOT / "dng").glob("*.dng") if reader == "dng" else (SOUND / reader).iterdir())
+    paths = [path for path in paths if reader != "dng" or (path.stat().st_size < 6000 and path.name[:5] != "error")]
+    return [(path.suffix[1:], path.read_bytes()) for path in paths]
 
 
 def damaged(reader: str, seed: int) -> tuple[str, bytes]:
@@ -219,11 +172,11 @@ def damaged(reader: str, seed: int) -> tuple[str, bytes]:
     if suffix == "json" and rng.random() < 0.7:
         tree = json.loads(data)
         for _ in range(rng.choice((1, 1, 2, 4))):
-            tree = mutate_tree(tree, rng)
+            tree = damage_tree(tree, rng)
         return suffix, json.dumps(tree).encode()
     if suffix == "dng" and rng.random() < 0.5:
-        return suffix, mutate_entry(data, rng)
-    return suffix, mutate(data, rng, [content for _, content in files])
+        return suffix, damage_entries(data, rng)
+    return suffix, damage(data, rng, [content for _, content in files])
 
 
 def read(reader: str, folder: Path, seed: int) -> tuple[str, str]:
@@ -236,7 +189,7 @@ def read(reader: str, folder: Path, seed: int) -> tuple[str, str]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            READERS[reader][0](path)
+            READERS[reader](path)
         outcome = "read"
     except CalibrationError as error:
         outcome = error.code
