@@ -176,22 +176,30 @@ def test_each_family_has_its_exit_status(
 
 
 @pytest.mark.requirement("R-REFUSAL")
-def test_a_refusal_goes_down_the_pipe(shots: Path, tmp_path: Path, feed: Feed, capsys: Capture) -> None:
-    """patches | solve | validate | report of a photo without a chart: the evidence arrives, the status with it."""
-    assert cli.main(["patches", str(shots / "white.dng"), "--lamp", "D55"]) == 4
-    data = capsys.readouterr().out
-    refused = json.loads(data)
+def test_a_refusal_keeps_its_evidence_and_goes_down_the_pipe(
+    shots: Path, tmp_path: Path, feed: Feed, capsys: Capture
+) -> None:
+    """A white frame in place of the chart: calibrate, or patches | solve | validate | report."""
+    out, photo = tmp_path / "out", [str(shots / "white.dng"), "--lamp", "D55"]
+    assert cli.main(["calibrate", *photo, "-o", str(out)]) == errors.ChartNotFound.exit_status
+    assert sorted(path.name for path in out.iterdir()) == ["report.html", "result.json"]
+    refused = json.loads((out / "result.json").read_text("utf-8"))
     assert refused["verdict"]["status"] == "refused"
-    for command in (["solve", "-"], ["validate", "-", "--truth", str(shots / "truth.csv")]):
-        feed(data)
+    assert [reason["code"] for reason in refused["verdict"]["reasons"]] == ["chart_not_found"]
+    assert "answer" not in refused
+    err = capsys.readouterr().err
+    assert err.count("chart_not_found") == 1
+    assert str(out / "report.html") in err
+    commands = [["solve", "-"], ["validate", "-", "--truth", str(shots / "truth.csv")]]
+    for command in (["calibrate", *photo], ["patches", *photo], *commands):
         assert cli.main(command) == 4
         data, err = capsys.readouterr()
+        feed(data)
         assert json.loads(data) == refused
         assert err.count("chart_not_found") == 1
-    feed(data)
-    assert cli.main(["report", "-", "-o", str(tmp_path / "out")]) == 4
-    assert json.loads((tmp_path / "out" / "result.json").read_text("utf-8")) == refused
-    assert cli.main(["solve", str(tmp_path / "out" / "result.json")]) == 4
+    assert cli.main(["report", "-", "-o", str(tmp_path / "report")]) == 4
+    assert json.loads((tmp_path / "report" / "result.json").read_text("utf-8")) == refused
+    assert cli.main(["solve", str(tmp_path / "report" / "result.json")]) == 4
     assert json.loads(capsys.readouterr().out) == refused
 
 
@@ -286,21 +294,3 @@ def test_progress_shows_itself_on_long_work_only(
         assert ("looking for the chart" in err) is shown
         assert out == ""
     assert err == "invalid_argument: enough.\n  \n"
-
-
-@pytest.mark.requirement("R-REFUSAL")
-def test_a_refused_capture_leaves_its_evidence(shots: Path, tmp_path: Path, capsys: Capture) -> None:
-    """A white frame in place of the chart."""
-    out = tmp_path / "out"
-    call = ["calibrate", str(shots / "white.dng"), "--lamp", "D55"]
-    assert cli.main([*call, "-o", str(out)]) == errors.ChartNotFound.exit_status
-    assert sorted(path.name for path in out.iterdir()) == ["report.html", "result.json"]
-    document = json.loads((out / "result.json").read_text("utf-8"))
-    assert document["verdict"]["status"] == "refused"
-    assert [reason["code"] for reason in document["verdict"]["reasons"]] == ["chart_not_found"]
-    assert "answer" not in document
-    _, err = capsys.readouterr()
-    assert err.count("chart_not_found") == 1
-    assert str(out / "report.html") in err
-    assert cli.main(call) == errors.ChartNotFound.exit_status
-    assert json.loads(capsys.readouterr().out) == document

@@ -62,46 +62,7 @@ def test_what_is_written_is_read_back_and_written_to_the_same_bytes(
     assert data.endswith(b"}\n")
 
 
-# -- faults -----------------------------------------------------------------------------------------------------
-
-SHOT = "capture.shots.0."
-MEAN = SHOT + "means.chart.mean"
-TAKE_OUT = object()
-FAULTS: list[tuple[str, Any, str]] = [
-    ("answer.x\n" + "y" * 200, 1, 'answer has the unknown key "x\\n' + "y" * 76 + "."),
-    ("version", TAKE_OUT, "the document lacks version"),
-    ("answer.l2", 10**5000, "answer.l2 must be a number, is too large"),
-    (MEAN + ".3.1", 10**400, "capture.shots[0].means.chart.mean[3][1] must be a number"),
-    ("answer.proof.finish_steps.0", 1.5, "answer.proof.finish_steps[0] must be a whole number from 0 to 1e+12"),
-    ("answer.proof.finish_steps", [0, 0, 0], "answer.proof must hold one number a problem, 1 or 3 of them"),
-    ("answer.code_covariance", [1.0] * 10, "answer.code_covariance must be the triangle of a matrix of 3 r rows"),
-    ("verdict.status", "refused", "answer is there, but the verdict is refused"),
-    ("capture.unfinished", {"lamp": {"kind": "unnamed", "name": "auto"}}, "capture must hold all its shots unless"),
-    (SHOT + "photo.sha256", "0" * 64 + "\n", "capture.shots[0].photo.sha256 must be 64 hex digits"),
-    (SHOT + "lamp.values", [0.0] * 681, "capture.shots[0].lamp.values must not be 0 at all wavelengths"),
-    ("capture.chart.reflectance", [[0.0] * 36] * 24, "capture.chart.reflectance must be above 0 for the white patch"),
-    ("format", 2, 'the document is not camssf/2: it has no "format": "camssf/2"'),
-]
-"""A place, what is put there, and what is said; broken_documents.json has more, which Kotlin refuses too."""
-
-
-@pytest.mark.parametrize(("place", "value", "words"), FAULTS, ids=[place[:40] for place, _, _ in FAULTS])
-def test_a_fault_is_named_by_its_place(place: str, value: Any, words: str) -> None:
-    made = plain(document())
-    spot: Any = made
-    *way, last = [int(key) if key.isdigit() else key for key in place.split(".")]
-    for key in way:
-        spot = spot[key]
-    if value is TAKE_OUT:
-        del spot[last]
-    else:
-        spot[last] = value
-    with pytest.raises(InvalidArgument) as caught:
-        read(made)
-    assert words in caught.value.message
-    assert caught.value.message.startswith("x.json: ")
-    assert len(caught.value.message) < 400
-    assert caught.value.advice
+# -- faults of a file; those of its content are in test_forms.py -------------------------------------------------
 
 
 def test_a_changed_digit_is_noticed() -> None:
@@ -119,8 +80,6 @@ WHOLE = b'{"format": "camssf/2", "version": "1", '
 FILES: list[tuple[bytes, str]] = [
     (b"\xff\xfe{}", "is not valid JSON"),
     (WHOLE + b'"capture": ' + b"[" * 900 + b"]" * 900 + b"}", "capture must be an object, is a list"),
-    (WHOLE + b'"l2": NaN}', "NaN is not a number"),
-    (WHOLE + b'"truth": {"l2": 1, "l2": 2}}', "the same key twice"),
     (WHOLE + b'"l2": ' + b"9" * 5000 + b"}", "is not valid JSON"),
     (b'{"format": "camssf-patches/1"}', "that form was never released, so measure or calibrate the photos anew"),
     (b"II*\0" + bytes(200), "is .*, not JSON"),

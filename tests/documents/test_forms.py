@@ -19,6 +19,23 @@ from tools import kotlin_forms
 
 ROOT = Path(__file__).parents[2]
 CASES = json.loads((Path(__file__).parent / "broken_documents.json").read_text("utf-8"))
+OURS = [
+    {"name": name, "set": put, "to": to, "place": place, "says": says} for name, put, to, place, says in (
+        ("a key of two lines and too long", "answer.x\n" + "y" * 200, 1, "answer",
+         'has the unknown key "x\\n' + "y" * 76 + "."),
+        ("half a step", "answer.proof.finish_steps[0]", 1.5, "answer.proof.finish_steps[0]",
+         "must be a whole number from 0 to 1e+12"),
+        ("an answer that was refused", "verdict.status", "refused", "answer", "is there, but the verdict is refused"),
+        ("a shot that was not finished", "capture.unfinished", {"lamp": {"kind": "unnamed", "name": "auto"}},
+         "capture", "must hold all its shots unless"),
+        ("a dark lamp", "capture.shots[0].lamp.values", [0.0] * 681, "capture.shots[0].lamp.values",
+         "must not be 0 at all wavelengths"),
+        ("a black white patch", "capture.chart.reflectance", [[0.0] * 36] * 24,
+         "capture.chart.reflectance", "must be above 0 for the white patch"),
+        ("a number for the format", "format", 2, "the document", 'is not camssf/2: it has no "format": "camssf/2"'),
+    )
+]  # fmt: skip
+"""Python's alone, whose numbers and messages have limits of their own."""
 CORNERS = np.array([[22.44, 17.44], [156.56, 22.44], [162.56, 116.56], [16.44, 109.56]])
 
 
@@ -70,12 +87,14 @@ def broken(base: dict[str, Any], case: dict[str, Any]) -> str:
     return text.replace('"@RAW@"', case.get("raw", "") * case.get("times", 1))
 
 
-@pytest.mark.parametrize("case", CASES, ids=[case["name"] for case in CASES])
+@pytest.mark.parametrize("case", CASES + OURS, ids=[case["name"] for case in CASES + OURS])
 def test_a_broken_document_is_refused_with_its_place(base: dict[str, Any], case: dict[str, Any]) -> None:
     with pytest.raises(InvalidArgument) as refused:
         forms.read(broken(base, case).encode(), Document, "it", "Give another.")
     assert str(refused.value.message).startswith(f"it: {case['place']} " if case["place"] else "it is not valid JSON")
     assert case.get("says", "") in refused.value.message, refused.value.message
+    assert len(refused.value.message) < 400
+    assert refused.value.advice
 
 
 def test_the_base_is_sound_with_and_without_its_hash(base: dict[str, Any]) -> None:

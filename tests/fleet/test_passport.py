@@ -35,20 +35,18 @@ from camssf_fleet.passport.keys import PRIVATE, PUBLIC, key_name, make_key, read
 from camssf_fleet.passport.received import read_excerpt
 from camssf_fleet.passport.revocations import names_of, read_revoked, sign_revocations
 from tests.support.documents import document, refused
-from tests.support.fixed_passports import (
+from tests.support.signed_passports import (
+    LATER,
+    NOW,
     accepts,
     fixed_key,
     refuses,
     result_json,
     same,
     signed,
+    small,
     trusted,
     whole_passport,
-)
-from tests.support.signed_passports import (
-    LATER,
-    NOW,
-    small,
 )
 from tests.support.tiffs import EXIF, FIRST, tiff
 
@@ -204,14 +202,12 @@ def test_a_pair_of_keys(tmp_path: Path) -> None:
     assert key_name(read_private(folder / PRIVATE).public_key()) == name
     if os.name == "posix":
         assert stat.S_IMODE((folder / PRIVATE).stat().st_mode) == 0o600
-    before = (folder / PRIVATE).read_bytes()
     for gone in ((), (PRIVATE,)):
         for file in gone:
             (folder / file).unlink()
         with pytest.raises(InvalidArgument, match="key"):
             make_key(folder)
     assert not (folder / PRIVATE).exists()
-    assert b"PRIVATE" in before
 
 
 def test_a_locked_key(tmp_path: Path) -> None:

@@ -29,24 +29,22 @@ from camssf_fleet.passport.document import (
 )
 from camssf_fleet.passport.jws import sign_jws, verify_jws
 from camssf_fleet.passport.keys import key_name, read_public
-from tests.support.fixed_passports import (
-    accepts,
-    fixed_key,
-    pem,
-    refuses,
-    result_json,
-    signed,
-    trusted,
-)
 from tests.support.signed_passports import (
     FOLDER,
     LATER,
+    accepts,
     answer,
     b64,
     claimed,
+    fixed_key,
+    pem,
     read_list,
+    refuses,
+    result_json,
+    signed,
     small,
     stored,
+    trusted,
     unb64,
 )
 

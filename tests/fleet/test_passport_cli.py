@@ -29,8 +29,7 @@ from camssf_fleet.registry import Registry
 from camssf_fleet.verification import verify as verify_registry
 from tests.support.captures import calibrated, photos
 from tests.support.documents import document
-from tests.support.fixed_passports import result_json
-from tests.support.signed_passports import b64, unb64
+from tests.support.signed_passports import b64, result_json, unb64
 
 
 @pytest.fixture

@@ -18,6 +18,7 @@ from camssf.documents.document import Document
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS
 from camssf.report.build import NAMES, Report, report
+from tests.cli.conftest import state
 from tests.report.conftest import put
 from tests.support.documents import changed, document, preview, refused
 
@@ -47,10 +48,6 @@ def test_csv_reads_back() -> None:
     assert "-0.000000000" not in text
     bandless = report(changed(document(), answer__std=None)).ssf_csv
     assert bandless.startswith("wavelength_nm,red,green,blue\n")
-
-
-def state(folder: Path) -> dict[str, bytes | None]:
-    return {str(p.relative_to(folder)): p.read_bytes() if p.is_file() else None for p in folder.rglob("*")}
 
 
 @cache

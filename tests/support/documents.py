@@ -18,11 +18,9 @@ from camssf.photo.read.unit import Unit
 from camssf.photo.signals import Assumption
 from camssf.recovery.sensitivity import EstimatedLamp, Hypothesis, Proof
 from camssf.report.provenance import Provenance, Signature
-from camssf.report.shots import shots_of
 from camssf.result import Result
 from camssf.rules import rules
 from camssf.spectra import read_camera, read_chart, read_lamp
-from camssf.spectra.bundled import observer
 from camssf.spectra.lights import unnamed_light
 from camssf.verdict.reasons import Check, Reason, Verdict
 from camssf_fleet.passport.document import Passport
@@ -32,22 +30,11 @@ WIDTH, HEIGHT = 4032, 3024
 CHANNELS = ("red", "green", "blue")
 
 
-@cache
-def spectra() -> tuple[np.ndarray, np.ndarray, list[str], dict[str, np.ndarray], np.ndarray]:
-    """Nikon curves (681, 3), reflectances (24, 681), names, lamps, CIE 1931 (681, 3), all on the grid."""
-    chart = read_chart("classic24")
-    lamps = {name: read_lamp(name).values for name in ("D55", "A", "D65")}
-    return read_camera("Nikon D850").values, chart.values, list(chart.patches), lamps, observer("1931")
-
-
 def quadrangles() -> tuple[np.ndarray, np.ndarray]:
     """Corners (4, 2) and patches (24, 4, 2) of a tilted chart; the camera was held upright: orientation 6."""
     tilt = np.array([[20.0, 385.0, 1180.0], [-372.0, 40.0, 2560.0], [0.012, 0.022, 1.0]])
-    i = np.arange(24)
-    x, y = i % 6 + 0.08, i // 6 + 0.08
-    square = np.array([[0, 0], [0.84, 0], [0.84, 0.84], [0, 0.84]])
-    flat = np.stack([x, y], axis=-1)[:, None, :] + square
-    outer = np.array([[0.08, 0.08], [5.92, 0.08], [5.92, 3.92], [0.08, 3.92]])
+    square, i = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]), np.arange(24)[:, None]
+    outer, flat = 0.08 + square * [5.84, 3.84], 0.08 + np.stack([i % 6, i // 6], axis=-1) + 0.84 * square
 
     def project(p: np.ndarray) -> np.ndarray:
         q = np.concatenate([p, np.ones((*p.shape[:-1], 1))], axis=-1) @ tilt.T
@@ -76,7 +63,7 @@ def photo(name: str, sha256: str) -> Photo:
 
 @cache
 def _document(lamps: tuple[str, ...]) -> Result:
-    truth, reflectance, _, powers, _ = spectra()
+    truth, reflectance = read_camera("Nikon D850").values, read_chart("classic24").values
     u = (WAVELENGTHS - 380) / 340
     wobble = 1 + 0.05 * np.cos(np.outer(u, [9, 13, 11]) * np.pi) + 0.02 * np.sin(np.outer(u, [23, 19, 29]))
     found = truth * wobble + 0.006 * np.cos(np.outer(u, [31, 37, 41])) ** 2
@@ -87,7 +74,7 @@ def _document(lamps: tuple[str, ...]) -> Result:
     pose = Pose("classic24", corners, patches, 1, "detected", 0.987, notes)
     shots, squares, predictions, unseens = [], [], [], []
     for j, lamp in enumerate(lamps):
-        light = powers[lamp][:, None]
+        light = read_lamp(lamp).values[:, None]
         signal = reflectance @ (light * truth) / (light * truth).sum(axis=0)
         signal *= 1 + 0.004 * np.sin(np.arange(72).reshape(24, 3) * 2.3 + j)
         predicted = reflectance @ (light * found) / (light * found).sum(axis=0)
@@ -177,39 +164,27 @@ def _document(lamps: tuple[str, ...]) -> Result:
     )
 
 
+WHOLE = (
+    "goodness_of_fit", "improbable_curves", "lamp_residual", "chart_fading", "other_makers", "unnamed", "band_ratio",
+    "band_too_wide", "rival",
+)  # fmt: skip
+"""Checks of a result, and not of each shot."""
+
+
 def checks(shots: int, *, unnamed: bool = False) -> list[Check]:
     """One number of each limit of the rules, all held but the clipped patch's: as many as a verdict can weigh."""
-    variants = (
-        "unusual_",
-        "lamp_residual_camera",
-        "white_balance_mismatch_unnamed",
-        "band_ratio_typical",
-    )  # other limits of a check
-    variants += ("chart_fading",)  # weighed for a camera of no family alone
-    variants += () if unnamed else ("unnamed", "band_ratio")
-    bounds = {
-        name.partition(".")[2]: number for name, number in rules().numbers.items() if number.makes == "doubtful"
-    }
-    bounds = {name: each for name, each in bounds.items() if not name.startswith(variants)}
+    others = ("unusual_", "lamp_residual_camera", "white_balance_mismatch_unnamed", "band_ratio_typical")
+    others += ("chart_fading",)  # weighed for a camera of no family alone
+    others += () if unnamed else ("unnamed", "band_ratio")
     found = []
-    for name, bound in bounds.items():
-        above = bound.beyond == "above"
-        whole = name in (
-            "goodness_of_fit", "improbable_curves", "lamp_residual", "chart_fading", "other_makers", "unnamed",
-            "band_ratio", "band_too_wide", "rival",
-        )  # fmt: skip
-        for shot in [None] if whole else range(1, shots + 1):
-            inside = bound.value * (0.31 if above else 1.23)
-            found.append(
-                Check(
-                    name=name,
-                    shot=shot,
-                    value=bound.value * 1.2 if (name, shot) == ("dirty", 1) else inside,
-                    limit=bound.value,
-                    refuses=rules().number(f"verdict.{bound.refuses}") if bound.refuses else None,
-                    beyond=bound.beyond or "above",
-                )
-            )
+    for place, bound in rules().numbers.items():
+        name, above = place.partition(".")[2], bound.beyond == "above"
+        if bound.makes != "doubtful" or name.startswith(others):
+            continue
+        for shot in [None] if name in WHOLE else range(1, shots + 1):
+            factor = 1.2 if (name, shot) == ("dirty", 1) else 0.31 if above else 1.23
+            refuses = rules().number(f"verdict.{bound.refuses}") if bound.refuses else None
+            found.append(Check(name, shot, bound.value * factor, bound.value, refuses, bound.beyond or "above"))
     return found
 
 
@@ -248,7 +223,6 @@ NOT_FOUND = Reason(
 def refused(*, shots: bool = False) -> Result:
     """Without an answer; with `shots` all photos were measured, and the verdict refused."""
     made = document()
-    assert made.capture is not None
     capture = made.capture if shots else replace(made.capture, shots=())
     verdict = Verdict("refused", (NOT_FOUND,), made.verdict.checks if shots else ())
     return replace(made, answer=None, truth=None, capture=capture, verdict=verdict)
@@ -256,20 +230,14 @@ def refused(*, shots: bool = False) -> Result:
 
 def unplaced() -> Result:
     """A refusal that found no chart, and so has nothing but the photo."""
-    made = refused(shots=True)
-    assert made.capture is not None
-    (shot,) = made.capture.shots
+    (shot,) = document().capture.shots
     last = UnfinishedShot(shot.lamp, shot.photo, shot.means.black, shot.means.saturation)
-    return replace(
-        made, capture=replace(made.capture, shots=(), unfinished=last), verdict=Verdict("refused", (NOT_FOUND,))
-    )
+    return changed(refused(), capture__unfinished=last)
 
 
 def unnamed() -> Result:
     """Of an unnamed light."""
     made = document()
-    assert made.capture is not None
-    assert made.answer is not None
     (shot,) = made.capture.shots
     light = EstimatedLamp(
         kinds={"daylight": 0.93, "white-led": 0.04, "fluorescent": 0.03, "bulb": 0.0},
@@ -283,12 +251,10 @@ def unnamed() -> Result:
         for each in made.answer.choice
         for kind, share in light.kinds.items()
     )
-    return replace(
-        made,
-        capture=replace(made.capture, shots=(replace(shot, lamp=unnamed_light()),)),
-        answer=replace(made.answer, choice=choice, lights=(light,)),
-        verdict=replace(made.verdict, checks=tuple(checks(1, unnamed=True))),
-    )
+    return changed(
+        made, capture__shots__0__lamp=unnamed_light(), answer__choice=choice, answer__lights=(light,),
+        verdict__checks=tuple(checks(1, unnamed=True)),
+    )  # fmt: skip
 
 
 UNIT = Unit("NIKON CORPORATION", "NIKON D850", serial="6001234", lens="AF-S 50mm f/1.8G", aperture=5.6)
@@ -317,21 +283,9 @@ def known(made: Result, *, verified: bool = True) -> Provenance:
 
 @cache
 def preview() -> bytes:
-    """A small rendering of the photo as the sensor saw it."""
+    """A picture in place of the photo."""
     import cv2
 
-    scale = 4
-    y, x = np.mgrid[0 : HEIGHT // scale, 0 : WIDTH // scale]
-    fall = 1 - 0.35 * (((x / x.max() - 0.5) ** 2 + (y / y.max() - 0.5) ** 2) / 0.5)
-    image = np.full((*fall.shape, 3), (96, 110, 122), np.float64)
-    corners, patches = quadrangles()
-    rim = (corners - corners.mean(axis=0)) * 1.06 + corners.mean(axis=0)
-    cv2.fillConvexPoly(image, np.round(rim / scale).astype(np.int32), (26, 25, 25), cv2.LINE_AA)
-    shown = shots_of(document())[0].patches
-    assert shown is not None
-    for colour, quad in zip(shown.reflectance_srgb, patches, strict=True):
-        bgr = tuple(255 * v for v in colour[::-1])
-        cv2.fillConvexPoly(image, np.round(quad / scale).astype(np.int32), bgr, cv2.LINE_AA)
-    sound, data = cv2.imencode(".jpg", np.clip(image * fall[..., None], 0, 255).astype(np.uint8))
+    sound, data = cv2.imencode(".jpg", np.full((HEIGHT // 8, WIDTH // 8, 3), (96, 110, 122), np.uint8))
     assert sound
     return bytes(data)

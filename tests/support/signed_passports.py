@@ -1,12 +1,13 @@
-"""What Python says of passports, for Kotlin: `python -m tests.support.signed_passports` writes them.
+"""Passports signed by keys that are the same at every run, and what Python says of them and of others, for Kotlin.
 
-Sound ones and broken ones, most of them signed well, with what `verify` and `read` answer.
-Keys are made here, sign, and are gone: the file holds the public ones only. So a new file has other bytes each time.
+`python -m tests.support.signed_passports` writes sound ones and broken ones, most of them signed well, with what
+`verify` and `read` answer. A signature has other bytes each time, and so has a new file.
 """
 
 import base64
 import copy
 import gzip
+import hashlib
 import json
 from dataclasses import asdict, replace
 from datetime import UTC, datetime, timedelta
@@ -15,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.asymmetric.utils import decode_dss_signature, encode_dss_signature
@@ -35,9 +37,99 @@ from camssf_fleet.passport.jws import ORDER
 from camssf_fleet.passport.keys import key_name
 from tests.support.documents import document
 
-FOLDER = Path(__file__).with_name("passports")
 NOW = datetime(2026, 11, 22, 3, 0, tzinfo=UTC)
 LATER = NOW + timedelta(days=30)
+
+
+@cache
+def fixed_key(number: int = 0) -> ec.EllipticCurvePrivateKey:
+    return ec.derive_private_key(int.from_bytes(hashlib.sha256(bytes([number])).digest(), "big"), ec.SECP256R1())
+
+
+def trusted(number: int = 0) -> dict[str, Any]:
+    public = fixed_key(number).public_key()
+    return {key_name(public): public}
+
+
+def pem(number: int = 0) -> bytes:
+    form = serialization.PublicFormat.SubjectPublicKeyInfo
+    return fixed_key(number).public_key().public_bytes(serialization.Encoding.PEM, form)
+
+
+def b64(data: bytes) -> bytes:
+    return base64.urlsafe_b64encode(data).rstrip(b"=")
+
+
+def unb64(text: bytes) -> bytes:
+    return base64.urlsafe_b64decode(text + b"=" * (-len(text) % 4))
+
+
+def claimed(passport: Passport) -> dict[str, Any]:
+    """The payload as plain data; the result first, so that its letters repeat from one case to the next."""
+    claims = dict(forms.to_plain(passport.claims()))
+    return {"result": claims.pop("result")} | claims
+
+
+def same(one: Passport, other: Passport) -> bool:
+    return claimed(one) == claimed(other)
+
+
+def small_result() -> dict[str, Any]:
+    """The excerpt of a result, as short as its form allows, as plain data."""
+    return copy.deepcopy(_small_result())
+
+
+@cache
+def _small_result() -> dict[str, Any]:
+    names = ("format", "generator", "camera", "chart", "basis", "engine", "ssf", "channel_gain", "gap", "gamma", "l2",
+             "shots", "scores", "verdict", "assumptions", "hashes")  # fmt: skip
+    short = {name: value for name, value in forms.to_plain(excerpt_of(document())).items() if name in names}
+    grid = short["ssf"]["wavelength_nm"]
+    short["ssf"] = {"wavelength_nm": grid} | {colour: [1] + [0] * 680 for colour in ("red", "green", "blue")}
+    short["verdict"] = {"status": "accepted", "reasons": []}
+    short["assumptions"] = []
+    return short
+
+
+@cache
+def small() -> Passport:
+    """A passport whose result is as short as it can be."""
+    return Passport(
+        id="0123456789abcdef" * 2, issued=NOW, begins=NOW, ends=NOW + timedelta(days=365),
+        unit=Unit("Maker", "Model", focal_length=24.7), captured="", chart_serial="", lamp_serials=("",),
+        software="0.1.0", result_sha256="5e" * 32, result=forms.from_plain(small_result(), Excerpt, "it", ""),
+    )  # fmt: skip
+
+
+@cache
+def signed() -> bytes:
+    return sign(small(), fixed_key())
+
+
+@cache
+def result_json() -> bytes:
+    return document_bytes(document())
+
+
+@cache
+def whole_passport() -> Passport:
+    """A passport of a whole result."""
+    return create_passport(result_json(), PassportRequest(), now=NOW)
+
+
+def accepts(data: bytes, passport: Passport | None = None, number: int = 0, **more: Any) -> None:
+    assert same(verify(data, trusted(number), now=LATER, **more), passport or small())
+
+
+def refuses(data: bytes, words: str = "", number: int = 0, **more: Any) -> None:
+    with pytest.raises(PassportInvalid) as caught:
+        verify(data, trusted(number), now=LATER, **more)
+    assert words in caught.value.message
+
+
+# What Kotlin is held to
+
+FOLDER = Path(__file__).with_name("passports")
 PAYLOADS: dict[str, bytes] = {
     "a list": b'[]', "a number": b'1', "no UTF-8": b'\xff', "a BOM": b'\xef\xbb\xbf{}', "nothing": b' ',
     "two": b'{}{}', "deep": b"[" * 10_000, "an overlong letter": b'{"a":"\xc0\xaf"}',
@@ -67,38 +159,9 @@ HEADERS: list[dict[str, Any]] = [
 ]  # fmt: skip
 
 
-class Desk:
-    """A signer and another one, and what was gathered of them."""
-
-    def __init__(self) -> None:
-        self.keys = {name: ec.generate_private_key(ec.SECP256R1()) for name in ("signer", "other")}
-        self.cases: list[dict[str, Any]] = []
-
-    def public(self, name: str) -> dict[str, Any]:
-        key = self.keys[name].public_key()
-        return {key_name(key): key}
-
-    def pem(self, name: str) -> str:
-        form = serialization.PublicFormat.SubjectPublicKeyInfo
-        return self.keys[name].public_key().public_bytes(serialization.Encoding.PEM, form).decode()
-
-    def raw(self, text: bytes, name: str = "signer") -> bytes:
-        return raw(text, self.keys[name])
-
-    def add(self, name: str, data: bytes, *, at: datetime = LATER, revoked: tuple[str, ...] = ()) -> None:
-        case = {"name": name, "data": data.decode("latin-1"), "at": int(at.timestamp()), "revoked": list(revoked)}
-        self.cases.append(case | answer(data, self.public("signer"), at, revoked))
-
-
-def raw(text: bytes, key: ec.EllipticCurvePrivateKey) -> bytes:
+def raw(text: bytes, number: int = 0) -> bytes:
     """Anything, signed well."""
-    return text + b"." + numbers(*decode_dss_signature(key.sign(text, ec.ECDSA(SHA256()))))
-
-
-def claimed(passport: Passport) -> dict[str, Any]:
-    """The payload as plain data; the result first, so that its letters repeat from one case to the next."""
-    claims = dict(forms.to_plain(passport.claims()))
-    return {"result": claims.pop("result")} | claims
+    return text + b"." + numbers(*decode_dss_signature(fixed_key(number).sign(text, ec.ECDSA(SHA256()))))
 
 
 def answer(data: bytes, trusted: dict[str, Any], at: datetime, revoked: tuple[str, ...]) -> dict[str, Any]:
@@ -120,28 +183,9 @@ def numbers(r: int, s: int) -> bytes:
     return b64(r.to_bytes(32, "big") + s.to_bytes(32, "big"))
 
 
-def small_result() -> dict[str, Any]:
-    """The excerpt of a result, as short as its form allows, as plain data."""
-    return copy.deepcopy(_small_result())
-
-
-@cache
-def _small_result() -> dict[str, Any]:
-    names = ("format", "generator", "camera", "chart", "basis", "engine", "ssf", "channel_gain", "gap", "gamma", "l2",
-             "shots", "scores", "verdict", "assumptions", "hashes")  # fmt: skip
-    short = {name: value for name, value in forms.to_plain(excerpt_of(document())).items() if name in names}
-    grid = short["ssf"]["wavelength_nm"]
-    short["ssf"] = {"wavelength_nm": grid} | {colour: [1] + [0] * 680 for colour in ("red", "green", "blue")}
-    short["verdict"] = {"status": "accepted", "reasons": []}
-    short["assumptions"] = []
-    return short
-
-
 def small_document() -> Result:
     """A whole result with letters that are easily written wrong."""
     made = document()
-    assert made.capture is not None
-    assert made.answer is not None
     (shot,) = made.capture.shots
     shot = replace(shot, photo=replace(shot.photo, make="Maker", model="Model A"))
     red = np.array([1.0, 0.123455, 0.123445, 0.015625, -1e-7, 12e-6] + [0] * 675)
@@ -156,16 +200,6 @@ def small_document() -> Result:
 
 
 NOTE = '"a  b" \\ {\ud800} \u00e9 \u2028'
-
-
-@cache
-def small() -> Passport:
-    """A passport whose result is as short as it can be."""
-    return Passport(
-        id="0123456789abcdef" * 2, issued=NOW, begins=NOW, ends=NOW + timedelta(days=365),
-        unit=Unit("Maker", "Model", focal_length=24.7), captured="", chart_serial="", lamp_serials=("",),
-        software="0.1.0", result_sha256="5e" * 32, result=forms.from_plain(small_result(), Excerpt, "it", ""),
-    )  # fmt: skip
 
 
 RESULTS: dict[str, Any] = {
@@ -216,67 +250,69 @@ def _changed(whole: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
     return {name: both["ssf"] if value == "ssf" else value for name, value in both.items()}
 
 
-def gather(result: bytes) -> Desk:
+def gather(result: bytes) -> list[dict[str, Any]]:
     """All cases."""
-    desk = Desk()
-    signer = desk.keys["signer"]
-    good = sign(small(), signer)
-    kid = next(iter(desk.public("signer")))
+    cases: list[dict[str, Any]] = []
+
+    def add(name: str, data: bytes, *, at: datetime = LATER, revoked: tuple[str, ...] = ()) -> None:
+        case = {"name": name, "data": data.decode("latin-1"), "at": int(at.timestamp()), "revoked": list(revoked)}
+        cases.append(case | answer(data, trusted(), at, revoked))
+
+    def claim(name: str, payload: Any) -> None:
+        """A payload, as bytes or plain data, signed well."""
+        add(name, raw(header + b"." + b64(payload if isinstance(payload, bytes) else compact(payload))))
+
+    good, kid = signed(), next(iter(trusted()))
     header, payload, signature = good.split(b".")
     said = PassportRequest(Unit(serial='Ä "1" \\ 😀'), "2026-11-20T10:00:00+01:00", "chart\t7", ("lamp 3",), days=90)
     whole = create_passport(result, said, now=NOW)
-    desk.add("small", good)
-    desk.add("whole", sign(whole, signer))
+    add("small", good)
+    add("whole", sign(whole, fixed_key()))
 
     for at in (NOW - timedelta(seconds=1), NOW, small().ends - timedelta(seconds=1), small().ends):
-        desk.add(f"at {at.isoformat()}", good, at=at)
+        add(f"at {at.isoformat()}", good, at=at)
     for name in (small().id, kid, "f" * 32):
-        desk.add(f"revoked {name}", good, revoked=(name,))
+        add(f"revoked {name}", good, revoked=(name,))
     for name, other in other_results().items():
-        desk.add(name, desk.raw(header + b"." + b64(compact(claimed(small()) | {"result": other}))))
-    desk.add(
-        "a hash of zeros",
-        desk.raw(header + b"." + b64(compact(claimed(small()) | {"result_sha256": "0" * 64}))),
-    )
+        claim(name, claimed(small()) | {"result": other})
+    claim("a hash of zeros", claimed(small()) | {"result_sha256": "0" * 64})
 
-    form = json.loads(base64.urlsafe_b64decode(header + b"=" * (-len(header) % 4)))
+    form = json.loads(unb64(header))
     for change in HEADERS:
         head = {k: v for k, v in (form | change).items() if v is not None}
-        desk.add(f"header {change}"[:60], desk.raw(b64(json.dumps(head).encode()) + b"." + payload))
+        add(f"header {change}"[:60], raw(b64(json.dumps(head).encode()) + b"." + payload))
     text = json.dumps(form)
     for head in (b"[]", b"null", text[:-1].encode(), f'{text[:-1]}, "alg": "ES256"}}'.encode(), b"\xff" * 20):
-        desk.add(f"header {head!r}"[:60], desk.raw(b64(head) + b"." + payload))
+        add(f"header {head!r}"[:60], raw(b64(head) + b"." + payload))
     spelt = text.replace("alg", "\\u0061lg", 1).replace(", ", " ,\n ").encode()
-    desk.add("a header in another spelling", desk.raw(b64(spelt) + b"." + payload))
+    add("a header in another spelling", raw(b64(spelt) + b"." + payload))
 
     r, s = (int.from_bytes(unb64(signature)[at : at + 32], "big") for at in (0, 32))
     front = header + b"." + payload + b"."
     for pair in ((r, ORDER - s), (s, r), (0, 0), (0, 1), (1, 0), (ORDER, 1), (1, ORDER), (2**256 - 1, 2**256 - 1)):
-        desk.add(f"signature {pair[0] % 97} {pair[1] % 97}", front + numbers(*pair))
-    desk.add("DER", front + b64(encode_dss_signature(r, s)))
-    desk.add("no signature", front)
-    desk.add("two parts", front[:-1])
+        add(f"signature {pair[0] % 97} {pair[1] % 97}", front + numbers(*pair))
+    add("DER", front + b64(encode_dss_signature(r, s)))
+    add("no signature", front)
+    add("two parts", front[:-1])
     for bits in (1, 2, 8, 15):
         last = LETTERS.index(signature[-1:])
-        desk.add(f"unread bits {bits}", good[:-1] + LETTERS[last ^ bits : (last ^ bits) + 1])
+        add(f"unread bits {bits}", good[:-1] + LETTERS[last ^ bits : (last ^ bits) + 1])
     for more in (b"\n", b" ", b"\r\n", b"\0", b".", b".e30", b"=", b"==", b"\xef\xbb\xbf"):
-        desk.add(f"behind {more!r}", good + more)
-        desk.add(f"before {more!r}", more + good)
+        add(f"behind {more!r}", good + more)
+        add(f"before {more!r}", more + good)
     for alphabet in (b"+/", b"!?"):
-        desk.add(f"the letters {alphabet!r}", good.replace(b"A", alphabet[:1], 1))
-    desk.add("another signer", sign(small(), desk.keys["other"]))
-    desk.add("another signer in this one's name", desk.raw(front[:-1], "other"))
-    desk.add(
-        "another payload",
-        b".".join((header, b64(compact(claimed(replace(small(), id="f" * 32)))), signature)),
-    )
+        add(f"the letters {alphabet!r}", good.replace(b"A", alphabet[:1], 1))
+    add("another signer", sign(small(), fixed_key(1)))
+    add("another signer in this one's name", raw(front[:-1], 1))
+    other_payload = b64(compact(claimed(small()) | {"jti": "f" * 32}))
+    add("another payload", b".".join((header, other_payload, signature)))
 
     for name in claimed(small()):
         for value in ("absent", None, "", -1, 1.5, True, [], {}, "x" * 32, 10**12, float(2**60)):
             claims = claimed(small()) | {name: value}
             if value == "absent":
                 del claims[name]
-            desk.add(f"{name} is {value!r}", desk.raw(header + b"." + b64(compact(claims))))
+            claim(f"{name} is {value!r}", claims)
     parts = {"unit": tuple(asdict(Unit())), "serials": ("chart", "lamps"), "software": ("version",)}
     for name, inside in parts.items():
         for member in inside:
@@ -285,34 +321,26 @@ def gather(result: bytes) -> Desk:
                 claims[name][member] = value
                 if value == "absent":
                     del claims[name][member]
-                desk.add(f"{name} {member} {value!r}", desk.raw(header + b"." + b64(compact(claims))))
+                claim(f"{name} {member} {value!r}", claims)
     stamp = f'"iat":{int(NOW.timestamp())}'.encode()
     for word in (b"-0", b"0", b"1.0", b"1e3", b"253402300799", b"253402300800", b"9" * 30, b'"1"'):
         claims = compact(claimed(small())).replace(stamp, b'"iat":' + word, 1)
-        desk.add(f"iat as {word!r}", desk.raw(header + b"." + b64(claims)))
+        claim(f"iat as {word!r}", claims)
     claims = compact(claimed(small()))
     for name, content in PAYLOADS.items():
-        desk.add(f"payload: {name}", desk.raw(header + b"." + b64(content)))
+        claim(f"payload: {name}", content)
     for name, snippet in SNIPPETS.items():
-        desk.add(f"JSON: {name}", desk.raw(header + b"." + b64(claims[:-1] + b"," + snippet + b"}")))
-    desk.add("JSON: cut off", desk.raw(header + b"." + b64(claims[:-1])))
-    return desk
+        claim(f"JSON: {name}", claims[:-1] + b"," + snippet + b"}")
+    claim("JSON: cut off", claims[:-1])
+    return cases
 
 
 LETTERS = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_"
 
 
-def b64(data: bytes) -> bytes:
-    return base64.urlsafe_b64encode(data).rstrip(b"=")
-
-
 def compact(value: Any) -> bytes:
     """As JSON without blanks, so that hundreds of payloads stay a small file."""
     return json.dumps(value, separators=(",", ":")).encode()
-
-
-def unb64(text: bytes) -> bytes:
-    return base64.urlsafe_b64decode(text + b"=" * (-len(text) % 4))
 
 
 def rounded(value: Any) -> Any:
@@ -324,29 +352,30 @@ def rounded(value: Any) -> Any:
     return float(f"{value:.4g}") if isinstance(value, float) else value
 
 
-def lists(desk: Desk) -> list[dict[str, Any]]:
+def lists() -> list[dict[str, Any]]:
     """Signed lists of what was called back, most of them spoilt, and what `read_revoked` says of them."""
-    signer, other = (desk.keys[name] for name in ("signer", "other"))
-    names = [small().id, next(iter(desk.public("other")))]
-    good = revocations.sign_revocations(names, signer, now=NOW, days=60)
+    names = [small().id, next(iter(trusted(1)))]
+
+    def listed(names: list[str], number: int = 0, now: datetime = NOW, days: int = 60) -> bytes:
+        return revocations.sign_revocations(names, fixed_key(number), now=now, days=days)
+
+    good = listed(names)
     header, payload, signature = good.split(b".")
     form = json.loads(unb64(payload))
     made = {
-        "good": good, "empty": revocations.sign_revocations([], signer, now=NOW, days=60), "a stranger's":
-        revocations.sign_revocations(names, other, now=NOW, days=60),
-        "not signed": f"# a list\n{small().id}\n".encode(),
-        "nothing": b"", "changed": b".".join((header, b64(compact(form | {"revoked": []})), signature)),
-        "a passport": sign(small(), signer), "no object": desk.raw(header + b"." + b64(b"[]")),
-        "no base64": good + b"=", "ended": revocations.sign_revocations(names, signer, now=NOW, days=29),
-        "issued later": revocations.sign_revocations(names, signer, now=LATER + timedelta(days=1)),
+        "good": good, "empty": listed([]), "a stranger's": listed(names, 1),
+        "not signed": f"# a list\n{small().id}\n".encode(), "nothing": b"", "a passport": signed(),
+        "changed": b".".join((header, b64(compact(form | {"revoked": []})), signature)),
+        "no object": raw(header + b"." + b64(b"[]")), "no base64": good + b"=", "ended": listed(names, days=29),
+        "issued later": listed(names, now=LATER + timedelta(days=1)),
     }  # fmt: skip
     for name in form:
         for value in ("absent", None, "x", -1, 1.5, 10**12, [], ["x"], [1], {}):
             spoilt = {k: v for k, v in (form | {name: value}).items() if k != name or value != "absent"}
-            made[f"{name} {value!r}"] = desk.raw(header + b"." + b64(compact(spoilt)))
-    public = desk.public("signer")
+            made[f"{name} {value!r}"] = raw(header + b"." + b64(compact(spoilt)))
     return [
-        {"name": name, "data": data.decode("latin-1"), "told": read_list(data, public)} for name, data in made.items()
+        {"name": name, "data": data.decode("latin-1"), "told": read_list(data, trusted())}
+        for name, data in made.items()
     ]
 
 
@@ -365,13 +394,15 @@ def stored() -> dict[str, Any]:
 
 def main() -> None:
     result = forms.pretty(rounded(forms.to_plain(document()))).encode()
-    desk = gather(result)
-    keys = {name: {"pem": desk.pem(name), "name": next(iter(desk.public(name)))} for name in desk.keys}
+    cases = gather(result)
+    keys = {
+        who: {"pem": pem(i).decode(), "name": next(iter(trusted(i)))} for i, who in enumerate(("signer", "other"))
+    }
     both = {"result": result.decode(), "small": document_bytes(small_document()).decode()}
-    whole = {"keys": keys, **both, "lists": lists(desk), "cases": desk.cases}
+    whole = {"keys": keys, **both, "lists": lists(), "cases": cases}
     write_file(FOLDER / "python.json.gz", gzip.compress(json.dumps(whole).encode(), mtime=0))
-    valid = sum(isinstance(case["verified"], dict) for case in desk.cases)
-    print(f"{len(desk.cases)} passports, {valid} of them valid; {len(whole['lists'])} lists")
+    valid = sum(isinstance(case["verified"], dict) for case in cases)
+    print(f"{len(cases)} passports, {valid} of them valid; {len(whole['lists'])} lists")
 
 
 if __name__ == "__main__":
