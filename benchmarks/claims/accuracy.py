@@ -32,6 +32,7 @@ from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.recovery.basis import Basis, interpolate, misfit_profile
 from camssf.recovery.hypotheses import recover
 from camssf.recovery.observation import Observation
+from camssf.recovery.optimum import optimum
 from camssf.recovery.penalties import GAMMA, L2
 from camssf.recovery.posterior import own_blocks, peak_normalised_jacobian
 from camssf.recovery.rows import anchor
@@ -39,7 +40,6 @@ from camssf.recovery.sensitivity import SolverSettings
 from camssf.spectra import read_chart, read_lamp
 from camssf_lab.learning.training import maker_of
 from golden.linear_model import LinearModel
-from golden.linear_model import solve as solve_code
 
 OPTIONS = {"draws": (4, "of the noise and the lamps, for each camera and setting")}
 BINS = tuple(range(400, 700, 20))
@@ -155,12 +155,12 @@ def apart(linear: LinearModel) -> LinearModel:
 
 def answer_of(linear: LinearModel, observation: Observation, basis: Basis) -> Found:
     """What `recover` makes of rows on a basis with a prior, at the product's penalties."""
-    code = solve_code(linear, L2, np.array([GAMMA]))
-    x = code.values.reshape(3, -1)
+    problem = linear.whitened(L2, GAMMA)
+    x = np.asarray(optimum(problem).x).reshape(3, -1)
     book = anchor(basis, observation.white_reflectance * observation.lamp[0])
     curves = book.mean + np.einsum("cmr,cr->cm", book.dictionary, x)
     moves = peak_normalised_jacobian(book.dictionary, curves)
-    spread = own_blocks(np.linalg.inv(code.precision[0] + np.eye(x.size)))
+    spread = own_blocks(np.linalg.inv(problem.H[0] + np.eye(x.size)))
     peak = curves.max(axis=1)[:, None]
     std = np.sqrt(np.maximum(np.einsum("cmr,crs,cms->cm", moves, spread, moves), 0.0))
     return (curves / peak).T, np.hypot((std / peak).T, missed())

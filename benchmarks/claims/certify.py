@@ -28,7 +28,7 @@ from camssf.recovery.rows import anchor
 from camssf.recovery.sensitivity import SolverSettings, solve_on_basis
 from camssf.spectra import Lamp, read_chart, read_lamp
 from camssf.spectra.families import FAMILIES
-from golden.linear_model import linear_model, whitened_problem
+from golden.linear_model import linear_model
 
 OPTIONS = {"count": (10_000, "calls")}
 ALONE_GAP, ALONE_BAR, ALONE_SHARE = 1e-10, 1e-7, 0.99
@@ -75,7 +75,7 @@ def draw(seed: int, index: int) -> tuple[Observation, str]:
 def exact(observation: Observation, basis: Basis) -> Floats:
     """(681, 3) the curves by the walk from the layers' answer, whether their own proof asks for it or not."""
     book = anchor(basis, observation.white_reflectance * observation.lamp[0])
-    convex, _ = whitened_problem(linear_model(observation, book), L2, np.array([GAMMA]), False)
+    convex = linear_model(observation, book).whitened(L2, GAMMA)
     z = splitting(convex).unroll(DEPTH)
     code = pivot_to_optimum(convex, z, np.full((len(z), 1, 1), np.inf))[0].reshape(3, -1)
     return np.asarray(book.mean + np.einsum("cmr,cr->cm", book.dictionary, code)).T

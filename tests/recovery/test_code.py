@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from camssf.recovery.elastic_net import ElasticNet
+from camssf.recovery.optimum import optimum
 from camssf.recovery.pivoting import PROVEN, SETTLED
 from golden.compare import optimality
-from golden.linear_model import LinearModel, solve
+from golden.linear_model import LinearModel
 from tests.support.problems import duality_gap, gamma_max, joint_sensing, random_sensing, whiten, whiten_in_80_bits
 
 pytestmark = pytest.mark.requirement("R-OPTIMUM")
@@ -60,11 +61,12 @@ def test_small_problems_are_proven(name: str, l2: float, gamma: float, nonnegati
     known = random_sensing(3, 8, 5, correlated=True)
     A, b = ROWS[name](known.matrix, known.target)
     sigma = known.covariance[:, : A.shape[1], : A.shape[1]]
-    code = solve(LinearModel(A, b, sigma), l2, np.full(3, gamma), nonnegative=nonnegative)
+    code = optimum(LinearModel(A, b, sigma).whitened(l2, gamma, nonnegative)).x[..., 0]
     for c in range(3):
-        objective, gap = optimality(A[c], b[c], sigma[c], code.values[c], l2, gamma, nonnegative)
+        objective, gap = optimality(A[c], b[c], sigma[c], code[c], l2, gamma, nonnegative)
         assert gap <= 1e-9
-        assert code.objective[c] == pytest.approx(objective, rel=1e-9)
+        near = ElasticNet(*whiten(A[c], b[c], sigma[c]), l2, gamma, nonnegative)
+        assert duality_gap(near, code[c])[0] == pytest.approx(objective, rel=1e-9)
 
 
 # -- the one problem of three channels ----------------------------------------------------------------------------
@@ -80,16 +82,16 @@ CAPTURES: list[dict[str, Any]] = [
 def test_the_layers_carry_the_product_s_problem(capture: dict[str, Any]) -> None:
     """With the product's penalties the layers' own proof is enough: no step of the finish, and the same answer."""
     sensing = joint_sensing(**capture)
-    code = solve(sensing, 1.0, np.array([0.05]))
-    assert code.values.shape == (1, 72)
-    assert (code.finish_steps == 0).all()
-    assert (code.gap == code.layers_gap).all()
-    assert code.gap[0] <= PROVEN
-    walked = solve(sensing, 1.0, np.array([0.05]), depth=0)
-    assert walked.finish_steps[0] > 0
-    assert walked.layers_gap[0] > SETTLED
-    assert walked.gap[0] <= 1e-15
-    assert np.abs(code.values - walked.values).max() < 1e-7
+    problem = sensing.whitened(1.0, 0.05)
+    code, walked = optimum(problem), optimum(problem, depth=0)
+    assert code.x.shape == (1, 72, 1)
+    assert code.pivots == 0
+    assert code.gap == code.layers_gap
+    assert code.gap <= PROVEN
+    assert walked.pivots > 0
+    assert walked.layers_gap > SETTLED
+    assert walked.gap <= 1e-15
+    assert np.abs(code.x - walked.x).max() < 1e-7
 
 
 @pytest.mark.parametrize("nonnegative", [False, True])
@@ -98,16 +100,17 @@ def test_the_proof_of_the_one_problem_holds_in_80_bits(l2: float, gamma: float, 
     """From A, b and Σ themselves, whitened anew: of the answer, and of answers that are off."""
     sensing = joint_sensing(patches=12, lamps=("D55", "A"), lamp_tolerance=0.02)
     A, b, sigma = sensing.matrix[0], sensing.target[0], sensing.covariance[0]
-    code = solve(sensing, l2, np.array([gamma]), nonnegative=nonnegative)
+    code = optimum(sensing.whitened(l2, gamma, nonnegative))
     wide = partial(in_80_bits, *whiten_in_80_bits(A, b, sigma), l2, gamma, nonnegative)
-    least, gap = wide(code.values[0])
-    assert code.objective[0] == pytest.approx(float(least), rel=1e-12)
-    assert code.gap[0] <= 1e-9
-    assert gap / least <= 1e-9
     near = ElasticNet(*whiten(A, b, sigma), l2, gamma, nonnegative)
+    best = code.x[0, :, 0]
+    least, gap = wide(best)
+    assert duality_gap(near, best)[0] == pytest.approx(float(least), rel=1e-12)
+    assert code.gap <= 1e-9
+    assert gap / least <= 1e-9
     rng = np.random.default_rng(12)
     for size in (1e-1, 1e-3, 1e-5):
-        x = code.values[0] + size * rng.normal(size=72)
+        x = best + size * rng.normal(size=72)
         x = np.maximum(x, 0.0) if nonnegative else x
         objective, found = duality_gap(near, x)
         primal, distance = wide(x)

@@ -20,10 +20,10 @@ from camssf.recovery.sensitivity import Problem, solve_on_basis, solve_together
 from camssf.recovery.unnamed_light import by_modes
 from camssf.spectra import read_lamp
 from golden.compare import blur, norm, optimality
-from golden.linear_model import LinearModel, linear_model
 from golden.running import by_model, findings, judge, problem, run
 from tests.golden.test_golden import CASES as EVERY
 from tests.recovery.test_dense_model import BASES, random_captures
+from tests.support.dense_model import DenseModel, dense_models
 from tests.support.long_cases import LONG
 from tests.support.problems import chart_and_lamp, observed, recovered, seeds, theory, toy_camera, whiten
 
@@ -127,10 +127,9 @@ def modes_told(model: Model, observation: Observation, prior_scale: float = 1.0)
     return found["mode_estimate"], found["mode_covariance"]
 
 
-def posterior(linear: LinearModel) -> tuple[Floats, Floats]:
+def posterior(linear: DenseModel) -> tuple[Floats, Floats]:
     """û = Dᵀ P⁻¹ b and I - Dᵀ P⁻¹ D of the lamp modes, P = Σ + A Aᵀ with D Dᵀ in Σ, by the whole P."""
-    A, b, D = linear.matrix[0], linear.target[0], linear.modes
-    D, b = whiten(D, b, linear.covariance[0] + A @ A.T)
+    D, b = whiten(linear.D, linear.b, linear.sigma + linear.A @ linear.A.T)
     return D.T @ b, np.eye(D.shape[1]) - D.T @ D
 
 
@@ -153,7 +152,8 @@ def test_the_posterior_of_the_lamps_modes(seed: int) -> None:
     for evidence, scale in ((given, 1.7), (by_modes(given), 1.0)):
         found = modes_told(load_model(basis), evidence, scale)
         assert found[0].shape == evidence.lamp_modes.shape[:2]
-        assert unlike(found, posterior(linear_model(evidence, widened(read_basis(basis), scale)))) <= 1e-10
+        (known,) = dense_models([evidence], widened(read_basis(basis), scale))
+        assert unlike(found, posterior(known)) <= 1e-10
 
 
 @pytest.mark.parametrize("basis", SHIPPED)

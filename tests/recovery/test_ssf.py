@@ -11,7 +11,7 @@ from camssf.recovery.basis import NODES, gaussian_basis, misfit_profile, read_ba
 from camssf.recovery.observation import Observation
 from camssf.recovery.rows import anchor
 from camssf.spectra import read_lamp
-from golden.linear_model import linear_model
+from tests.support.dense_model import dense_models
 from tests.support.problems import (
     chart_and_lamp,
     explained,
@@ -148,8 +148,8 @@ def test_bands_are_the_posterior_s(shots: int) -> None:
     """The covariance of x as I - Aᵀ (Σ + A Aᵀ)⁻¹ A, and the curves' by finite differences of the curve of peak 1."""
     arguments = declared(shots) | {"basis": "cameras"}
     answer = recovered(**arguments)
-    rows = linear_model(observed(**arguments)[0], read_basis("cameras"))
-    A, sigma = rows.matrix[0], rows.covariance[0]
+    (rows,) = dense_models([observed(**arguments)[0]], read_basis("cameras"))
+    A, sigma = rows.A, rows.sigma
     spread = np.eye(72) - A.T @ np.linalg.solve(sigma + A @ A.T, A)
     assert answer.code_covariance is not None
     assert answer.code_covariance.shape == (72, 72)
@@ -174,15 +174,15 @@ def test_the_budget_s_parts_are_the_posterior(shots: int) -> None:
     assert answer.code_covariance is not None
     std = answer.peak()[1]
     assert std is not None
-    rows = linear_model(observed(**arguments)[0], read_basis("cameras"))
-    gain = answer.code_covariance @ rows.matrix[0].T @ np.linalg.inv(rows.covariance[0])
+    (rows,) = dense_models([observed(**arguments)[0]], read_basis("cameras"))
+    gain = answer.code_covariance @ rows.A.T @ np.linalg.inv(rows.sigma)
     slopes = slopes_of_peak_one(answer.code.T.ravel(), arguments["lamp"][0])
     band = np.sum(std**2, axis=0)
     assert set(shares) == {"noise", "chart", "white", "lamp", "lamp modes", "uneven light", "unseen"}
     for source, term in rows.terms.items():
-        own = np.einsum("cmx,xz,cmz->c", slopes, gain @ term[0] @ gain.T, slopes)
+        own = np.einsum("cmx,xz,cmz->c", slopes, gain @ term @ gain.T, slopes)
         assert shares[source] * band == pytest.approx(own, rel=1e-5, abs=1e-9 * band.max())
-    left = np.eye(72) - gain @ rows.matrix[0]
+    left = np.eye(72) - gain @ rows.A
     unseen = np.einsum("cmx,xz,cmz->c", slopes, left @ left.T, slopes) + np.sum(missed() ** 2, axis=0)
     assert shares["unseen"] * band == pytest.approx(unseen, rel=1e-5)
     assert sum(shares.values()) == pytest.approx(np.ones(3))
@@ -198,24 +198,22 @@ def test_prediction_bands_are_those_of_their_model(shots: int) -> None:
     assert found.values[:, :12] == pytest.approx(answer.predicted, rel=1e-9)
     k, n = shots, 24
     y = np.concatenate([arguments["signals"], found.values[:, 12:]], axis=1)
-    rows = linear_model(
-        Observation(
-            y,
-            np.concatenate([arguments["reflectance"], others]),
-            arguments["lamp"],
-            standard_error=np.concatenate([arguments["standard_error"], np.full((k, 12, 3), 1e3)], axis=1),
-            chart_tolerance=np.repeat([0.03, 0.02], 12),
-            white_reflectance=np.ones(681),
-            white_tolerance=0.01,
-            lamp_tolerance=np.full(k, 0.02),
-            lamp_modes=np.zeros((k, 0, 681)),
-        ),
-        book,
+    observation = Observation(
+        y,
+        np.concatenate([arguments["reflectance"], others]),
+        arguments["lamp"],
+        standard_error=np.concatenate([arguments["standard_error"], np.full((k, 12, 3), 1e3)], axis=1),
+        chart_tolerance=np.repeat([0.03, 0.02], 12),
+        white_reflectance=np.ones(681),
+        white_tolerance=0.01,
+        lamp_tolerance=np.full(k, 0.02),
+        lamp_modes=np.zeros((k, 0, 681)),
     )
+    (rows,) = dense_models([observation], book)
     fitted = np.tile(np.arange(n) < 12, 3 * k)
     rng = np.random.default_rng(4)
-    A, sigma, noise = rows.matrix[0], rows.covariance[0], np.diag(rows.terms["noise"][0])
-    errors = sum(term[0] for source, term in rows.terms.items() if source != "noise")
+    A, sigma, noise = rows.A, rows.sigma, np.diag(rows.terms["noise"])
+    errors = sum(term for source, term in rows.terms.items() if source != "noise")
     root = np.linalg.cholesky(errors + 1e-14 * np.eye(len(A)))
     truth = A @ rng.normal(size=(72, 20000)) + root @ rng.normal(size=(len(A), 20000))
     seen = (truth + np.sqrt(noise)[:, None] * rng.normal(size=truth.shape))[fitted]

@@ -1,8 +1,8 @@
 """The dense linear model: rows one by one and their whole covariance, by NumPy and LAPACK alone.
 
 An oracle for `camssf.recovery`, by another hand and other means: one observation, one row after the other, errors as
-whole matrices Σ by source, no block form. `test_dense_model.py` compares; nothing else may import this file. It must
-not import the formulas that it judges.
+whole matrices Σ by source, no block form. It must not import the formulas that it
+judges.
 
 Letters as in the paper: R reflectance, L lamp, Ψ basis, x code, y signals. ρ_w is the white reference.
 """
@@ -35,15 +35,20 @@ BETWEEN = np.stack([np.interp(WAVELENGTHS, NODES, node) for node in np.eye(NODES
 
 @dataclass(frozen=True)
 class DenseModel:
-    """b = A x + error, error ~ N(0, Σ): A (N, 3 r), b (N,), Σ (N, N), lamp (k, 681).
+    """b = A x + error, error ~ N(0, Σ): A (N, 3 r), b (N,), summands (N, N) of Σ by source, D (N, k q) of lamp modes.
 
-    Rows go by channel, then shot, then patch.
+    Rows go by channel, then shot, then patch. D Dᵀ is in Σ.
     """
 
     A: Floats
     b: Floats
-    sigma: Floats
-    lamp: Floats
+    terms: dict[str, Floats]
+    D: Floats
+
+    @property
+    def sigma(self) -> Floats:
+        """(N, N) Σ."""
+        return np.asarray(np.sum(list(self.terms.values()), axis=0))
 
     @property
     def log_evidence(self) -> float:
@@ -65,8 +70,9 @@ def _dense_model(observation: Observation, basis: Basis) -> DenseModel:
     if observation.lamp_modes.any() or observation.gain_modes.any():
         rows = _Rows(observation, basis, _first_pass(rows, scale))
     rows.terms["chart"] *= scale
-    sigma = rows.spread() + rows.D @ rows.D.T + rows.G @ rows.G.T
-    return DenseModel(rows.A, rows.b, sigma, observation.lamp * (rows.point.lamp @ BETWEEN.T))
+    rows.terms["lamp modes"] += rows.D @ rows.D.T
+    rows.terms["uneven light"] += rows.G @ rows.G.T
+    return DenseModel(rows.A, rows.b, rows.terms, rows.D)
 
 
 @dataclass(frozen=True)
