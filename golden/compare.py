@@ -30,6 +30,12 @@ def norm(found: ArrayLike, expected: ArrayLike) -> float:
     return float(np.max(np.abs(a - b), initial=0.0)) / (size or 1.0)
 
 
+def difference(found: ArrayLike, expected: ArrayLike) -> float:
+    """max |a - b|, for whole numbers of which a step is the unit."""
+    a, b = _pair(found, expected)
+    return float(np.max(np.abs(a - b), initial=0.0)) if a.shape == b.shape and np.isfinite(a).all() else np.inf
+
+
 def relative(found: ArrayLike, expected: ArrayLike) -> float:
     """max |a - b| / |b| element by element, for numbers of different sizes (one a problem); |a| where b = 0."""
     a, b = _pair(found, expected)
@@ -85,6 +91,7 @@ def sums(found: ArrayLike, expected: ArrayLike) -> float:
 METRICS: dict[str, Callable[[Any, Any], float]] = {
     "exact": exact,
     "norm": norm,
+    "difference": difference,
     "relative": relative,
     "at_most": at_most,
     "peak": peak,

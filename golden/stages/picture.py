@@ -79,7 +79,7 @@ STAGE = Stage(
     cases=cases,
     run=run,
     inputs=words("result lamp photo dark white space shading area"),
-    limits=[("norm", 2e-5, "picture uncertainty")],
+    limits=[("difference", 1.0, "picture uncertainty")],  # steps of 16 bits
     arrays=frozenset(),
 )
 

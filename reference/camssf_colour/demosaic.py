@@ -62,10 +62,10 @@ def demosaic(mosaic: Array) -> Array:
         return mosaic[up : h - 2 + up, row % 2, left : w - 2 + left, column % 2]
 
     def colour(row: int, column: int, name: int) -> Array:
-        terms = [
-            sample(row + down, column + right) * (eighths / 8.0)
-            for (down, right), eighths in _filter(row, column, name).items()
-        ]
+        alike: dict[float, list[Array]] = {}
+        for (down, right), eighths in _filter(row, column, name).items():
+            alike.setdefault(eighths, []).append(sample(row + down, column + right))
+        terms = [sum(samples[1:], samples[0]) * (eighths / 8.0) for eighths, samples in alike.items()]
         return sum(terms[1:], terms[0])
 
     def plane(name: int) -> Array:

@@ -36,6 +36,9 @@ from camssf_colour.view import View
 
 T = TypeVar("T", bound=np.generic)
 Samples = NDArray[np.uint16]
+SINGLE = np.float32
+"""Precision of the pixels: of 24 bits, for steps of 16. NumPy is twice as fast with it."""
+Singles = NDArray[np.float32]
 XYZ_ONE = 32768
 """Y of a perfect white diffuser in a picture of XYZ, as in ICC profiles (u1Fixed15Number)."""
 STRIP = 1 << 16
@@ -185,6 +188,11 @@ class StandardPicture:
         height, width = self.photo.samples.shape
         return (height, width) if self.photo.orientation < 5 else (width, height)
 
+    @cached_property
+    def _single_table(self) -> PixelTable:
+        table = self.table
+        return PixelTable(*(values.astype(SINGLE) for values in (table.roots, table.covariance, table.distance)))
+
     def strips(self) -> Iterator[tuple[Samples, Samples]]:
         """The upright picture from its top, (n, width, 3), and its uncertainty, (n / 2, width / 2, 3).
 
@@ -224,32 +232,37 @@ class StandardPicture:
         down = _with_margin(rows, photo.samples.shape[0])[:: 1 - 2 * row]
         right = _with_margin(columns, photo.samples.shape[1])[:: 1 - 2 * column]
         samples = photo.samples[np.ix_(down, right)]
-        gains = shading_of_samples(photo, down, right) if self.lens_shading == "apply" else np.ones(samples.shape)
-        black, white = photo.black[:: 1 - 2 * row, :: 1 - 2 * column], self.white.raw[np.array(CELL)]
+        gains = np.ones(samples.shape, SINGLE)
+        if self.lens_shading == "apply":
+            gains = shading_of_samples(photo, down, right).astype(SINGLE)
+        black, white = (
+            values.astype(SINGLE)
+            for values in (photo.black[:: 1 - 2 * row, :: 1 - 2 * column], self.white.raw[np.array(CELL)])
+        )
 
         def in_cells(values: NDArray[T]) -> NDArray[T]:
             return values.reshape(len(down) // 2, 2, len(right) // 2, 2)
 
-        def relative(light: Floats) -> Floats:
+        def relative(light: Singles) -> Singles:
             return np.asarray(light * in_cells(gains) / white[:, None, :])
 
-        light, clipped = in_cells(samples) - black[:, None, :], samples >= photo.white
+        light, clipped = in_cells(samples).astype(SINGLE) - black[:, None, :], samples >= photo.white
         dark = np.zeros_like(light)
         if self.dark is not None:
             subtracted = self.dark.samples[np.ix_(down, right)]
-            dark_light = in_cells(subtracted) - black[:, None, :]
+            dark_light = in_cells(subtracted).astype(SINGLE) - black[:, None, :]
             light, dark = light - dark_light, relative(dark_light)
             clipped |= subtracted >= photo.white
         strip = StripInputs(
             mosaic=relative(light),
-            clipped=in_cells(clipped).astype(np.float64),
+            clipped=in_cells(clipped).astype(SINGLE),
             dark=dark,
             gains=in_cells(gains),
-            photon_noise=np.zeros(3) if self.white.photon_noise is None else self.white.photon_noise,
-            matrix=self.matrix,
-            curved=np.array(float(self.space.primaries is not None)),
+            photon_noise=np.asarray(np.zeros(3) if self.white.photon_noise is None else self.white.photon_noise, SINGLE),
+            matrix=self.matrix.astype(SINGLE),
+            curved=np.array(self.space.primaries is not None, SINGLE),
         )
-        picture, uncertainty = picture_strip(strip, self.table)
+        picture, uncertainty = picture_strip(strip, self._single_table)
         pixels, layer = (
             np.moveaxis(np.rint(values).astype(np.uint16), 0, 2)[:: 1 - 2 * row, :: 1 - 2 * column]
             for values in (picture.reshape(3, len(down) - 4, len(right) - 4), uncertainty)

@@ -61,7 +61,8 @@ def picture_strip(inputs: StripInputs, table: PixelTable) -> tuple[Array, Array]
     )
     # Of the light of both photos: the photo's own is the difference and the dark photo's once more.
     variance = inputs.photon_noise[:, None] * xp.maximum(cells + 2.0 * dark, 0.0) * gains
-    noise = _mixed(constant(xp, [noise_shares()[i, j] for i, j in PAIRS]), variance)
+    shares = xp.astype(constant(xp, [noise_shares()[i, j] for i, j in PAIRS]), variance.dtype)
+    noise = _mixed(shares, variance)
     places = places_of(cells)
     layer = xp.minimum(PER_UNIT * xp.sqrt(lab_variances(table, places, noise)), OUT_OF_REACH - 1.0)
     layer = xp.where(out_of_reach(table, places, noise), OUT_OF_REACH, layer)

@@ -159,23 +159,41 @@ def places_of(signals: Array) -> Places:
 
 @dataclass(frozen=True)
 class _Between:
-    """A table's bilinear values (k, n), and their slopes by ln r/g and ln b/g."""
+    """A table (k, nodes²) between its nodes: coefficients (k, n) of the cell that each place lies in, and where in it.
 
-    values: Array
-    by_red: Array
-    by_blue: Array
+    Attributes:
+        value, to_blue, to_red, to_both: `_coefficients`.
+        u, v: (n,) way to the next ln r/g and to the next ln b/g, in distances of nodes.
+        per_ratio: nodes by unit of a ratio's logarithm.
+    """
+
+    value: Array
+    to_blue: Array
+    to_red: Array
+    to_both: Array
+    u: Array
+    v: Array
+    per_ratio: float
+
+    @property
+    def values(self) -> Array:
+        """(k, n), bilinear."""
+        return self.value + self.u * (self.to_red + self.v * self.to_both) + self.v * self.to_blue
+
+    @property
+    def slopes(self) -> tuple[Array, Array]:
+        """(k, n) by ln r/g, and by ln b/g."""
+        by_red, by_blue = self.to_red + self.v * self.to_both, self.to_blue + self.u * self.to_both
+        return self.per_ratio * by_red, self.per_ratio * by_blue
 
 
 def _between(coefficients: tuple[Array, ...], places: Places, nodes: int) -> _Between:
-    """A table between its nodes."""
+    """A table at these places."""
     xp, scale = namespace(places.level), (nodes - 1.0) / (RATIO_NODES - 1.0)
     red, blue = places.along_red * scale, places.along_blue * scale
     i, j = (xp.astype(xp.minimum(along, nodes - 1.5), xp.int64) for along in (red, blue))  # a node follows each
-    u, v = red - xp.astype(i, xp.float64), blue - xp.astype(j, xp.float64)
-    value, by_blue, by_red, by_both = (xp.take(part, i * nodes + j, axis=1) for part in coefficients)
-    by_red, by_blue = by_red + v * by_both, by_blue + u * by_both
-    per_ratio = scale * PER_NODE
-    return _Between(value + v * (by_blue - u * by_both) + u * by_red, per_ratio * by_red, per_ratio * by_blue)
+    u, v = red - xp.astype(i, red.dtype), blue - xp.astype(j, red.dtype)
+    return _Between(*(xp.take(part, i * nodes + j, axis=1) for part in coefficients), u, v, scale * PER_NODE)
 
 
 def _cube_root(values: Array) -> Array:
@@ -197,7 +215,7 @@ def lab_variances(table: PixelTable, places: Places, noise: Array) -> Array:
     xp = namespace(places.level)
     level = xp.maximum(places.level, BLACK)
     root, between = _cube_root(level), _between(table.bilinear_roots, places, RATIO_NODES)
-    roots, by_red, by_blue = root * between.values, root * between.by_red, root * between.by_blue
+    roots, (by_red, by_blue) = root * between.values, (root * slope for slope in between.slopes)
     # Lab is made of cube roots of t, and where t is small of a straight line, whose slope by the root is smaller.
     chain = xp.where(roots > BEND ** (1.0 / 3.0), 1.0, (3.0 * SLOPE / 116.0) * roots * roots)
 

@@ -16,6 +16,7 @@ internal object Metrics {
 
     private fun measure(metric: String, a: Tensor, b: Tensor): Double = when (metric) {
         "norm" -> norm(a, b)
+        "difference" -> worst(a, b) { 1.0 }
         "relative" -> relative(a, b)
         "at_most" -> if (a.values.all { it.isFinite() }) a.values.maxOrNull() ?: 0.0 else WRONG
         "peak" -> peak(a, b)
