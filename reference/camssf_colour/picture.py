@@ -253,12 +253,13 @@ class StandardPicture:
             dark_light = in_cells(subtracted).astype(SINGLE) - black[:, None, :]
             light, dark = light - dark_light, relative(dark_light)
             clipped |= subtracted >= photo.white
+        noise = np.zeros(3) if self.white.photon_noise is None else self.white.photon_noise
         strip = StripInputs(
             mosaic=relative(light),
             clipped=in_cells(clipped).astype(SINGLE),
             dark=dark,
             gains=in_cells(gains),
-            photon_noise=np.asarray(np.zeros(3) if self.white.photon_noise is None else self.white.photon_noise, SINGLE),
+            photon_noise=noise.astype(SINGLE),
             matrix=self.matrix.astype(SINGLE),
             curved=np.array(self.space.primaries is not None, SINGLE),
         )

@@ -159,10 +159,10 @@ def places_of(signals: Array) -> Places:
 
 @dataclass(frozen=True)
 class _Between:
-    """A table (k, nodes²) between its nodes: coefficients (k, n) of the cell that each place lies in, and where in it.
+    """A table (k, nodes²) between its nodes.
 
     Attributes:
-        value, to_blue, to_red, to_both: `_coefficients`.
+        value, to_blue, to_red, to_both: (k, n) `_coefficients` of the cells that the places lie in.
         u, v: (n,) way to the next ln r/g and to the next ln b/g, in distances of nodes.
         per_ratio: nodes by unit of a ratio's logarithm.
     """
@@ -193,12 +193,8 @@ def _between(coefficients: tuple[Array, ...], places: Places, nodes: int) -> _Be
     red, blue = places.along_red * scale, places.along_blue * scale
     i, j = (xp.astype(xp.minimum(along, nodes - 1.5), xp.int64) for along in (red, blue))  # a node follows each
     u, v = red - xp.astype(i, red.dtype), blue - xp.astype(j, red.dtype)
-    return _Between(*(xp.take(part, i * nodes + j, axis=1) for part in coefficients), u, v, scale * PER_NODE)
-
-
-def _cube_root(values: Array) -> Array:
-    xp = namespace(values)
-    return xp.exp(xp.log(xp.maximum(values, 1e-300)) / 3.0)
+    value, to_blue, to_red, to_both = (xp.take(part, i * nodes + j, axis=1) for part in coefficients)
+    return _Between(value, to_blue, to_red, to_both, u, v, scale * PER_NODE)
 
 
 def xyz_of(table: PixelTable, places: Places) -> Array:
@@ -214,7 +210,7 @@ def lab_variances(table: PixelTable, places: Places, noise: Array) -> Array:
     """
     xp = namespace(places.level)
     level = xp.maximum(places.level, BLACK)
-    root, between = _cube_root(level), _between(table.bilinear_roots, places, RATIO_NODES)
+    root, between = xp.exp(xp.log(level) / 3.0), _between(table.bilinear_roots, places, RATIO_NODES)
     roots, (by_red, by_blue) = root * between.values, (root * slope for slope in between.slopes)
     # Lab is made of cube roots of t, and where t is small of a straight line, whose slope by the root is smaller.
     chain = xp.where(roots > BEND ** (1.0 / 3.0), 1.0, (3.0 * SLOPE / 116.0) * roots * roots)
