@@ -64,6 +64,7 @@ def test_recovers_the_simulated_camera(capture: Capture, camera: CameraCurves, b
     assert (result.ssf.std is None) == (basis == "gaussian")
 
 
+@pytest.mark.full
 def test_two_shots_join_and_know_more(two_lamps: Simulation, camera: CameraCurves, capture: Capture) -> None:
     shots = two_lamps.shots
     pair = calibrate([shot.shot for shot in shots], options=Options(basis="cameras"), truth=camera)
@@ -74,6 +75,7 @@ def test_two_shots_join_and_know_more(two_lamps: Simulation, camera: CameraCurve
     assert pair.uncertainty.half_width < min(pair.uncertainty.alone)
 
 
+@pytest.mark.full
 @pytest.mark.requirement("R-TABLE")
 def test_the_chart_s_table_is_the_one_that_fits(tmp_path: Path, camera: CameraCurves) -> None:
     """A chart like Ohta's table is solved with it, unless the caller fixes the table or the basis has no prior."""
@@ -132,6 +134,7 @@ def test_unseen_predictions_come_from_fits_without_the_patch(capture: Capture, s
     assert np.abs(after[0, 10] - before[0, 10]).max() > 1e-6
 
 
+@pytest.mark.full
 def test_documents_pipe(capture: Capture, solved: Result) -> None:
     again = capture_in(document_of(capture))
     assert document_of(again) == document_of(capture)
@@ -260,6 +263,7 @@ def test_frames_that_do_not_go_together(two_lamps: Simulation) -> None:
         calibrate([Shot(first.chart, "D55"), Shot(second.chart, "A")], options=Options(basis="gaussian"))
 
 
+@pytest.mark.full
 def test_the_real_photo_tells_warm_light_from_daylight() -> None:
     """Taken under an unknown warm light: 3000 K stands, if doubtful; D65 is doubted, and a warmer light is said."""
     (shot,) = (photo := measure(Shot(PHOTO, "3000K"))).shots

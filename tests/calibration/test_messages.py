@@ -74,6 +74,7 @@ def kotlin_calls() -> Iterator[tuple[str, set[str], set[str] | None]]:
                 yield f"{path.name}: {call[:60]}", keys, None if aside else set(re.findall(r'"(\w+)" to ', call))
 
 
+@pytest.mark.full
 def test_each_call_names_a_message_and_gives_its_placeholders_and_each_message_is_used() -> None:
     calls = [*python_calls(), *kotlin_calls()]
     assert len(calls) > 150

@@ -72,6 +72,7 @@ print(json.dumps(found), file=sys.stderr)
 """
 
 
+@pytest.mark.full
 @pytest.mark.requirement("R-ROOMS")
 def test_what_a_new_interpreter_loads() -> None:
     """One interpreter: the package, `calibrate`, a help, lamps and charts by name, public names, every stage."""

@@ -108,6 +108,7 @@ def test_shots_of_a_document_have_the_same_signals(frames: tuple[str, ...]) -> N
 # -- the common answer ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.full
 @pytest.mark.requirement("R-PREVIOUS")
 def test_a_later_photo_in_any_light_is_solved_with_the_previous_result(tmp_path: Path) -> None:
     first, new = previous(), later("A")

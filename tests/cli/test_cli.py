@@ -56,7 +56,8 @@ def test_calibrate_leaves_its_files_with_curves_near_the_truth(result: Path, sho
 
 
 @pytest.mark.requirement("R-PIPELINE")
-@pytest.mark.parametrize("first", ["patches", pytest.param("result", marks=pytest.mark.full)])
+@pytest.mark.full
+@pytest.mark.parametrize("first", ["patches", "result"])
 def test_the_pipe_is_calibrate_in_steps(
     first: str, triple: list[str], shots: Path, result: Path, tmp_path: Path, feed: Feed, capsys: Capture
 ) -> None:
@@ -77,6 +78,7 @@ def test_the_pipe_is_calibrate_in_steps(
     assert "data:image/jpeg" in (tmp_path / "out" / "report.html").read_text("utf-8")
 
 
+@pytest.mark.full
 def test_a_report_beside_a_passport_and_another_result(result: Path, tmp_path: Path, capsys: Capture) -> None:
     own, out, signed, revoked = result / "result.json", tmp_path / "out", tmp_path / "c.jws", tmp_path / "revoked.jws"
     for folder in ("keys", "strange"):
@@ -115,6 +117,7 @@ def test_a_report_beside_a_passport_and_another_result(result: Path, tmp_path: P
     assert state(out) == before
 
 
+@pytest.mark.full
 @pytest.mark.requirement("R-PIPELINE")
 def test_demo(tmp_path: Path, capsys: Capture) -> None:
     out = tmp_path / "out"

@@ -115,7 +115,8 @@ def test_black_levels_stand_in_their_places(tmp_path: Path, monkeypatch: pytest.
     assert read_raw(path).black.tolist() == [[500, 510], [520, 530]]
 
 
-@pytest.mark.parametrize("ending", ["nef", pytest.param("png", marks=pytest.mark.full)])
+@pytest.mark.full
+@pytest.mark.parametrize("ending", ["nef", "png"])
 def test_the_same_samples_give_the_same_curves_and_an_assumption_more(field: Path, ending: str) -> None:
     dng, other = solved(field, "dng"), solved(field, ending)
     assert np.abs(dng.curves - other.curves).max() < 1e-9

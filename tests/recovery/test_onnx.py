@@ -39,7 +39,13 @@ def outputs_of_case(name: str) -> dict[str, Any]:
     return run(CASES[name], "onnx")
 
 
-@pytest.mark.parametrize("stage", sorted({case["stage"] for case in CASES.values()}))
+@pytest.mark.parametrize(
+    "stage",
+    [
+        pytest.param(stage, marks=[] if stage == "ssf" else pytest.mark.full)
+        for stage in sorted({case["stage"] for case in CASES.values()})
+    ],
+)
 def test_golden_cases(stage: str) -> None:
     keeps_every_limit([name for name, case in CASES.items() if case["stage"] == stage and name not in LONG])
 
