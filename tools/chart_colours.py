@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 import sys
-from pathlib import Path
+from functools import partial
 
 import numpy as np
 
@@ -19,16 +19,12 @@ from camssf.photo.find.chart_colours import FORMAT
 from camssf.photo.find.search import plain_signals
 from camssf.spectra import ChartTable, colour_science, read_chart
 from camssf.spectra.layouts import LAYOUTS
-from tools.tabulate import Json, made_file, origin
+from tools.pages import DATA, Json, made_files
+from tools.tabulate import origin
 
 COMMAND = "python -m tools.chart_colours"
-PLACE = Path(__file__).parents[1] / "reference" / "camssf" / "data" / "finder.json"
+PLACE = DATA / "finder.json"
 SEMI_GLOSS = "ColorCheckerSG - After November 2014"
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Run the command; returns 1 if `--check` finds a difference."""
-    return made_file(COMMAND, PLACE, tabulate, arguments)
 
 
 def tabulate() -> Json:
@@ -86,6 +82,8 @@ def semi_gloss() -> ChartTable:
         "colour-science",
     )
 
+
+main = partial(made_files, COMMAND, __doc__, lambda: {PLACE: tabulate()})
 
 if __name__ == "__main__":
     sys.exit(main())

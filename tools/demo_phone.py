@@ -9,27 +9,23 @@ sensitivity is nowhere negative, so the first seed is taken whose curves are not
 from __future__ import annotations
 
 import sys
+from functools import partial
 from itertools import count
-from pathlib import Path
 
 import numpy as np
 
 from camssf.grid import Floats
 from camssf.recovery.basis import NODES, read_basis
 from camssf.spectra.cameras import DEMO_PHONE
-from tools.tabulate import Json, digest, made_file
+from tools.pages import DATA, Json, made_files
+from tools.tabulate import digest
 
 COMMAND = "python -m tools.demo_phone"
-PLACE = Path(__file__).parents[1] / "reference" / "camssf" / "data" / "demo-phone.json"
+PLACE = DATA / "demo-phone.json"
 BASIS = "phones"
 DECIMALS = 6
 WIDTH = 0.7
 """Standard deviation of the code, about that of measured phones."""
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Run the command; returns 1 if `--check` finds a difference."""
-    return made_file(COMMAND, PLACE, tabulate, arguments)
 
 
 def draw(seed: int) -> Floats:
@@ -53,6 +49,8 @@ def tabulate() -> Json:
         "cameras": {DEMO_PHONE: camera | {"values": values.tolist()}},
     }
 
+
+main = partial(made_files, COMMAND, __doc__, lambda: {PLACE: tabulate()})
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import sys
+from functools import partial
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from camssf.grid import Floats
 from camssf.recovery.basis import MISFIT_FILE, NODES
 from camssf_lab.learning.training import maker_of
 from golden.linear_model import linear_model
-from tools.tabulate import Json, made_file
+from tools.pages import Json, made_files
 
 COMMAND = "python -m tools.misfit_profile"
 SEED = 2026
@@ -28,11 +29,7 @@ EXACT = tuple(setting for setting in SETTINGS if not setting.ohta and setting.pa
 SMOOTH = 10.0
 """Standard deviation of the smoothing, nm."""
 DECIMALS = 4
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Run the command; returns 1 if `--check` finds a difference beyond the rounding."""
-    return made_file(COMMAND, MISFIT_FILE, tabulate, arguments, {"values": 2.0 * 10.0**-DECIMALS})
+ROUNDING = {"/values/": 2.0 * 10.0**-DECIMALS}
 
 
 def tabulate() -> Json:
@@ -67,6 +64,8 @@ def excess(setting: Setting, number: int) -> Floats:
         rows.append((((answer - curves / curves.max(axis=0)) ** 2 - own)[::10]).T)
     return np.stack(rows)
 
+
+main = partial(made_files, COMMAND, __doc__, lambda: {MISFIT_FILE: tabulate()}, bounds=ROUNDING)
 
 if __name__ == "__main__":
     sys.exit(main())

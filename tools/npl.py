@@ -6,19 +6,15 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
+from functools import partial
 
 from camssf.spectra import colour_science
 from camssf.spectra.cameras import LIBRARY
-from tools.tabulate import Json, even, made_file, origin
+from tools.pages import DATA, Json, made_files
+from tools.tabulate import even, origin
 
 COMMAND = "python -m tools.npl"
-PLACE = Path(__file__).parents[1] / "reference" / "camssf" / "data" / "npl.json"
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Run the command; returns 1 if `--check` finds a difference."""
-    return made_file(COMMAND, PLACE, tabulate, arguments)
+PLACE = DATA / "npl.json"
 
 
 def tabulate() -> Json:
@@ -29,6 +25,8 @@ def tabulate() -> Json:
     cameras = {name: even(table) for name, table in tables.items()}
     return {"format": "camssf-cameras/1", "generator": COMMAND, "origin": origin(), "cameras": cameras}
 
+
+main = partial(made_files, COMMAND, __doc__, lambda: {PLACE: tabulate()})
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Mapping, Sequence
+import json
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from camssf.files import write_files
+from camssf.files import write_file
 
+DATA = Path(__file__).parents[1] / "reference" / "camssf" / "data"
+Json: TypeAlias = dict[str, Any]
 END = "<!-- end -->"
 """The mark behind a table that a tool makes; before it stands the command that makes it."""
 _TEMPLATES = Environment(
@@ -45,29 +49,69 @@ def filled(page: str, parts: Mapping[str, str]) -> str:
     return page
 
 
-def parser(command: str, about: str | None) -> argparse.ArgumentParser:
-    """The parser of a command with the option `--check`."""
-    made = argparse.ArgumentParser(prog=command, description=(about or "").partition("\n")[0])
-    made.add_argument("--check", action="store_true", help="write nothing; 1 if a file is not what would be written")
-    return made
-
-
-def write_or_check(command: str, folder: Path, contents: Mapping[str, str | None], *, check: bool) -> int:
-    """Write the files of a folder, or name those that differ.
+def made_files(
+    command: str,
+    about: str | None,
+    make: Callable[[], Mapping[Path, Any]],
+    arguments: Sequence[str] | None = None,
+    bounds: Mapping[str, float] | None = None,
+) -> int:
+    """Run a command that makes files: write them, or with `--check` name those that differ.
 
     Args:
-        command: makes them.
-        folder: of the files.
-        contents: texts by name; None for a file that must not be there.
-        check: write nothing.
+        command: how it is called.
+        about: its help.
+        make: returns text, or what JSON holds, by the files' paths.
+        arguments: of the command line.
+        bounds: what numbers of JSON may differ by, by a pattern of their path in it; the first that fits counts.
 
     Returns:
         The exit status: 1 if a file differs.
     """
+    shape = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(prog=command, description=about, formatter_class=shape)
+    parser.add_argument(
+        "--check", action="store_true", help="write nothing; 1 if a file differs"
+    )
+    check = parser.parse_args(arguments).check
+    made = {path: held if isinstance(held, str) else as_text(held) for path, held in make().items()}
     if not check:
-        write_files(folder, contents)
+        for path, text in made.items():
+            write_file(path, text)
         return 0
-    there = {name: path.read_text("utf-8") if (path := folder / name).is_file() else None for name in contents}
-    odd = sorted(name for name, text in contents.items() if there[name] != text)
-    print(f"Not what `{command}` makes: {', '.join(odd)}." if odd else f"{len(there)} files: no difference.")
+    stored = {path: path.read_text("utf-8") if path.is_file() else "null" for path in made}
+    odd = [
+        path.name
+        for path, text in made.items()
+        if stored[path] != text and not (bounds and near(json.loads(stored[path]), json.loads(text), bounds))
+    ]
+    print(f"Not what `{command}` makes: {', '.join(odd)}." if odd else f"{len(made)} files: no difference.")
     return int(bool(odd))
+
+
+def near(stored: Any, made: Any, bounds: Mapping[str, float], path: str = "") -> bool:
+    """Whether two JSON values are the same, but for numbers within the bound of their path."""
+    if isinstance(stored, dict) and isinstance(made, dict):
+        same = list(stored) == list(made)
+        return same and all(near(stored[key], value, bounds, f"{path}/{key}") for key, value in made.items())
+    if isinstance(stored, list) and isinstance(made, list):
+        same = len(stored) == len(made)
+        return same and all(near(stored[i], value, bounds, f"{path}/{i}") for i, value in enumerate(made))
+    bound = next((bound for pattern, bound in bounds.items() if re.search(pattern, path)), 0.0)
+    numbers = isinstance(stored, float) and isinstance(made, float)
+    return bool(stored == made or (numbers and abs(stored - made) <= bound))
+
+
+def as_text(value: Json) -> str:
+    """The value as JSON, with one line for each row of numbers."""
+
+    def lines(value: Any, indent: str) -> str:
+        inner = indent + " "
+        if isinstance(value, dict) and value:
+            parts = [f"{json.dumps(key)}: {lines(each, inner)}" for key, each in value.items()]
+            return "{\n" + ",\n".join(inner + part for part in parts) + f"\n{indent}}}"
+        if isinstance(value, list) and value and isinstance(value[0], list):
+            return "[\n" + ",\n".join(inner + lines(each, inner) for each in value) + f"\n{indent}]"
+        return json.dumps(value, allow_nan=False, ensure_ascii=False)
+
+    return lines(value, "") + "\n"

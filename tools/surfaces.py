@@ -10,6 +10,7 @@ import json
 import sys
 import warnings
 from collections.abc import Iterator
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 
@@ -19,10 +20,11 @@ from camssf.grid import Floats
 from camssf.recovery.basis import NODES
 from camssf.spectra import colour_science
 from camssf.spectra.bundled import COLOUR_FORMAT, SURFACE_NODES
-from tools.tabulate import Json, digest, made_file
+from tools.pages import DATA, Json, made_files
+from tools.tabulate import digest
 
 COMMAND = "python -m tools.surfaces"
-PLACE = Path(__file__).parents[1] / "reference" / "camssf" / "data" / "colour.json"
+PLACE = DATA / "colour.json"
 SOURCE = Path(__file__).parents[1] / "data" / "rawtoaces" / "training_spectral.json"
 MEASURED = Path(__file__).parents[1] / "data" / "surfaces"
 FILES = {
@@ -41,11 +43,6 @@ UNIT = 1e-5
 BILIRUBIN = (460.0, 30.0)
 """Peak and width (standard deviation), nm, of the Gaussian that stands for bilirubin bound to albumin."""
 OBSERVERS = {"1931": "CIE 1931 2 Degree Standard Observer", "1964": "CIE 1964 10 Degree Standard Observer"}
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Run the command; returns 1 if `--check` finds a difference."""
-    return made_file(COMMAND, PLACE, tabulate, arguments)
 
 
 def tabulate() -> Json:
@@ -144,6 +141,8 @@ def _absorbers() -> Json:
         "values": {name: np.round(row / row.max(), 6).tolist() for name, row in rows.items()},
     }
 
+
+main = partial(made_files, COMMAND, __doc__, lambda: {PLACE: tabulate()})
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -7,12 +7,10 @@ give the same. Reading a lamp or a chart does not use this module.
 from __future__ import annotations
 
 import hashlib
-import json
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from importlib.metadata import version
-from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
@@ -24,11 +22,10 @@ from camssf.spectra.families import DIMMEST, FAMILIES, DrawnKind, Temperature, p
 from camssf.spectra.lamps import MEASURED_LAMP, NAMED_LAMP, NOISE_BELOW_ZERO
 from camssf.spectra.layouts import LAYOUTS
 from tools.lamp_kinds import drawn_kind
-from tools.pages import parser, write_or_check
+from tools.pages import DATA, Json, made_files
 
-Json: TypeAlias = dict[str, Any]
 COMMAND = "python -m tools.tabulate"
-PLACE = Path(__file__).parents[1] / "reference" / "camssf" / "data" / "spectra.json"
+PLACE = DATA / "spectra.json"
 ILLUMINANTS = (
     *("A", "B", "C", "D50", "D55", "D60", "D65", "D75", "E", "ID50", "ID65"),
     *(f"FL{i}" for i in range(1, 13)),
@@ -43,15 +40,10 @@ TABLES = {"babelcolor": "BabelColor Average", "ohta": "ColorChecker N Ohta"}
 """Chart tables by the word after the colon in `classic24:ohta`; the first is the default."""
 CHARTS = ("classic24", "nano24", "mini24", "passport24")
 WHITE = "white 9.5 (.05 D)"
-ROUNDING = {"weights": 1e-9, "modes": 2e-7, "mean": 2e-7, "shapes": {"modes": 2e-5, "mean": 2e-5}}
+ROUNDING = {r"/weights/": 1e-9, r"/shapes/\d/(modes|mean)/": 2e-5, r"/(modes|mean)/": 2e-7}
 """What numbers of the families may differ by."""
 EXACT = 1e-12
 """Largest difference between a family's modes and those computed from its stored weights."""
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Run the command; returns 1 if `--check` finds a difference."""
-    return made_file(COMMAND, PLACE, tabulate, arguments, ROUNDING)
 
 
 def tabulate() -> Json:
@@ -92,51 +84,6 @@ def origin() -> Json:
         "licence": "BSD-3-Clause",
         "url": "https://github.com/colour-science/colour",
     }
-
-
-def made_file(
-    command: str, place: Path, make: Callable[[], Json], arguments: Sequence[str] | None, bounds: Json | None = None
-) -> int:
-    """Run the command of a JSON file: write it, or with `--check` compare it, exactly or with `bounds`."""
-    check = parser(command, f"Write data/{place.name}, or check it.").parse_args(arguments).check
-    if not check or bounds is None:
-        return write_or_check(command, place.parent, {place.name: as_text(make())}, check=check)
-    faults = list(differences(json.loads(place.read_text("utf-8")), json.loads(as_text(make())), bounds))
-    for fault in faults:
-        print(fault)
-    print(f"{place.name}: {len(faults)} differences" + (f"; run `{command}`" if faults else ""))
-    return int(bool(faults))
-
-
-def differences(stored: Any, made: Any, bounds: Json, path: str = "", bound: float = 0.0) -> Iterator[str]:
-    """Where two JSON values differ; numbers below a key of `bounds` may differ by its bound, or by those it holds."""
-    if isinstance(stored, dict) and isinstance(made, dict) and list(stored) == list(made):
-        for key, value in made.items():
-            inner = bounds.get(key, bound)
-            own = (inner, 0.0) if isinstance(inner, dict) else (bounds, inner)
-            yield from differences(stored[key], value, own[0], f"{path}/{key}", own[1])
-    elif isinstance(stored, list) and isinstance(made, list) and len(stored) == len(made):
-        for i, pair in enumerate(zip(stored, made, strict=True)):
-            yield from differences(*pair, bounds, f"{path}/{i}", bound)
-    elif stored != made and not (
-        isinstance(stored, float) and isinstance(made, float) and abs(stored - made) <= bound
-    ):
-        yield f"{path}: {str(stored)[:80]} stored, {str(made)[:80]} made"
-
-
-def as_text(value: Json) -> str:
-    """The value as JSON, with one line for each row of numbers."""
-
-    def lines(value: Any, indent: str) -> str:
-        inner = indent + " "
-        if isinstance(value, dict) and value:
-            parts = [f"{json.dumps(key)}: {lines(each, inner)}" for key, each in value.items()]
-            return "{\n" + ",\n".join(inner + part for part in parts) + f"\n{indent}}}"
-        if isinstance(value, list) and value and isinstance(value[0], list):
-            return "[\n" + ",\n".join(inner + lines(each, inner) for each in value) + f"\n{indent}]"
-        return json.dumps(value, allow_nan=False, ensure_ascii=False)
-
-    return lines(value, "") + "\n"
 
 
 def digest(values: Any) -> str:
@@ -211,6 +158,8 @@ def _family(name: str, science: Any) -> Json:
         "weights": weights.tolist(),
     }
 
+
+main = partial(made_files, COMMAND, __doc__, lambda: {PLACE: tabulate()}, bounds=ROUNDING)
 
 if __name__ == "__main__":
     sys.exit(main())

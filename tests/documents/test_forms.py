@@ -15,7 +15,7 @@ from camssf.documents.document import Document, document_bytes
 from camssf.errors import InvalidArgument
 from camssf.options import Options
 from camssf.photo.shot import Shot
-from tools import kotlin_forms
+from tools import formats
 
 ROOT = Path(__file__).parents[2]
 CASES = json.loads((Path(__file__).parent / "broken_documents.json").read_text("utf-8"))
@@ -103,4 +103,4 @@ def test_the_base_is_sound_with_and_without_its_hash(base: dict[str, Any]) -> No
 
 
 def test_kotlins_table_of_forms_is_current() -> None:
-    assert kotlin_forms.FILE.read_text("utf-8") == kotlin_forms.table(), "run python -m tools.formats"
+    assert formats.FORMS.read_text("utf-8") == formats.kotlin_table(), "run python -m tools.formats"
