@@ -70,9 +70,7 @@ def made_files(
     """
     shape = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser(prog=command, description=about, formatter_class=shape)
-    parser.add_argument(
-        "--check", action="store_true", help="write nothing; 1 if a file differs"
-    )
+    parser.add_argument("--check", action="store_true", help="write nothing; 1 if a file differs")
     check = parser.parse_args(arguments).check
     made = {path: held if isinstance(held, str) else as_text(held) for path, held in make().items()}
     if not check:
