@@ -8,7 +8,6 @@ tifffile applies no LinearizationTable.
 
 from __future__ import annotations
 
-import argparse
 import hashlib
 import json
 import logging
@@ -22,24 +21,16 @@ from typing import Any
 import rawpy
 import tifffile
 
-from benchmarks.shared import command_parser, one_thread, versions
+from benchmarks.shared import one_thread, versions
 from benchmarks.turns import BINDINGS, class_path
 from camssf.files import write_file
 
 STORED = BINDINGS / "core" / "src" / "test" / "resources" / "dng" / "judges.json"
 REAL = Path(__file__).parents[1] / "data" / "dng"
 MOSAIC, ACTIVE_AREA, PHOTOMETRIC = 32803, 50829, 262
-
-
-def mosaic_page(tiff: tifffile.TiffFile) -> Any:
-    """The page of the colour filter mosaic, down to grandchildren."""
-    waiting = list(tiff.pages)
-    while waiting:
-        page: Any = waiting.pop(0)
-        if page.tags.valueof(PHOTOMETRIC) == MOSAIC:
-            return page
-        waiting += list(page.pages or [])
-    raise ValueError("no mosaic")
+JUDGE = "import sys; from tools.kotlin_variants import print_judged; print_judged(sys.argv[1])"
+PERTURB = "MALLOC_PERTURB_"
+"""What glibc fills fresh memory with."""
 
 
 def judge(file: Path) -> dict[str, str]:
@@ -51,15 +42,18 @@ def judge(file: Path) -> dict[str, str]:
 
     found = {}
     with tifffile.TiffFile(file) as tiff:
-        page = mosaic_page(tiff)
-        area = page.tags.valueof(ACTIVE_AREA)
+        pages: list[Any] = list(tiff.pages)
+        for page in pages:  # grows by the pages within pages
+            pages += page.pages or []
+        mosaic = next(page for page in pages if page.tags.valueof(PHOTOMETRIC) == MOSAIC)
+        area = mosaic.tags.valueof(ACTIVE_AREA)
         try:
             with rawpy.imread(str(file)) as raw:
                 found["libraw"] = digest(raw.raw_image)
         except rawpy.LibRawError as error:
             found["libraw"] = f"refused: {error.args[0] if error.args else error!r}"
         try:
-            found["tifffile"] = digest(page.asarray())
+            found["tifffile"] = digest(mosaic.asarray())
         except Exception as error:  # a judge may fail in any way
             found["tifffile"] = f"refused: {str(error).splitlines()[0][:90]}"
     return found
@@ -67,10 +61,9 @@ def judge(file: Path) -> dict[str, str]:
 
 def judge_all(folder: Path) -> dict[str, dict[str, str]]:
     """Every DNG of a folder, in two processes whose memory differs: LibRaw leaves some samples to chance."""
-    command = [sys.executable, "-m", "tools.kotlin_variants", "--judge", str(folder)]
     first, second = (
-        json.loads(subprocess.check_output(command, env=os.environ | {"MALLOC_PERTURB_": fill}, text=True))
-        for fill in ("85", "170")  # of glibc's fresh memory
+        json.loads(subprocess.check_output([sys.executable, "-c", JUDGE, folder], env=os.environ | {PERTURB: fill}))
+        for fill in ("85", "170")
     )
     for name, found in first.items():
         if found["libraw"] != second[name]["libraw"]:
@@ -78,31 +71,28 @@ def judge_all(folder: Path) -> dict[str, dict[str, str]]:
     return dict(first)
 
 
-def main() -> int:
-    """Writes the file."""
-    parser = command_parser(__spec__, __doc__)
-    parser.add_argument("-o", type=Path, default=STORED, help="where to write")
-    parser.add_argument("--judge", type=Path, help=argparse.SUPPRESS)
-    options = parser.parse_args()
+def print_judged(folder: str) -> None:
+    """What judges say of every DNG of a folder, as JSON."""
     logging.getLogger("tifffile").setLevel(logging.CRITICAL)
-    if options.judge:
-        print(json.dumps({file.name: judge(file) for file in sorted(options.judge.glob("*.dng"))}))
-        return 0
+    print(json.dumps({file.name: judge(file) for file in sorted(Path(folder).glob("*.dng"))}))
+
+
+def main() -> None:
+    """Writes the file."""
     with tempfile.TemporaryDirectory() as folder:
         places = os.pathsep.join([str(BINDINGS / "core" / "target" / "test-classes"), class_path()])
         subprocess.run(["java", "-cp", places, "org.camssf.photo.dng.VariantFiles", folder], check=True)
+        libraw = {"libraw": ".".join(map(str, rawpy.libraw_version))}
         found = {
             "command": "python -m tools.kotlin_variants",
-            "versions": versions("rawpy", "tifffile", "imagecodecs")
-            | {"libraw": ".".join(map(str, rawpy.libraw_version))},
+            "versions": versions("rawpy", "tifffile", "imagecodecs") | libraw,
             "variants": judge_all(Path(folder)),
             "real": judge_all(REAL),
         }
-    write_file(options.o, json.dumps(found, indent=1) + "\n")
-    print(f"{options.o.name}: {len(found['variants'])} variants, {len(found['real'])} real files")
-    return 0
+    write_file(STORED, json.dumps(found, indent=1) + "\n")
+    print(f"{STORED.name}: {len(found['variants'])} variants, {len(found['real'])} real files")
 
 
 if __name__ == "__main__":
     one_thread(__spec__)
-    sys.exit(main())
+    main()
