@@ -29,31 +29,17 @@ SEMI_GLOSS = "ColorCheckerSG - After November 2014"
 
 def tabulate() -> Json:
     """The file's content: its limits, and under a flat lamp a Gaussian camera's signals and luminances."""
-    classic = read_chart("classic24")
-    kinds = {"classic24": _kind(classic), "sg140": _kind(semi_gloss())}
+    kinds: Json = {}
+    for table in (read_chart("classic24"), semi_gloss()):
+        layout = LAYOUTS[table.name]
+        colours = plain_signals(table).round(4).tolist()
+        kinds[table.name] = {
+            "columns": layout.columns, "rows": layout.rows, "side": layout.side[0], "colours": colours,
+        }  # fmt: skip
     v = np.exp(-(((WAVELENGTHS - 559) / 42) ** 2) / 2)  # V(λ), approximated
-    kinds["classic24"]["luminance"] = _rounded(classic.values @ v / v.sum())
-    return {
-        "format": FORMAT,
-        "generator": COMMAND,
-        "origin": origin(),
-        "limits": json.loads(PLACE.read_text("utf-8"))["limits"],
-        "kinds": kinds,
-    }
-
-
-def _kind(table: ChartTable) -> Json:
-    layout = LAYOUTS[table.name]
-    return {
-        "columns": layout.columns,
-        "rows": layout.rows,
-        "side": layout.side[0],
-        "colours": [_rounded(row) for row in plain_signals(table)],
-    }
-
-
-def _rounded(values: Floats) -> list[float]:
-    return [round(float(value), 4) for value in values]
+    kinds["classic24"]["luminance"] = (read_chart("classic24").values @ v / v.sum()).round(4).tolist()
+    limits = json.loads(PLACE.read_text("utf-8"))["limits"]
+    return {"format": FORMAT, "generator": COMMAND, "origin": origin(), "limits": limits, "kinds": kinds}
 
 
 def semi_gloss() -> ChartTable:
@@ -69,18 +55,8 @@ def semi_gloss() -> ChartTable:
     bands: Floats = np.stack([rise[:, 0], rise[:, 1] - rise[:, 0], 1 - rise[:, 1]], axis=1)
     to_xyz = (bands * light[:, None]).T @ observer / (light @ observer[:, 1])
     values = np.clip(xyz @ np.linalg.inv(to_xyz) @ bands.T, 0.005, 0.95)
-    white = names.index("E5")
-    return ChartTable(
-        "sg140",
-        "bands",
-        LAYOUTS["sg140"],
-        tuple(names),
-        WAVELENGTHS,
-        values,
-        np.full(140, 0.03),
-        white,
-        "colour-science",
-    )
+    layout, white, error = LAYOUTS["sg140"], names.index("E5"), np.full(140, 0.03)
+    return ChartTable("sg140", "bands", layout, tuple(names), WAVELENGTHS, values, error, white, "colour-science")
 
 
 main = partial(made_files, COMMAND, __doc__, lambda: {PLACE: tabulate()})

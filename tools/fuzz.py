@@ -130,16 +130,12 @@ def damage_tree(tree: Any, rng: random.Random) -> Any:
 def demo() -> dict[str, bytes]:
     """A patches and a result document of a small simulated capture."""
     with tempfile.TemporaryDirectory() as folder:
-        shot = simulate("Nikon 5100 (NPL)", ["D55"], folder, scene=Scene(size=(600, 450)), seed=3).shots[0]
-        capture = measure(shot.shot)
-        result = solve(capture)
-    patches = Document(format=result.format, version=result.version, capture=capture)
+        photos = simulate("Nikon 5100 (NPL)", ["D55"], folder, scene=Scene(size=(600, 450)), seed=3)
+        result = json.dumps(to_plain(solve(measure(photos.shots[0].shot))))
     # Numbers of four digits: the form is what matters, and small files are quick.
-    plain = {name: json.dumps(to_plain(document)) for name, document in (("patches", patches), ("result", result))}
-    return {
-        name: json.dumps(json.loads(words, parse_float=lambda number: float(f"{float(number):.4g}"))).encode()
-        for name, words in plain.items()
-    }
+    whole = json.loads(result, parse_float=lambda number: float(f"{float(number):.4g}"))
+    patches = {key: whole[key] for key in ("format", "version", "capture")}
+    return {name: json.dumps(held).encode() for name, held in (("patches", patches), ("result", whole))}
 
 
 READERS: dict[str, Callable[[Path], object]] = {

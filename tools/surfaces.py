@@ -49,12 +49,7 @@ def tabulate() -> Json:
     """The file's content."""
     data = SOURCE.read_bytes()
     table = json.loads(data)["spectral_data"]["data"]["main"]
-    science = colour_science()
-    observers = {}
-    for name, long_name in OBSERVERS.items():
-        functions = science.MSDS_CMFS[long_name]
-        inside = (functions.wavelengths >= 380) & (functions.wavelengths <= 720)
-        observers[name] = functions.values[inside].T.tolist()
+    functions = {name: colour_science().MSDS_CMFS[long_name] for name, long_name in OBSERVERS.items()}
     return {
         "format": COLOUR_FORMAT,
         "generator": COMMAND,
@@ -70,7 +65,7 @@ def tabulate() -> Json:
             "start": float(SURFACE_NODES[0]),
             "step": float(SURFACE_NODES[1] - SURFACE_NODES[0]),
             "unit": UNIT,
-            "sets": [*_standards(), *_measured()],
+            "sets": list(_sets()),
         },
         "absorbers": _absorbers(),
         "observers": {
@@ -78,13 +73,16 @@ def tabulate() -> Json:
             "licence": "BSD-3-Clause",
             "start": 380.0,
             "step": 1.0,
-            "values": observers,
+            "values": {
+                name: each.values[(each.wavelengths >= 380) & (each.wavelengths <= 720)].T.tolist()
+                for name, each in functions.items()
+            },
         },
     }
 
 
-def _standards() -> Iterator[Json]:
-    """Colour samples of standards, from colour-science."""
+def _sets() -> Iterator[Json]:
+    """Colour samples of standards, from colour-science, then the sets of data/surfaces."""
     science, at = colour_science(), np.arange(380.0, 781.0, 5.0)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # it warns that tables are extrapolated
@@ -100,15 +98,11 @@ def _standards() -> Iterator[Json]:
         ("cri", "CIE 13.3 and its later skin, 15 test colours", cri),
         ("cqs", "NIST CQS 9.0, 15 test colours", cqs),
     ):
-        about = {"name": name, "kind": "general", "origin": f"{what}; colour-science {version('colour-science')}"}
-        yield _set(about, "BSD-3-Clause", digest(rows), at, rows)
-
-
-def _measured() -> Iterator[Json]:
-    """The sets of data/surfaces."""
+        origin = f"{what}; colour-science {version('colour-science')}"
+        yield _set(name, "general", origin, "BSD-3-Clause", digest(rows), at, rows)
     for name, (kind, what) in FILES.items():
         at, values, sha256 = _table(name)
-        yield _set({"name": name, "kind": kind, "origin": f"{what}; {ISETCAM}"}, "MIT", sha256, at, values)
+        yield _set(name, kind, f"{what}; {ISETCAM}", "MIT", sha256, at, values)
 
 
 def _table(name: str) -> tuple[Floats, Floats, str]:
@@ -118,10 +112,10 @@ def _table(name: str) -> tuple[Floats, Floats, str]:
     return table[:, 0], table[:, 1:].T, hashlib.sha256(data).hexdigest()
 
 
-def _set(about: Json, licence: str, sha256: str, at: Floats, values: Floats) -> Json:
+def _set(name: str, kind: str, origin: str, licence: str, sha256: str, at: Floats, values: Floats) -> Json:
     """A set of surfaces at SURFACE_NODES, linear between the wavelengths `at` and constant outside."""
     rows = [np.rint(np.interp(SURFACE_NODES, at, row) / UNIT).astype(int).tolist() for row in values]
-    return about | {"licence": licence, "sha256": sha256, "values": rows}
+    return {"name": name, "kind": kind, "origin": origin, "licence": licence, "sha256": sha256, "values": rows}
 
 
 def _absorbers() -> Json:

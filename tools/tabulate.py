@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from camssf.grid import STEP, WAVELENGTHS, Floats
+from camssf.grid import STEP, WAVELENGTHS
 from camssf.spectra import colour_science
 from camssf.spectra.bundled import FORMAT
 from camssf.spectra.charts import MEASURED_CHART, PUBLIC_CHART
@@ -100,33 +100,29 @@ def even(table: Any) -> Json:
     return {"start": float(nm[0]), "step": step, "sha256": digest(values), "values": values.tolist()}
 
 
+def _stacked(start: float, step: float, values: Json) -> Json:
+    """Several spectra of the same wavelengths, as JSON."""
+    return {"start": start, "step": step, "sha256": digest(list(values.values()))} | values
+
+
 def _daylight(parts: Any) -> Json:
     spectra = {name: even(parts[name]) for name in ("S0", "S1", "S2")}
     start, step = spectra["S0"]["start"], spectra["S0"]["step"]
-    values = {name: each["values"] for name, each in spectra.items()}
-    return {"start": start, "step": step, "sha256": digest(list(values.values()))} | values
+    return _stacked(start, step, {name: each["values"] for name, each in spectra.items()})
 
 
 def _observer(table: Any) -> Json:
     """The colour-matching functions from 380 to 720 nm."""
     rows = [i for i, nm in enumerate(table.wavelengths) if WAVELENGTHS[0] <= nm <= WAVELENGTHS[-1]]
     start, after = (float(table.wavelengths[i]) for i in rows[:2])
-    values = {name: np.asarray(table.values)[rows, c].tolist() for c, name in enumerate("xyz")}
-    return {"start": start, "step": after - start, "sha256": digest(list(values.values()))} | values
+    return _stacked(start, after - start, {xyz: table.values[rows, c].tolist() for c, xyz in enumerate("xyz")})
 
 
 def _chart(table: Any) -> Json:
-    rows = [even(each) for each in table.values()]
-    names = [str(name) for name in table]
+    rows, names = [even(each) for each in table.values()], [str(name) for name in table]
     values = [row["values"] for row in rows]
-    return {
-        "start": rows[0]["start"],
-        "step": rows[0]["step"],
-        "white": names.index(WHITE),
-        "patches": names,
-        "sha256": digest(values),
-        "values": values,
-    }
+    head = {"start": rows[0]["start"], "step": rows[0]["step"], "white": names.index(WHITE), "patches": names}
+    return head | {"sha256": digest(values), "values": values}
 
 
 def _family(name: str, science: Any) -> Json:
@@ -140,10 +136,8 @@ def _family(name: str, science: Any) -> Json:
         return {"formula": "planck", "centre": family.centre, "spread": family.spread, "tolerance": NAMED_LAMP}
     if isinstance(family, DrawnKind):
         return {"source": family.words} | drawn_kind(name)
-    lamps: list[Floats] = []
-    for member in family.members:
-        table = science.SDS_ILLUMINANTS[member]
-        lamps.append(np.interp(WAVELENGTHS, table.wavelengths, table.values))
+    tables = [science.SDS_ILLUMINANTS[member] for member in family.members]
+    lamps = [np.interp(WAVELENGTHS, table.wavelengths, table.values) for table in tables]
     mean, modes = principal_modes(lamps, family.components)
     modes = modes * np.maximum(mean, DIMMEST * mean.max())
     shapes = np.stack([lamp / lamp.mean() for lamp in lamps])
@@ -151,12 +145,8 @@ def _family(name: str, science: Any) -> Json:
     weights *= np.sign(np.take_along_axis(weights, np.abs(weights).argmax(axis=1)[:, None], axis=1))
     if np.abs(np.abs(weights @ shapes) - np.abs(modes)).max() > EXACT:
         raise ValueError(f"{name}: the modes are no sums of the members")
-    return {
-        "members": list(family.members),
-        "dimmest": DIMMEST,
-        "tolerance": family.left,
-        "weights": weights.tolist(),
-    }
+    head = {"members": list(family.members), "dimmest": DIMMEST, "tolerance": family.left}
+    return head | {"weights": weights.tolist()}
 
 
 main = partial(made_files, COMMAND, __doc__, lambda: {PLACE: tabulate()}, bounds=ROUNDING)
