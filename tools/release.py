@@ -7,7 +7,6 @@ A rehearsal signs with a throwaway key, and takes Maven's artefacts of the last 
 
 from __future__ import annotations
 
-import argparse
 import os
 import re
 import shutil
@@ -16,10 +15,11 @@ import sys
 import tempfile
 import time
 import zipfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
+from benchmarks.shared import command_parser
 from camssf.version import __version__
 from tools import sbom
 from tools.tutorials import outputs
@@ -142,11 +142,11 @@ def try_kotlin() -> None:
     run(sys.executable, "-m", "pytest", "-q", "-n", "0", *page, variables={"CAMSSF_REPOSITORY": str(CENTRAL)})
 
 
-def main(argv: Sequence[str] | None = None) -> int:
+def main() -> int:
     """Run the command; returns 1 with a message if a step failed."""
-    parser = argparse.ArgumentParser(prog="python -m tools.release", description=(__doc__ or "").partition("\n")[0])
+    parser = command_parser(__spec__, __doc__)
     parser.add_argument("--key", metavar="FINGERPRINT", help="one of gpg's secret keys; without it, a rehearsal")
-    key = parser.parse_args(argv).key
+    key = parser.parse_args().key
     steps = {
         "sdist, wheel, SBOM": build_python,
         "both from a folder, with README's demo and the first tutorial": try_python,

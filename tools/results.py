@@ -13,7 +13,7 @@ from typing import Any
 
 from benchmarks.claim import Run
 from benchmarks.claims import faults, paper, real
-from benchmarks.shared import RESULTS
+from benchmarks.shared import RESULTS, command_parser
 from camssf.files import write_file
 from tools.pages import markdown_table
 
@@ -38,14 +38,9 @@ class Shown(Run):
         self.parts_of_page.append(words.replace("  ", "- ", 1) if words.startswith("  ") else words)
 
 
-def kept(name: str) -> dict[str, Any]:
-    """The numbers in docs/NAME.json."""
-    return dict(json.loads((DOCS / f"{name}.json").read_text("utf-8")))
-
-
 def markdown(name: str) -> str:
-    """What a benchmark printed, and its bars."""
-    found, page = kept(name), Shown(name)
+    """What a benchmark printed, and its bars, from the numbers in docs/NAME.json."""
+    found, page = json.loads((DOCS / f"{name}.json").read_text("utf-8")), Shown(name)
     SHOW[name](page, found)
     page.bars = found["bars"]
     page.print_bars()
@@ -54,7 +49,7 @@ def markdown(name: str) -> str:
 
 def main() -> None:
     """Keep the numbers."""
-    parser = argparse.ArgumentParser(prog="python -m tools.results", description=(__doc__ or "").partition("\n")[0])
+    parser = command_parser(__spec__, __doc__)
     parser.add_argument("name", choices=SHOW)
     name = parser.parse_args().name
     words = (RESULTS / f"{name}.json").read_text("utf-8")

@@ -6,7 +6,6 @@ block `text` (an empty one is filled). A shell command's data, on standard outpu
 
 from __future__ import annotations
 
-import argparse
 import os
 import re
 import subprocess
@@ -16,6 +15,7 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from benchmarks.shared import command_parser
 from camssf.files import write_file
 
 TUTORIALS = sorted((Path(__file__).parents[1] / "docs" / "tutorials").glob("*.md"))
@@ -27,8 +27,7 @@ BREAK = "-- end of a block --"
 
 def blocks(text: str) -> list[tuple[str, str, str | None]]:
     """Kind, code and shown output (None: no block `text` follows) of a page's blocks, but the installation."""
-    found = [(match[1], match[2], match[4]) for match in BLOCK.finditer(text)]
-    return [block for block in found if "venv" not in block[1]]
+    return [(match[1], match[2], match[4]) for match in BLOCK.finditer(text) if "venv" not in match[2]]
 
 
 def outputs(text: str, folder: Path, python: str = sys.executable, scripts: str | None = None) -> list[str]:
@@ -48,7 +47,8 @@ def outputs(text: str, folder: Path, python: str = sys.executable, scripts: str 
         [python, "-u", "-c", "\n".join(lines)], cwd=folder, env=environment, check=True, stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT, encoding="utf-8",
     )  # fmt: skip
-    return [_plain(each) for each in done.stdout.split(f"{BREAK}\n")[:-1]]
+    printed = [[line.rstrip() for line in each.splitlines()] for each in done.stdout.split(f"{BREAK}\n")[:-1]]
+    return ["".join(f"{line}\n" for line in lines if line) for lines in printed]
 
 
 def page(text: str, found: Sequence[str]) -> str:
@@ -65,21 +65,16 @@ def page(text: str, found: Sequence[str]) -> str:
     return BLOCK.sub(shown, text)
 
 
-def _plain(printed: str) -> str:
-    lines = [line.rstrip() for line in printed.splitlines()]
-    return "".join(f"{line}\n" for line in lines if line)
-
-
-def main(argv: Sequence[str] | None = None) -> None:
+def main() -> None:
     """Write the outputs into the pages."""
-    parser = argparse.ArgumentParser(prog="python -m tools.tutorials", description=(__doc__ or "").partition("\n")[0])
+    parser = command_parser(__spec__, __doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help="pages, as `skin`; all if none is named")
-    names = parser.parse_args(argv).names
+    names = parser.parse_args().names
     for place in WITH_OUTPUT:
         if not names or place.stem in names:
             text = place.read_text("utf-8")
             with tempfile.TemporaryDirectory() as folder:
-                write_file(place, page(text, outputs(text, Path(folder))).encode())
+                write_file(place, page(text, outputs(text, Path(folder))))
 
 
 if __name__ == "__main__":
