@@ -15,8 +15,7 @@ import sys
 import tempfile
 import time
 import zipfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
 
 from benchmarks.shared import command_parser
@@ -33,22 +32,18 @@ EXTRA = "notebook"
 ERROR = "from camssf import Result; print(Result.load('out/result.json').scores.rmse.max())"
 
 
-class ReleaseError(Exception):
-    """A step failed; the message says which, and what to do."""
-
-
 def run(*command: str | Path, cwd: Path = ROOT, variables: Mapping[str, str] | None = None) -> str:
     """A command's output, in an environment without this checkout's Python.
 
     Raises:
-        ReleaseError: the command failed; with the end of what it printed.
+        SystemExit: the command failed; with the end of what it printed.
     """
     inherited = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "VIRTUAL_ENV"))}
     words = [str(word) for word in command]
     done = subprocess.run(words, cwd=cwd, env=inherited | dict(variables or {}), capture_output=True, text=True)
     if done.returncode:
         printed = "".join((done.stdout + done.stderr).splitlines(keepends=True)[-40:])
-        raise ReleaseError(f"{' '.join(words)} failed in {cwd}:\n{printed}")
+        raise SystemExit(f"{' '.join(words)} failed in {cwd}:\n{printed}")
     return done.stdout
 
 
@@ -62,7 +57,7 @@ def build_python() -> None:
     """Sdist, wheel and SBOM.
 
     Raises:
-        ReleaseError: the wheel does not hold each file of the packages, and nothing else.
+        SystemExit: the wheel does not hold each file of the packages, and nothing else.
     """
     workshop = environment("workshop")
     run(workshop / "pip", "install", "-q", "-c", ROOT / "constraints.txt", "hatchling")
@@ -74,9 +69,9 @@ def build_python() -> None:
         packed = {name for name in archive.namelist() if ".dist-info/" not in name}
         licences = {Path(name).name for name in archive.namelist() if ".dist-info/licenses/" in name}
     if odd := packed ^ {path.relative_to(ROOT).as_posix().partition("/")[2] for path in paths}:
-        raise ReleaseError(f"Only in the wheel or only in packages: {', '.join(sorted(odd))}. See pyproject.toml.")
+        raise SystemExit(f"Only in the wheel or only in packages: {', '.join(sorted(odd))}. See pyproject.toml.")
     if licences != {"LICENSE", "NOTICE"}:
-        raise ReleaseError("The wheel is without LICENSE or NOTICE. Look at license-files in pyproject.toml.")
+        raise SystemExit("The wheel is without LICENSE or NOTICE. Look at license-files in pyproject.toml.")
     sbom.main(["-o", str(DIST / f"camssf-{__version__}-cyclonedx.json")])
 
 
@@ -84,7 +79,7 @@ def try_python() -> None:
     """Wheel and sdist with pip alone that sees nothing but the folder; README's demo, then the first tutorial.
 
     Raises:
-        ReleaseError: the demo's curves are not those of its phone.
+        SystemExit: the demo's curves are not those of its phone.
     """
     shutil.copytree(DIST, INDEX, ignore=shutil.ignore_patterns("*.json", "*.zip"))
     (wheel,) = DIST.glob("*.whl")
@@ -99,24 +94,10 @@ def try_python() -> None:
         run(programs / "camssf", *demo.split(), cwd=place)
         error = float(run(programs / "python", "-c", ERROR, cwd=place))
         if not 0 < error < 0.1:
-            raise ReleaseError(f"The curves of the {name}'s demo are {error:.3f} off its phone's.")
+            raise SystemExit(f"The curves of the {name}'s demo are {error:.3f} off its phone's.")
     programs, page = OUT / "wheel" / "bin", ROOT / "docs" / "tutorials" / "first-phone.md"
     (OUT / "tutorial").mkdir()
     outputs(page.read_text("utf-8"), OUT / "tutorial", str(programs / "python"), str(programs))
-
-
-@contextmanager
-def throwaway_key() -> Iterator[tuple[str, dict[str, str]]]:
-    """The fingerprint of a new key, and the variable by which gpg knows no other."""
-    with tempfile.TemporaryDirectory(prefix="gpg") as folder:  # the path of the agent's socket must be short
-        home = {"GNUPGHOME": folder}
-        gpg = ("gpg", "--batch", "--pinentry-mode", "loopback", "--passphrase", "")
-        run(*gpg, "--quick-gen-key", "rehearsal", variables=home)
-        listed = run(*gpg, "--list-secret-keys", "--with-colons", variables=home)
-        try:
-            yield next(line.split(":")[9] for line in listed.splitlines() if line.startswith("fpr:")), home
-        finally:
-            run("gpgconf", "--kill", "all", variables=home)
 
 
 def build_kotlin(key: str | None) -> None:
@@ -128,8 +109,13 @@ def build_kotlin(key: str | None) -> None:
     if key is not None:
         run(*sign, f"-Drelease.key={key}")
     else:
-        with throwaway_key() as (own, home):
-            run(*sign, f"-Drelease.key={own}", "-Drelease.rehearsal=true", variables=home)
+        with tempfile.TemporaryDirectory(prefix="gpg") as folder:  # the path of the agent's socket must be short
+            home, unlocked = {"GNUPGHOME": folder}, ("--batch", "--pinentry-mode", "loopback", "--passphrase", "")
+            try:
+                run("gpg", *unlocked, "--quick-gen-key", "rehearsal", variables=home)
+                run(*sign, "-Drelease.key=rehearsal", "-Drelease.rehearsal=true", variables=home)
+            finally:
+                run("gpgconf", "--kill", "all", variables=home)
     shutil.rmtree(DIST / "signed")
     (bundle,) = DIST.glob("*-bundle.zip")
     with zipfile.ZipFile(bundle) as archive:
@@ -142,35 +128,30 @@ def try_kotlin() -> None:
     run(sys.executable, "-m", "pytest", "-q", "-n", "0", *page, variables={"CAMSSF_REPOSITORY": str(CENTRAL)})
 
 
-def main() -> int:
-    """Run the command; returns 1 with a message if a step failed."""
+def main() -> None:
+    """Run the command; exits with 1 and a message if a step failed."""
     parser = command_parser(__spec__, __doc__)
     parser.add_argument("--key", metavar="FINGERPRINT", help="one of gpg's secret keys; without it, a rehearsal")
     key = parser.parse_args().key
+    if key is not None and subprocess.run(["gpg", "--list-secret-keys", key], capture_output=True).returncode:
+        raise SystemExit(f"gpg has no secret key {key}; `gpg --list-secret-keys` shows those it has.")
     steps = {
         "sdist, wheel, SBOM": build_python,
         "both from a folder, with README's demo and the first tutorial": try_python,
         "Maven bundle": lambda: build_kotlin(key),
         "docs/jvm.md with the bundle": try_kotlin,
     }
-    try:
-        if key is not None and subprocess.run(["gpg", "--list-secret-keys", key], capture_output=True).returncode:
-            raise ReleaseError(f"gpg has no secret key {key}; `gpg --list-secret-keys` shows those it has.")
-        shutil.rmtree(OUT, ignore_errors=True)
-        DIST.mkdir(parents=True)
-        for name, step in steps.items():
-            start = time.monotonic()
-            print(f"{name} ...", flush=True)
-            step()
-            print(f"    done in {time.monotonic() - start:.0f} s", flush=True)
-    except ReleaseError as error:
-        print(error, file=sys.stderr)
-        return 1
+    shutil.rmtree(OUT, ignore_errors=True)
+    DIST.mkdir(parents=True)
+    for name, step in steps.items():
+        start = time.monotonic()
+        print(f"{name} ...", flush=True)
+        step()
+        print(f"    done in {time.monotonic() - start:.0f} s", flush=True)
     print(*sorted(path.relative_to(ROOT) for path in DIST.iterdir()), sep="\n")
     what = "release: the files to upload are" if key else "rehearsal: nothing is to be uploaded of what is"
     print(f"{__version__}, {what} in {DIST.relative_to(ROOT)}")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()
