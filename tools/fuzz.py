@@ -66,11 +66,11 @@ def damage(data: bytes, rng: random.Random, others: Sequence[bytes]) -> bytes:
         at = rng.randrange(len(found) + 1)
         if rng.random() < 0.5:  # where headers lie
             at = min(at, rng.randrange(min(len(found), 600) + 1))
-        size = rng.choice((0, 1, 1, 2, 4, 8, 64, 1024)) if rng.random() < 0.97 else len(data)
+        size = rng.choice((1, 1, 2, 4, 8, 64, 1024)) if rng.random() < 0.97 else len(data)
         piece, other, width = bytes(found[at : at + size]), rng.choice(others), rng.choice((1, 2, 4))
         place, number = rng.randrange(len(other) + 1), rng.choice(NUMBERS) % (1 << (8 * width))
         found[at : at + size] = rng.choice((
-            b"", 2 * piece, rng.choice(WORDS), other[place : place + size],
+            b"", 2 * piece, rng.choice(WORDS), rng.choice(WORDS) + piece, other[place : place + size],
             bytes(byte ^ 1 << rng.randrange(8) for byte in piece[:1]) + piece[1:],
             number.to_bytes(width, rng.choice(("little", "big"))) + piece[width:],
         ))  # fmt: skip
