@@ -3,6 +3,7 @@
 import io
 import sys
 from collections.abc import Callable
+from contextlib import redirect_stderr, redirect_stdout
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -68,3 +69,14 @@ def raising(value: Any) -> Callable[..., Any]:
 def state(folder: Path) -> dict[str, bytes | None]:
     """The content of each file, and None for each folder, by its path."""
     return {str(p.relative_to(folder)): p.read_bytes() if p.is_file() else None for p in folder.rglob("*")}
+
+
+def spoken(arguments: list[str], coding: str = "utf-8", stdin: bytes = b"") -> tuple[int, bytes, bytes]:
+    """Status, stdout and stderr of a command with strict streams: what cannot be encoded is an exception."""
+    out, err, entered = (io.TextIOWrapper(io.BytesIO(data), coding, errors="strict") for data in (b"", b"", stdin))
+    with redirect_stdout(out), redirect_stderr(err), pytest.MonkeyPatch.context() as patched:
+        patched.setattr(sys, "stdin", entered)
+        status = cli.main(arguments)
+    out.flush()
+    err.flush()
+    return status, out.buffer.getvalue(), err.buffer.getvalue()

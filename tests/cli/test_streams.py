@@ -8,14 +8,13 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
-from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import pytest
 
 from camssf import cli
 from camssf.documents.forms import content_hash
-from tests.cli.conftest import raising
+from tests.cli.conftest import raising, spoken
 
 Capture = pytest.CaptureFixture[str]
 Feed = Callable[[str | bytes | None], None]
@@ -127,16 +126,6 @@ def test_words_steer_no_terminal(tmp_path: Path, capsys: Capture) -> None:
     err = capsys.readouterr().err
     assert "There is no file" in err
     assert not set(err) & set("\x1b\x07\x9b\u202e")
-
-
-def spoken(arguments: list[str], coding: str = "utf-8") -> tuple[int, bytes, bytes]:
-    """Status, stdout and stderr of a command with strict streams: what cannot be encoded is an exception."""
-    out, err = (io.TextIOWrapper(io.BytesIO(), coding, errors="strict") for _ in range(2))
-    with redirect_stdout(out), redirect_stderr(err):
-        status = cli.main(arguments)
-    out.flush()
-    err.flush()
-    return status, out.buffer.getvalue(), err.buffer.getvalue()  # type: ignore[attr-defined]
 
 
 def test_json_is_utf8_on_a_terminal_of_another_coding(result: Path, tmp_path: Path) -> None:

@@ -4,8 +4,7 @@ import hashlib
 import io
 import json
 from collections.abc import Callable
-from contextlib import chdir, redirect_stderr, redirect_stdout
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -27,73 +26,58 @@ from camssf_fleet.passport.keys import PRIVATE, PUBLIC, make_key, read_private, 
 from camssf_fleet.passport.revocations import read_revoked
 from camssf_fleet.registry import Registry
 from camssf_fleet.verification import verify as verify_registry
+from tests.cli.conftest import spoken
 from tests.support.captures import calibrated, photos
 from tests.support.documents import document
 from tests.support.signed_passports import b64, result_json, unb64
 
 
 @pytest.fixture
-def desk(tmp_path: Path) -> Path:
-    """A folder with a result, a pair of keys and a passport."""
-    (tmp_path / "result.json").write_bytes(result_json())
-    result, private, out = (str(tmp_path / name) for name in ("result.json", PRIVATE, "camera.jws"))
-    for words in (
-        ["key", "-o", str(tmp_path)],
-        ["sign", result, "--key", private, "--serial", "A1", "--days", "90", "-o", out],
-    ):
-        assert cli.main(["passport", *words]) == 0
+def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder, with a result, a pair of keys and a passport."""
+    monkeypatch.chdir(tmp_path)
+    Path("result.json").write_bytes(result_json())
+    sign = f"sign result.json --key {PRIVATE} --serial A1 --days 90 -o camera.jws"
+    for words in ("key -o .", sign):
+        assert cli.main(["passport", *words.split()]) == 0
     return tmp_path
 
 
-@dataclass
-class Done:
-    returncode: int
-    stdout: bytes
-    stderr: bytes
-
-
-def run(folder: Path, *words: str, stdin: bytes = b"") -> Done:
-    """The command in this folder: what it reads and writes is bytes, as in a process of its own."""
-    out, err, entered = (io.TextIOWrapper(io.BytesIO(data), "utf-8") for data in (b"", b"", stdin))
-    with chdir(folder), redirect_stdout(out), redirect_stderr(err), pytest.MonkeyPatch.context() as patched:
-        patched.setattr("sys.stdin", entered)
-        status = cli.main(["passport", *words])
-    out.flush()
-    err.flush()
-    return Done(status, out.buffer.getvalue(), err.buffer.getvalue())
+def run(*words: str, stdin: bytes = b"") -> tuple[int, bytes, bytes]:
+    return spoken(["passport", *words], stdin=stdin)
 
 
 def test_sign_verify_show(desk: Path) -> None:
     data, whole = (desk / "camera.jws").read_bytes(), forms.read(result_json(), Document, "it", "")
+    sha256, excerpt = hashlib.sha256(result_json()).hexdigest(), forms.to_plain(excerpt_of(whole))
     for words, stdin in ((["camera.jws"], b""), (["-"], data)):
-        done = run(desk, "verify", *words, "--key", PUBLIC, "--result", "result.json", stdin=stdin)
-        assert done.returncode == 0, done.stderr
-        sha256, excerpt = hashlib.sha256(result_json()).hexdigest(), excerpt_of(whole)
-        assert json.loads(done.stdout) == dict(forms.to_plain(excerpt)) | {
-            "excerpt": {"result_sha256": sha256, "passport": data.decode()}
-        }
-        again = run(desk, "verify", "-", "--key", PUBLIC, stdin=done.stdout)
-        assert (again.returncode, again.stdout) == (0, done.stdout), again.stderr
-    shown = run(desk, "show", "camera.jws")
-    shown_claims = json.loads(shown.stdout)
-    assert (shown_claims["verified"], shown_claims["format"], shown_claims["unit"]["serial"]) == (False, FORMAT, "A1")
-    assert shown_claims["verdict"] == document().verdict.status
-    assert b"not verified" in shown.stderr
-    (desk / "revoked.txt").write_text(shown_claims["id"])
-    assert run(desk, "revoke", shown_claims["id"], "--key", PRIVATE, "-o", "revoked.jws").returncode == 0
-    for more in (["--revoked", "revoked.jws"], ["--revoked", "revoked.txt"], ["--result", PUBLIC]):
-        done = run(desk, "verify", "camera.jws", "--key", PUBLIC, *more)
-        assert (done.returncode, done.stdout) == (PassportInvalid.exit_status, b""), more
-        assert b"passport_invalid" in done.stderr
-    done = run(desk, "verify", "camera.jws", "--key", PUBLIC, "--revoked", "missing.txt")
-    assert (done.returncode, done.stdout) == (InvalidArgument.exit_status, b"")
+        status, out, err = run("verify", *words, "--key", PUBLIC, "--result", "result.json", stdin=stdin)
+        assert status == 0, err
+        assert json.loads(out) == excerpt | {"excerpt": {"result_sha256": sha256, "passport": data.decode()}}
+        assert run("verify", "-", "--key", PUBLIC, stdin=out)[:2] == (0, out)
+    _, out, err = run("show", "camera.jws")
+    shown = json.loads(out)
+    assert (shown["verified"], shown["format"], shown["unit"]["serial"]) == (False, FORMAT, "A1")
+    assert shown["verdict"] == document().verdict.status
+    assert b"not verified" in err
+    (desk / "revoked.txt").write_text(shown["id"])
+    assert run("revoke", shown["id"], "--key", PRIVATE, "-o", "revoked.jws")[0] == 0
+    for more, status in (
+        (["--revoked", "revoked.jws"], PassportInvalid.exit_status),
+        (["--revoked", "revoked.txt"], PassportInvalid.exit_status),
+        (["--result", PUBLIC], PassportInvalid.exit_status),
+        (["--revoked", "missing.txt"], InvalidArgument.exit_status),
+    ):
+        found, out, err = run("verify", "camera.jws", "--key", PUBLIC, *more)
+        assert (found, out) == (status, b""), more
+        assert (b"passport_invalid" in err) == (status == PassportInvalid.exit_status)
 
 
 @pytest.mark.full
 def test_the_private_key_is_nowhere(desk: Path) -> None:
     """In no output, no passport, no traceback; and no passphrase either."""
     (desk / "phrase").write_text("correct horse\n")
-    assert run(desk, "--passphrase", "phrase", "key", "-o", "locked").returncode == 0
+    assert run("--passphrase", "phrase", "key", "-o", "locked")[0] == 0
     private = (desk / PRIVATE).read_bytes()
     number = read_private(desk / PRIVATE).private_numbers().private_value
     secrets = [line for line in private.splitlines() if b"-----" not in line]
@@ -111,60 +95,47 @@ def test_the_private_key_is_nowhere(desk: Path) -> None:
         (["verify", "camera.jws", "--key", PRIVATE, "--debug"], 2),
         (["show", PRIVATE, "--debug"], 10),
     ):
-        done = run(desk, *words)
-        assert done.returncode == status, (words, done.stderr)
-        said += done.stdout + done.stderr
+        found, out, err = run(*words)
+        assert found == status, (words, err)
+        said += out + err
     for name in ("a.jws", "b.jws", "camera.jws"):
         said += (desk / name).read_bytes() + b"".join(map(unb64, (desk / name).read_bytes().split(b".")))
     assert len(secrets) >= 7
     assert not [secret for secret in secrets if secret in said]
 
 
-def test_a_list_is_renewed(desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_list_is_renewed(desk: Path) -> None:
     """Nothing that was called back is lost: a list that exists is extended, if this key signed it."""
-    files = [str(desk / "revoked.jws"), str(desk / PRIVATE), str(desk / PUBLIC)]
-    here, private, public = files
-    call = ["passport", "revoke", "--key", private, "-o", here]
-    assert cli.main(call) == InvalidArgument.exit_status  # nothing is called back
-    assert cli.main([*call, "x"]) == InvalidArgument.exit_status
-    assert cli.main([*call, "f" * 32]) == 0
-    assert cli.main(call) == 0  # dated anew
-    assert cli.main([*call, "e" * 32]) == 0
-    hyphen = "-I" + "o" * 41  # a key's name may look like options
-    assert cli.main([*call, hyphen, "--days", "1"]) == 0
-    assert cli.main([*call, "--", "-" + "k" * 42]) == 0
-    keys = read_public([public])
-    assert read_revoked((desk / "revoked.jws").read_bytes(), keys) == {"e" * 32, "f" * 32, hyphen, "-" + "k" * 42}
-    (desk / "own").mkdir()
+    list_, hyphen = desk / "revoked.jws", "-I" + "o" * 41  # a key's name may look like options
+
+    def revoke(*words: str, key: str = PRIVATE, to: str = "revoked.jws") -> int:
+        return run("revoke", "--key", key, "-o", to, *words)[0]
+
+    for words in ([], ["x"]):  # nothing is called back
+        assert revoke(*words) == InvalidArgument.exit_status
+    # the second one dates it anew
+    for words in (["f" * 32], [], ["e" * 32], [hyphen, "--days", "1"], ["--", "-" + "k" * 42]):
+        assert revoke(*words) == 0
+    assert read_revoked(list_.read_bytes(), read_public([PUBLIC])) == {"e" * 32, "f" * 32, hyphen, "-" + "k" * 42}
     make_key(desk / "own")
-    before = (desk / "revoked.jws").read_bytes()
-    strange = ["passport", "revoke", "f" * 32, "--key", str(desk / "own" / PRIVATE), "-o", here]
-    assert cli.main(strange) == PassportInvalid.exit_status
-    capsys.readouterr()
-    for other in (private, str(desk / "camera.jws")):
+    before = list_.read_bytes()
+    assert revoke("f" * 32, key=f"own/{PRIVATE}") == PassportInvalid.exit_status
+    for other in (PRIVATE, "camera.jws"):
         kept = Path(other).read_bytes()
-        assert cli.main([*call[:-1], other, "f" * 32]) in (InvalidArgument.exit_status, PassportInvalid.exit_status)
+        assert revoke("f" * 32, to=other) in (InvalidArgument.exit_status, PassportInvalid.exit_status)
         assert Path(other).read_bytes() == kept
-    assert (desk / "revoked.jws").read_bytes() == before
+    assert list_.read_bytes() == before
 
 
-def test_what_was_printed_serves_as_a_result_where_an_excerpt_will_do(
-    desk: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    public, data = str(desk / PUBLIC), str(desk / "y.json")
-    assert cli.main(["passport", "verify", str(desk / "camera.jws"), "--key", public]) == 0
-    (desk / "y.json").write_text(capsys.readouterr().out, "utf-8")
+def test_what_was_printed_serves_as_a_result_where_an_excerpt_will_do(desk: Path) -> None:
+    Path("y.json").write_bytes(run("verify", "camera.jws", "--key", PUBLIC)[1])
     for form in ("csv", "icc"):
-        assert cli.main(["export", data, "--to", form, "-o", str(desk / f"y.{form}")]) == 0
-    assert hashlib.sha256(result_json()).hexdigest() in (desk / "y.csv").read_text("utf-8")
-    capsys.readouterr()
-    for words in (
-        ["report", data, "-o", str(desk / "out")],
-        ["passport", "sign", data, "--key", str(desk / PRIVATE), "-o", "x"],
-    ):
-        capsys.readouterr()
-        assert cli.main(words) == InvalidArgument.exit_status
-        assert "whole result.json, of SHA-256" in " ".join(capsys.readouterr().err.split())
+        assert cli.main(["export", "y.json", "--to", form, "-o", f"y.{form}"]) == 0
+    assert hashlib.sha256(result_json()).hexdigest() in Path("y.csv").read_text("utf-8")
+    for words in ("report y.json -o out", f"passport sign y.json --key {PRIVATE} -o x"):
+        status, _, err = spoken(words.split())
+        assert status == InvalidArgument.exit_status
+        assert b"whole result.json, of SHA-256" in b" ".join(err.split())
 
 
 def test_two_hundred_megabytes(desk: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -173,7 +144,6 @@ def test_two_hundred_megabytes(desk: Path, monkeypatch: pytest.MonkeyPatch) -> N
         file.write(b"{")
         file.truncate(200 * 10**6)
     (desk / "huge").chmod(0o600)
-    monkeypatch.chdir(desk)
     for words, status in (
         (["verify", "-", "--key", PUBLIC], 10),
         (["verify", "camera.jws", "--key", PUBLIC, "--revoked", "huge"], 10),

@@ -2,7 +2,9 @@
 
 import os
 import subprocess
+from collections import Counter
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +13,7 @@ import pytest
 from camssf import cli
 from camssf.documents.document import document_bytes
 from camssf.errors import InvalidArgument
-from tests.support.desk import HEADER, stub
+from tests.support.desk import HEADER, Desk, stub
 from tests.support.documents import document
 from tests.support.processes import SEARCH
 from tests.support.registries import WRITER, bells, keys, made
@@ -57,31 +59,10 @@ def one_database() -> None:
     """None here: a file system is registered with each connection."""
 
 
-class Logged:
-    """`stub`, whose visits are kept here: the folder of a photo from a bucket is a temporary one."""
-
-    def __init__(self, home: Path) -> None:
-        self.file = home / "visits"
-
-    def __call__(self, job: Any, folder: Path) -> Any:
-        assert Path(job.photos[0]).is_file()
-        with open(self.file, "a") as file:
-            file.write(f"{job.name}\n")
-        return stub(job, folder)
-
-    def visits(self) -> list[str]:
-        return sorted(self.file.read_text().split())
-
-
-@pytest.fixture
-def logged(tmp_path: Path) -> Logged:
-    return Logged(tmp_path)
-
-
-def ran(home: str, work: Any, **more: Any) -> Summary:
-    registry = Registry(f"{home}/phones", new=True)
-    how = {"workers": 2, "work": work, **more}
-    return batch.run_batch(Manifest(f"{home}/manifest.csv"), f"{home}/out", registry, **how)
+def ran(home: str, log: Path) -> Summary:
+    """A batch whose visits are kept here: the folder of a photo from a bucket is a temporary one."""
+    registry, work = Registry(f"{home}/phones", new=True), partial(stub, log=log)
+    return batch.run_batch(Manifest(f"{home}/manifest.csv"), f"{home}/out", registry, workers=2, work=work)
 
 
 NAMES = [f"c{i}" for i in range(6)]
@@ -141,13 +122,13 @@ def test_writers_at_once_two_of_them_killed(bucket: str) -> None:
     assert verify(one).faults == ()
 
 
-def test_a_batch_from_a_bucket_to_a_bucket(bucket: str, logged: Logged) -> None:
+def test_a_batch_from_a_bucket_to_a_bucket(bucket: str, tmp_path: Path) -> None:
     written(bucket)
-    found = ran(bucket, logged)
+    found = ran(bucket, tmp_path)
     assert (found.by_status, found.resumed) == ({"doubtful": 6}, 0)
-    again = ran(bucket, logged)
+    again = ran(bucket, tmp_path)
     assert (again.by_status, again.resumed) == ({"doubtful": 6}, 6)
-    assert logged.visits() == sorted(NAMES)
+    assert Desk(tmp_path).visits() == Counter(NAMES)
     one = Registry(f"{bucket}/phones")
     places = [each["place"] for each in one.query("SELECT place FROM rows")]
     assert all(each.startswith("../out/") for each in places)
@@ -155,20 +136,20 @@ def test_a_batch_from_a_bucket_to_a_bucket(bucket: str, logged: Logged) -> None:
     assert (checked.rows, checked.documents, checked.documents_missing, checked.faults) == (6, 6, 0, ())
     place(f"{bucket}/photos/c0").write_text("Phone other")  # another photo of the same name
     place(f"{bucket}/photos/c1").unlink()
-    once_more = ran(bucket, logged)
+    once_more = ran(bucket, tmp_path)
     assert (once_more.resumed, once_more.by_status) == (4, {"doubtful": 5, "refused": 1})
     (reason,) = one.query("SELECT reason FROM jobs WHERE name = 'c1' AND status = 'refused'")
     assert f"{bucket}/photos/c1 cannot be read" in reason["reason"]
     assert not [path for path in files_below(place(f"{bucket}/out")) if path.name not in ("result.json",)]
 
 
-def test_faults_lose_nothing(bucket: str, server: tuple[str, Faulty], logged: Logged) -> None:
+def test_faults_lose_nothing(bucket: str, server: tuple[str, Faulty], tmp_path: Path) -> None:
     """One answer in ten is throttled, an error or cut; then the same command is given until it ends."""
     written(bucket)
     server[1].rate, before = 0.1, server[1].faults
     for _ in range(20):
         try:
-            found = ran(bucket, logged)
+            found = ran(bucket, tmp_path)
         except InvalidArgument:
             continue
         if found.by_status == {"doubtful": 6}:
@@ -181,7 +162,7 @@ def test_faults_lose_nothing(bucket: str, server: tuple[str, Faulty], logged: Lo
     assert [each["name"] for each in one.query("SELECT name FROM rows ORDER BY name")] == sorted(NAMES)
     checked = verify(one)
     assert (checked.documents, checked.faults) == (6, ())
-    assert ran(bucket, logged).resumed == 6
+    assert ran(bucket, tmp_path).resumed == 6
 
 
 def run(*words: str) -> int:
