@@ -9,7 +9,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -25,6 +24,7 @@ from tests.spectra.test_layouts import photographed, write_card
 from tests.support.axe import faults, serious_faults
 from tests.support.browser import Browser
 from tests.support.captures import photos
+from tests.support.processes import until
 
 
 class Server:
@@ -71,19 +71,17 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
 
 
 @pytest.fixture
-def browser(server: Server, tmp_path: Path) -> Iterator[Browser]:
-    running = Browser(tmp_path / "profile")
-    try:
-        open_page(running, server)
-        yield running
-        running.do("Page.navigate", url="about:blank")  # leaves the page: its files go
-        running.wait("location.href === 'about:blank'")  # its question is answered while something is asked of it
-        left(server, [])
-    finally:
-        running.close()
-    faults = [event for event in running.events if event["method"] == "Runtime.exceptionThrown"]
-    logged = [event["params"]["entry"] for event in running.events if event["method"] == "Log.entryAdded"]
-    sent = [event["params"] for event in running.events if event["method"] == "Network.requestWillBeSent"]
+def browser(server: Server, browser: Browser) -> Iterator[Browser]:
+    """With the page in a tab of its own."""
+    browser.events.clear()
+    open_page(browser, server)
+    yield browser
+    browser.do("Page.navigate", url="about:blank")  # leaves the page: its files go
+    browser.wait("location.href === 'about:blank'")  # its question is answered while something is asked of it
+    left(server, [])
+    faults = [event for event in browser.events if event["method"] == "Runtime.exceptionThrown"]
+    logged = [event["params"]["entry"] for event in browser.events if event["method"] == "Log.entryAdded"]
+    sent = [event["params"] for event in browser.events if event["method"] == "Network.requestWillBeSent"]
     assert faults == []
     assert [entry["text"] for entry in logged if entry["level"] == "error"] == []
     outside = [each["request"]["url"] for each in sent]
@@ -98,11 +96,7 @@ def open_page(browser: Browser, server: Server) -> str:
 
 def left(server: Server, folders: list[Path]) -> None:
     """Wait until only these sessions' folders are left."""
-    for _ in range(600):
-        if server.folders() == folders:
-            break
-        time.sleep(0.1)
-    assert server.folders() == folders
+    until(lambda: server.folders() == folders, 60.0)
 
 
 def chart() -> Path:
@@ -394,10 +388,7 @@ def test_from_a_dropped_photo_to_a_report_a_colour_an_export_and_a_passport(serv
     assert shot.pose.method == "by hand"
     assert shot.lamp.name == "D55"
     assert abs(shot.pose.corners[0][0] - before[0][0]) < 3  # found again from the moved ones
-    end = time.monotonic() + 30
-    while not any("report.html" in url for url in frames(browser)):
-        assert time.monotonic() < end, frames(browser)
-        time.sleep(0.1)
+    until(lambda: any("report.html" in url for url in frames(browser)), 30.0)
 
     centre = shot.pose.patches[14].mean(axis=0).tolist()  # red
     browser.middle(".card image")

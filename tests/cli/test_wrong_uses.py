@@ -11,7 +11,6 @@ import re
 import shlex
 import shutil
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -273,17 +272,6 @@ def spectra(path: Path, nm: Floats, columns: Floats) -> None:
     np.savetxt(path, np.column_stack([nm, columns]), delimiter=",", fmt="%.6g")
 
 
-def resampled(path: Path, source: Path, change: Callable[[Floats], Floats]) -> None:
-    """Write a copy of a DNG with other samples."""
-    shutil.copy(source, path)
-    with tifffile.TiffFile(source) as file:
-        page = file.pages[0]
-        samples, start = change(page.asarray().astype(float)), page.dataoffsets[0]
-    with path.open("r+b") as stream:
-        stream.seek(start)
-        stream.write(np.clip(samples, 0, 65535).astype("<u2").tobytes())
-
-
 @pytest.fixture(scope="module")
 def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A stranger's folder: sound photos and tables, and those with which something is wrong."""
@@ -311,7 +299,10 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copy(chart, folder / "linear.dng")
     with tifffile.TiffFile(folder / "linear.dng", mode="r+") as file:
         file.pages[0].tags["PhotometricInterpretation"].overwrite(34892)
-    resampled(folder / "over.dng", chart, lambda a: np.minimum(4 * a, 16383))
+    shutil.copy(chart, folder / "over.dng")
+    samples = tifffile.memmap(folder / "over.dng", mode="r+")
+    samples[:] = np.minimum(4 * samples.astype(int), 16383)
+    samples.flush()
     nm = np.arange(380.0, 731.0, 5.0)
     lamp = np.interp(nm, WAVELENGTHS, read_lamp("D55").values)
     spectra(folder / "lamp.csv", nm, lamp)

@@ -34,7 +34,8 @@ from camssf_fleet.outcome import Outcome
 from camssf_fleet.recorder import summary_csv
 from camssf_fleet.registry import Registry
 from tests.support.captures import photos
-from tests.support.desk import Desk, slow, until
+from tests.support.desk import Desk, slow
+from tests.support.processes import until
 
 ONE = ["one,a,D55,,,"]
 

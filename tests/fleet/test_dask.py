@@ -17,8 +17,8 @@ import pytest
 from camssf.errors import InvalidArgument
 from camssf_fleet import cluster as cluster_module
 from camssf_fleet import pools
-from tests.support.desk import Desk, slow, until
-from tests.support.processes import SEARCH
+from tests.support.desk import Desk, slow
+from tests.support.processes import SEARCH, until
 
 distributed = pytest.importorskip("distributed", reason="distributed is not here")
 

@@ -22,18 +22,12 @@ from camssf.documents.excerpt import Excerpt
 from camssf.errors import InvalidArgument, PassportInvalid
 from camssf.exports import exported
 from camssf.photo.read.unit import Unit, serial_check
-from camssf_fleet.passport.document import (
-    PassportRequest,
-    as_printed,
-    create_passport,
-    read,
-    sign,
-    verify,
-)
+from camssf_fleet.passport.document import PassportRequest, as_printed, create_passport, read, sign, verify
 from camssf_fleet.passport.excerpt import excerpt_of
 from camssf_fleet.passport.keys import PRIVATE, PUBLIC, key_name, make_key, read_private, read_public
 from camssf_fleet.passport.received import read_excerpt
 from camssf_fleet.passport.revocations import names_of, read_revoked, sign_revocations
+from tests.support.dngs import EXIF, FIRST, told
 from tests.support.documents import document, refused
 from tests.support.signed_passports import (
     LATER,
@@ -48,7 +42,6 @@ from tests.support.signed_passports import (
     trusted,
     whole_passport,
 )
-from tests.support.tiffs import EXIF, FIRST, tiff
 
 # What is signed is what is read
 
@@ -83,7 +76,7 @@ def test_what_cannot_be_signed(data: bytes | None, wanted: dict[str, Any], words
 
 def test_photos_speak_for_the_unit(tmp_path: Path) -> None:
     file = tmp_path / "a.dng"
-    file.write_bytes(tiff(FIRST, EXIF))
+    file.write_bytes(told(FIRST, EXIF))
     whole = document()
     (shot,) = whole.capture.shots
 

@@ -19,14 +19,7 @@ from camssf import cli
 from camssf.errors import InvalidArgument, PassportInvalid
 from camssf.photo.read.unit import Unit
 from camssf_fleet.passport import document as passports
-from camssf_fleet.passport.document import (
-    FORMAT,
-    PASSPORT,
-    PassportRequest,
-    create_passport,
-    sign,
-    verify,
-)
+from camssf_fleet.passport.document import FORMAT, PASSPORT, PassportRequest, create_passport, sign, verify
 from camssf_fleet.passport.jws import sign_jws, verify_jws
 from camssf_fleet.passport.keys import key_name, read_public
 from tests.support.signed_passports import (

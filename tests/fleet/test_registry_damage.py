@@ -1,6 +1,5 @@
 """The registry: every acknowledged row once, whoever writes, dies, gathers or reads."""
 
-import hashlib
 import os
 import subprocess
 from contextlib import suppress
@@ -17,14 +16,23 @@ from camssf.files import ASIDE
 from camssf.photo.read.unit import Unit
 from camssf_fleet import record_files
 from camssf_fleet.record_files import RecordFiles
-from camssf_fleet.record_queries import connection
 from camssf_fleet.records import Origin, row
 from camssf_fleet.registry import Registry
 from camssf_fleet.verification import verify
-from tests.support.desk import until
 from tests.support.documents import document
-from tests.support.processes import SEARCH
-from tests.support.registries import START, WRITER, bells, correct, ended, keys, made, meanwhile
+from tests.support.processes import SEARCH, until
+from tests.support.registries import (
+    START,
+    WRITER,
+    bells,
+    correct,
+    ended,
+    files_where,
+    keys,
+    made,
+    meanwhile,
+    rewritten,
+)
 
 
 @pytest.mark.requirement("R-REGISTRY")
@@ -72,18 +80,6 @@ def test_a_compaction_may_be_killed_anywhere(one: Registry, last: int, monkeypat
     assert (one.query("SELECT * FROM rows ORDER BY key"), verify(one).faults) == (before, ())
 
 
-def rewritten(file: Path, columns: str, to: Path) -> Path:
-    """Another program's copy of a file, with other columns."""
-    with connection() as con:
-        con.execute(f"COPY (SELECT {columns} FROM '{file}') TO '{to}' (FORMAT parquet)")
-    return to
-
-
-def files_where(one: Registry, condition: str) -> list[Path]:
-    sql = f"SELECT DISTINCT filename FROM stored WHERE {condition}"
-    return [Path(name) for (name,) in one.files.ask(lambda con: con.execute(sql).fetchall())]
-
-
 @pytest.mark.requirement("R-REGISTRY")
 def test_a_compaction_leaves_damaged_and_strange_files_alone(one: Registry, tmp_path: Path) -> None:
     """It would give them a right name, and take the evidence away."""
@@ -91,7 +87,7 @@ def test_a_compaction_leaves_damaged_and_strange_files_alone(one: Registry, tmp_
         one.add([made(number, serial=f"S{number}")])
     (file,) = files_where(one, "kind = 'result' AND serial = 'S2'")
     whole = file.read_bytes()
-    changed = rewritten(file, "* REPLACE ('WRONG' AS serial)", tmp_path / "changed").read_bytes()
+    changed = rewritten(file, "* REPLACE ('WRONG' AS serial)", tmp_path).read_bytes()
     file.write_bytes(changed)
     one.files.compact()
     assert file.read_bytes() == changed
@@ -103,14 +99,12 @@ def test_a_compaction_leaves_damaged_and_strange_files_alone(one: Registry, tmp_
     assert not [fault for fault in verify(one).faults if "still in a file" not in fault and "is missing" not in fault]
 
 
-@pytest.mark.parametrize("columns_", ["'x' AS foo", "* REPLACE ('x' AS revision)"])
-def test_a_file_of_another_program_with_a_right_name_is_named(one: Registry, tmp_path: Path, columns_: str) -> None:
+@pytest.mark.parametrize("columns", ["'x' AS foo", "* REPLACE ('x' AS revision)"])
+def test_a_file_of_another_program_with_a_right_name_is_named(one: Registry, columns: str) -> None:
     one.add([made(1)])
-    strange = rewritten(files_where(one, "kind = 'result'")[0], columns_, tmp_path / "strange")
-    name = f"{hashlib.sha256(strange.read_bytes()).hexdigest()}.parquet"
-    strange.rename(one.folder / name)
+    strange = rewritten(files_where(one, "kind = 'result'")[0], columns, Path(one.folder))
     (fault,) = verify(one).faults
-    assert fault.startswith(f"{one.folder / name} is no file of a registry (its columns ")
+    assert fault.startswith(f"{strange} is no file of a registry (its columns ")
 
 
 @pytest.mark.requirement("R-REGISTRY")

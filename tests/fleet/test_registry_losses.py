@@ -1,6 +1,5 @@
 """What is removed from a registry or its archive is noticed, and a batch writes again what the archive has."""
 
-import hashlib
 import json
 import shutil
 from collections.abc import Callable
@@ -14,9 +13,9 @@ from camssf.errors import InvalidArgument, UnreadableRaw
 from camssf_fleet.manifest import Job
 from camssf_fleet.outcome import Outcome
 from camssf_fleet.record_files import DAMAGED
-from camssf_fleet.record_queries import connection
 from camssf_fleet.registry import Registry
 from tests.support.desk import Desk, stub, template
+from tests.support.registries import files_where, rewritten
 
 NAMES = [f"c{number}" for number in range(6)]
 WRITTEN = "name, serial, captured, model, key, made_from, extra"
@@ -68,18 +67,12 @@ def verify(home: Path, capsys: pytest.CaptureFixture[str]) -> Verify:
 # Losses
 
 
-def files(home: Path, condition: str) -> list[Path]:
-    sql = f"SELECT DISTINCT filename FROM stored WHERE {condition} ORDER BY filename"
-    names = Registry(home / "phones").files.ask(lambda con: con.execute(sql).fetchall())
-    return [Path(name) for (name,) in names]
-
-
 Loss: TypeAlias = Callable[[Path], object]
 
 
 def holder(condition: str) -> Loss:
     """A file of the registry is removed, by what it holds."""
-    return lambda home: [file.unlink() for file in files(home, condition)]
+    return lambda home: [file.unlink() for file in files_where(Registry(home / "phones"), condition)]
 
 
 def gone(pattern: str, which: int = 0) -> Loss:
@@ -96,22 +89,19 @@ def edited(change: Callable[[bytes], bytes], kind: str = "result") -> Loss:
     """Bytes of a file change; as `verify` advises, it is moved away afterwards (`MOVED`)."""
 
     def edit(home: Path) -> None:
-        file, *_ = files(home, f"kind = '{kind}'")
+        file, *_ = files_where(Registry(home / "phones"), f"kind = '{kind}'")
         file.write_bytes(change(file.read_bytes()))
 
     return edit
 
 
-def by_another_program(selected: str) -> Loss:
+def by_another_program(columns: str, where: str = "true") -> Loss:
     """Another program writes each file again, without some records or with others, and names it by its content."""
 
     def rewrite(home: Path) -> None:
-        target = home / "rewritten"
         for file in sorted((home / "phones").glob("*.parquet")):
-            with connection() as con:
-                con.execute(f"COPY (SELECT {selected.format(file=file)}) TO '{target}' (FORMAT parquet)")
-            file.unlink()
-            target.rename(file.with_name(f"{hashlib.sha256(target.read_bytes()).hexdigest()}.parquet"))
+            if rewritten(file, columns, home / "phones", where) != file:
+                file.unlink()
 
     return rewrite
 
@@ -128,9 +118,9 @@ LOSSES: dict[str, Loss] = {
     "the first list": holder("kind = 'list' AND len(previous) = 0"),
     "a list between": holder("kind = 'list' AND record IN (SELECT previous[1] FROM stored WHERE kind = 'list') "
                              "AND len(previous) > 0"),
-    "row and job, by another program": by_another_program("* FROM '{file}' WHERE NOT (name = 'c1')"),
+    "row and job, by another program": by_another_program("*", "NOT (name = 'c1')"),
     "a changed record": by_another_program(
-        "* REPLACE (if(serial = 'Sc2' AND kind = 'result', 'X', serial) AS serial) FROM '{file}'"),
+        "* REPLACE (if(serial = 'Sc2' AND kind = 'result', 'X', serial) AS serial)"),
     "a flipped bit": edited(lambda data: data[:300] + bytes([data[300] ^ 4]) + data[301:]),
     "a cut file": edited(lambda data: data[:-500]),
     "a damaged list": edited(lambda data: data[:-100] + bytes(100), "list"),

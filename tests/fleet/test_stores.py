@@ -17,7 +17,7 @@ from tests.support.desk import HEADER, Desk, stub
 from tests.support.documents import document
 from tests.support.processes import SEARCH
 from tests.support.registries import WRITER, bells, keys, made
-from tests.support.stores import SECRET, Faulty, environment, served
+from tests.support.stores import SECRET, Faulty, served
 
 pytest.importorskip("moto", reason="moto is not here")
 pytest.importorskip("s3fs", reason="s3fs is not here")
@@ -37,21 +37,19 @@ pytestmark = [
 
 
 @pytest.fixture(scope="module")
-def server() -> Iterator[tuple[str, Faulty]]:
-    with served() as found, pytest.MonkeyPatch.context() as patched:
-        for name, value in environment(found[0]).items():
-            patched.setenv(name, value)
+def server() -> Iterator[Faulty]:
+    with served() as found:
         yield found
 
 
 @pytest.fixture
-def bucket(server: tuple[str, Faulty], request: pytest.FixtureRequest) -> Iterator[str]:
+def bucket(server: Faulty, request: pytest.FixtureRequest) -> Iterator[str]:
     import s3fs
 
     name = f"b{abs(hash(request.node.name)) % 10**9}"
     s3fs.S3FileSystem(use_listings_cache=False).mkdir(name)
     yield f"s3://{name}"
-    server[1].rate = 0.0
+    server.rate = 0.0
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -143,10 +141,10 @@ def test_a_batch_from_a_bucket_to_a_bucket(bucket: str, tmp_path: Path) -> None:
     assert not [path for path in files_below(place(f"{bucket}/out")) if path.name not in ("result.json",)]
 
 
-def test_faults_lose_nothing(bucket: str, server: tuple[str, Faulty], tmp_path: Path) -> None:
+def test_faults_lose_nothing(bucket: str, server: Faulty, tmp_path: Path) -> None:
     """One answer in ten is throttled, an error or cut; then the same command is given until it ends."""
     written(bucket)
-    server[1].rate, before = 0.1, server[1].faults
+    server.rate, before = 0.1, server.faults
     for _ in range(20):
         try:
             found = ran(bucket, tmp_path)
@@ -156,8 +154,8 @@ def test_faults_lose_nothing(bucket: str, server: tuple[str, Faulty], tmp_path: 
             break
     else:
         pytest.fail("it never ended")
-    server[1].rate = 0.0
-    assert server[1].faults > before + 5
+    server.rate = 0.0
+    assert server.faults > before + 5
     one = Registry(f"{bucket}/phones")
     assert [each["name"] for each in one.query("SELECT name FROM rows ORDER BY name")] == sorted(NAMES)
     checked = verify(one)

@@ -9,7 +9,7 @@ import pytest
 
 from camssf.errors import UnreadableRaw
 from camssf.photo.read.unit import Taken, Unit, read_unit, serial_check
-from tests.support.tiffs import EXIF, FIRST, tiff
+from tests.support.dngs import EXIF, FIRST, told
 
 BODY = Unit("Maker", "Model", "", "body 9", serial_check("Maker", "Model", "body 9"))
 WHOLE = replace(BODY, lens="Wide 24 mm", focal_length=24.7, aperture=1.8)
@@ -30,19 +30,21 @@ DAY = "2026:11:20 09:15:00"
 ])  # fmt: skip
 def test_what_a_file_says(tmp_path: Path, first: Any, exif: Any, unit: Unit, time: str) -> None:
     file = tmp_path / "a.dng"
-    file.write_bytes(tiff(first, exif))
+    file.write_bytes(told(first, exif))
     assert read_unit(file) == Taken(unit, time, hashlib.sha256(file.read_bytes()).hexdigest())
 
 
 def test_files_that_cannot_tell(tmp_path: Path) -> None:
     """Missing, a folder, cut off anywhere."""
-    whole = tiff(FIRST, EXIF)
+    whole = told(FIRST, EXIF)
     file = tmp_path / "a.dng"
     for path in (file, tmp_path):
         with pytest.raises(UnreadableRaw):
             read_unit(path)
-    for length in range(0, len(whole), 7):
-        file.write_bytes(whole[:length])
+    cut = [whole[:length] for length in range(0, len(whole), 7)]  # before the end of the first directory
+    end = len(told(FIRST | {34665: 0}, {}))
+    for data in (*cut, *(told(FIRST | {34665: end + place}, {}) for place in (-1, 99))):  # and of the other
+        file.write_bytes(data)
         with pytest.raises(UnreadableRaw):
             read_unit(file)
 

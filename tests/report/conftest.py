@@ -13,7 +13,7 @@ from camssf.documents.document import Document
 from camssf.grid import Floats
 from camssf.report.page import page as render
 from camssf.report.provenance import NO_PROVENANCE, Provenance
-from camssf.report.shots import ShownShot, shots_of
+from camssf.report.shots import shots_of
 from camssf_colour import report as colour
 
 _TAGS = """html head meta title link style body main header footer section div p h1 h2 h3 ul li dl dt dd span strong
@@ -62,14 +62,9 @@ def put(values: Floats, at: Any, value: Any) -> Floats:
     return copy
 
 
-def shot_of(made: Document) -> ShownShot:
-    """The first shot as it is shown."""
-    return shots_of(made)[0]
-
-
 def patches_in(made: Document) -> Any:
-    """Those of the first shot."""
-    return shot_of(made).patches
+    """Those of the first shot, as they are shown."""
+    return shots_of(made)[0].patches
 
 
 class Page(HTMLParser):

@@ -7,7 +7,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -64,14 +64,6 @@ def stub(job: Job, folder: Path, names: tuple[str, ...] = ("result.json",), log:
 def slow(job: Job, folder: Path, **more: Any) -> Outcome:
     time.sleep(0.4)
     return stub(job, folder, **more)
-
-
-def until(holds: Callable[[], object], seconds: float = 120.0) -> None:
-    """Wait until it holds."""
-    deadline = time.monotonic() + seconds
-    while not holds():
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
 
 
 def in_this_process(jobs: Iterator[Job], work: pools.Work, count: int, recorder: pools.Recorder) -> None:

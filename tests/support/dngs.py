@@ -149,3 +149,23 @@ class Dng:
             entries += struct.pack(self.order + "HHI", tag, kind, count) + value
         number = struct.pack(self.order + "H", len(present))
         return number + entries + bytes(4) + values
+
+
+FIRST = {271: "Maker", 272: "Model", 50735: "body 9"}
+EXIF = {
+    42036: "Wide 24 mm", 37386: (247, 10), 33437: (18, 10), 36867: "2026:11:20 09:15:00", 36881: "+01:00",
+}  # fmt: skip
+"""Tags of a photo's two directories."""
+
+
+def told(first: dict[int, Any], exif: dict[int, Any]) -> bytes:
+    """A small DNG whose directories say this: text, a whole number, or (numerator, denominator)."""
+
+    def coded(value: Any) -> tuple[int, Any]:
+        if isinstance(value, str):
+            return ASCII, value.encode() + b"\0"
+        return (LONG, [value]) if isinstance(value, int) else (RATIONAL, value)
+
+    ours: Tags = dict.fromkeys((271, 272, 50708))
+    tags = [{tag: coded(value) for tag, value in each.items()} for each in (first, exif)]
+    return Dng(np.zeros((2, 2), np.uint16), first=ours | tags[0], exif=dict(tags[1])).encode()

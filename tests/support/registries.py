@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import sys
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +17,7 @@ import numpy as np
 from camssf.grid import Floats
 from camssf_fleet import record_files
 from camssf_fleet.compare import NM
+from camssf_fleet.record_queries import connection
 from camssf_fleet.records import JobEnd, Row
 from camssf_fleet.registry import Registry
 
@@ -85,6 +88,20 @@ def correct(registry: Registry, *rows: Row) -> Any:
 
 def keys(registry: Registry) -> list[str]:
     return [str(found["key"]) for found in registry.query("SELECT key FROM rows ORDER BY key")]
+
+
+def files_where(registry: Registry, condition: str) -> list[Path]:
+    """Files with such records."""
+    sql = f"SELECT DISTINCT filename FROM stored WHERE {condition} ORDER BY filename"
+    return [Path(name) for (name,) in registry.files.ask(lambda con: con.execute(sql).fetchall())]
+
+
+def rewritten(file: Path, columns: str, to: Path, where: str = "true") -> Path:
+    """Another program's copy of a file, with other columns or fewer rows, named by its content in this folder."""
+    part = to / "rewritten"
+    with connection() as con:
+        con.execute(f"COPY (SELECT {columns} FROM '{file}' WHERE {where}) TO '{part}' (FORMAT parquet)")
+    return part.rename(to / f"{hashlib.sha256(part.read_bytes()).hexdigest()}.parquet")
 
 
 def meanwhile(patch: pytest.MonkeyPatch, method: str, act: Callable[[], object], *, before: bool = False) -> None:
