@@ -3,9 +3,7 @@
 import hashlib
 import io
 import json
-from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +18,7 @@ from camssf.photo.read import raw
 from camssf.photo.read.unit import Unit
 from camssf.verdict.reasons import Verdict
 from camssf_colour import standard_colour
-from camssf_fleet.passport.document import FORMAT, Passport, PassportRequest, create_passport, read, sign, verify
+from camssf_fleet.passport.document import FORMAT, PassportRequest, create_passport, read, sign, verify
 from camssf_fleet.passport.excerpt import excerpt_of
 from camssf_fleet.passport.keys import PRIVATE, PUBLIC, make_key, read_private, read_public
 from camssf_fleet.passport.revocations import read_revoked
@@ -215,15 +213,11 @@ def test_a_fleet_s_passports(tmp_path: Path, capsys: pytest.CaptureFixture[str])
 # One unit's
 
 
-def _passport() -> Passport:
-    return create_passport(document_bytes(calibrated()), PassportRequest(Unit(serial="A1")))
-
-
 def test_colour_takes_a_passport(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     make_key(tmp_path)
-    passport = _passport()
+    passport = create_passport(document_bytes(calibrated()), PassportRequest(Unit(serial="A1")))
     (tmp_path / "own.jws").write_bytes(sign(passport, read_private(tmp_path / PRIVATE)))
     assert command("passport", "verify", tmp_path / "own.jws", "--key", tmp_path / PUBLIC) == 0
     (tmp_path / "own.json").write_text(capsys.readouterr().out, "utf-8")
@@ -246,13 +240,12 @@ def test_colour_takes_a_passport(
     assert (status, "own.jws is a passport, not a result" in message) == (InvalidArgument.exit_status, True)
 
     def of_serial(serial: str) -> int:
+        def read_raw(path: str) -> Any:
+            mosaic = raw.read_raw(path)
+            return replace(mosaic, unit=replace(mosaic.unit, serial=serial))
+
         with monkeypatch.context() as patched:
-            patched.setattr("camssf_colour.regions.read_raw", partial(_with_serial, raw.read_raw, serial))
+            patched.setattr("camssf_colour.regions.read_raw", read_raw)
             return colour("own.json")[0]
 
     assert (of_serial("A1"), of_serial("B2")) == (0, UnitDiffers.exit_status)
-
-
-def _with_serial(read_raw: Callable[[str], Any], serial: str, path: str) -> Any:
-    mosaic = read_raw(path)
-    return replace(mosaic, unit=replace(mosaic.unit, serial=serial))

@@ -32,10 +32,9 @@ from camssf_lab.direct.dispersion import FEWEST, LINES, disperse
 from camssf_lab.simulation.camera import Sensor
 from tests.repository.test_docs import ROOT, blocks
 from tests.support import spectrograph
-from tests.support.spectrograph import FINE, Spectrograph, shoot, write_dng
+from tests.support.spectrograph import FINE, MONO, RGB, Spectrograph, shoot, write_dng
 
 NIKON = "Nikon 5100 (NPL)"
-RGB, MONO = Spectrograph(), Spectrograph(pixel=0.0048, size=(1400, 200), centre=565.0, tilt=-0.4)
 VISIBLE = (WAVELENGTHS >= 400) & (WAVELENGTHS <= 700)
 
 
@@ -78,7 +77,7 @@ def wavelength_error(found: Direct, role: str, device: Spectrograph) -> float:
 def test_the_bars_hold_on_simulated_frames(tmp_path: Path, light: str, mirrored: bool) -> None:
     """RMSE ≤ 0.01 and wavelengths within 0.5 nm; noise, two detectors, leaning lines, red left or right."""
     device = replace(RGB, mirrored=mirrored)
-    found = divided(shoot(nikon(), tmp_path, 1, light=light, device=device, mono=MONO))
+    found = divided(shoot(nikon(), tmp_path, 1, light=light, device=device))
     assert is_near(found)
     assert wavelength_error(found, "rgb", device) <= 0.5
     assert wavelength_error(found, "mono", MONO) <= 0.5

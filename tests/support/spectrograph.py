@@ -12,7 +12,6 @@ air; or CIE daylight, which is smooth, with the Fraunhofer lines drawn in at the
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import tifffile
@@ -26,8 +25,6 @@ from camssf_lab.simulation import dng
 from camssf_lab.simulation.camera import Sensor
 from camssf_lab.simulation.shot_plan import FileTags
 
-MONO: dict[str, Any] = {"pixel": 0.0048, "size": (1400, 200), "centre": 565.0, "tilt": -0.4}
-"""What differs in the mono camera's spectrograph."""
 FINE: Floats = np.arange(330.0, 830.0, 0.05)
 """Wavelengths of the simulated light, nm."""
 DRAWN = (
@@ -73,6 +70,10 @@ class Spectrograph:
         offset = (x - (self.size[0] - 1) / 2) * (-1.0 if self.mirrored else 1.0)
         lifted = beta + np.arctan(offset * self.pixel / self.focal)
         return np.asarray(self.centre + spacing * (np.sin(lifted) - np.sin(beta)))
+
+
+RGB, MONO = Spectrograph(), Spectrograph(pixel=0.0048, size=(1400, 200), centre=565.0, tilt=-0.4)
+"""The colour camera's, and the mono camera's."""
 
 
 @cache
@@ -152,14 +153,12 @@ def shoot(
     seed: int,
     *,
     light: str = "AM1.5",
-    device: Spectrograph | None = None,
-    mono: Spectrograph | None = None,
+    device: Spectrograph = RGB,
+    mono: Spectrograph = MONO,
     exposure: float = 0.7,
 ) -> dict[str, Path]:
     """rgb.dng, rgb-dark.dng, mono.tif, mono-dark.tif and mono-response.csv in `folder`; their paths."""
     rng = np.random.default_rng(seed)
-    device = device or Spectrograph()
-    mono = mono or Spectrograph(**MONO)
     sensor = Sensor(full_well=15000.0)
     curves = np.stack([np.interp(FINE, WAVELENGTHS, c, 0.0, 0.0) for c in camera.values.T], axis=1)
     curves /= curves.max()
