@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.cluster.vq import kmeans2
 
 from camssf.colorimetry import uv
 from camssf.grid import WAVELENGTHS, Floats
@@ -98,12 +99,7 @@ def clusters(lamps: Floats, random: np.random.RandomState) -> NDArray[np.intp]:
     while len(centres) < SHAPES:
         squares = ((roots[:, None] - centres) ** 2).sum(axis=2).min(axis=1)
         centres = np.concatenate([centres, roots[[random.choice(len(roots), p=squares / squares.sum())]]])
-    while True:
-        nearest = ((roots[:, None] - centres) ** 2).sum(axis=2).argmin(axis=1)
-        moved = np.stack([roots[nearest == i].mean(axis=0) for i in range(SHAPES)])
-        if np.abs(moved - centres).max() < 1e-12:
-            return np.asarray(nearest)
-        centres = moved
+    return np.asarray(kmeans2(roots, centres, iter=200, minit="matrix")[1])
 
 
 def daylights(random: np.random.RandomState) -> Iterator[Floats]:

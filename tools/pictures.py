@@ -22,9 +22,10 @@ from benchmarks.claims.colour import cases
 from benchmarks.claims.pictures import SEED, WAYS, show
 from benchmarks.claims.real import CLAIM, MEASURED, PAPER, TOLERANCES, d70, solve
 from benchmarks.shared import one_thread
-from camssf.colorimetry import BEND, D65, SLOPE, delta_e00, srgb
+from camssf.colorimetry import delta_e00
 from camssf.files import write_file
 from camssf.grid import BAND, WAVELENGTHS, Floats
+from camssf.spectra import colour_science
 
 NAMES = ("Canon EOS 5D", "Sony ILCE-7M3")
 UNDER = "A"
@@ -43,14 +44,6 @@ def save_png(figure: Figure, name: str, colours: int, dpi: int) -> None:
     write_file(PLACE / name, small.getvalue())
 
 
-def from_lab(colours: Floats) -> Floats:
-    """sRGB (..., 3), inside the display's gamut, of Lab (..., 3) under D65."""
-    y = (colours[..., 0] + 16.0) / 116.0
-    roots = np.stack([y + colours[..., 1] / 500.0, y, y - colours[..., 2] / 200.0], axis=-1)
-    ratio = np.where(roots**3 > BEND, roots**3, (116.0 * roots - 16.0) / SLOPE)
-    return np.clip(srgb(ratio * D65), 0.0, 1.0)
-
-
 def tiles(first: Floats, second: Floats) -> Floats:
     """The tiles in rows of COLUMNS, of two sRGB (99, 3)."""
     halves = np.stack([first, second], axis=1).repeat(TILE // 2, axis=1)  # (99, TILE, 3)
@@ -60,12 +53,13 @@ def tiles(first: Floats, second: Floats) -> Floats:
 
 def draw_story() -> None:
     """Two cameras' pictures of 99 surfaces."""
-    by_name = {case.name: case for case in cases(52, None)}
+    science, by_name = colour_science(), {case.name: case for case in cases(52, None)}
     shown = [show(by_name[name], UNDER, np.random.default_rng([SEED, i])) for i, name in enumerate(NAMES)]
     figure = Figure(figsize=(9.0, 4.4), layout="constrained")
     for panel, way in zip(figure.subplots(1, 2), reversed(WAYS), strict=True):
         first, second = (getattr(one, way).mean(axis=1) for one in shown)
-        panel.imshow(tiles(from_lab(first), from_lab(second)))
+        seen = (science.XYZ_to_sRGB(science.Lab_to_XYZ(each)).clip(0.0, 1.0) for each in (first, second))
+        panel.imshow(tiles(*seen))
         panel.set_title(f"{TITLES[way]}: ΔE00 {np.median(delta_e00(first, second)):.1f}", fontsize=10)
         panel.set_axis_off()
     save_png(figure, "picture-story.png", 250, dpi=110)

@@ -26,17 +26,16 @@ EXTRAS = ("app", "passport", "fleet", "colour-science", "cxf", "plot")
 """Extras for users with libraries of their own; `test`, `dev` and `export` are for developers."""
 UNSTATED = "not stated"
 """The licence of a package whose metadata give none."""
-CLASSIFIERS = {
+SPDX = {
+    "3-Clause BSD License": "BSD-3-Clause",
     "Apache Software License": "Apache-2.0",
     "BSD License": "BSD-3-Clause",
+    "Dual License": "Apache-2.0 OR BSD-3-Clause",
+    "ISC License": "ISC",
     "MIT License": "MIT",
     "Python Software Foundation License": "PSF-2.0",
 }
-"""SPDX identifiers by the last part of the classifier `License :: OSI Approved :: ...`."""
-WORDS = {
-    "3-Clause BSD License": "BSD-3-Clause", "Dual License": "Apache-2.0 OR BSD-3-Clause", "ISC License": "ISC",
-}  # fmt: skip
-"""SPDX identifiers by other texts in the field License."""
+"""Identifiers by the last part of the classifier `License :: OSI Approved :: ...`, or the field License."""
 Found: TypeAlias = Mapping[str, tuple[str, str]]
 """Version and licence by normalised name; the licence is an SPDX expression if the metadata give one."""
 
@@ -47,11 +46,11 @@ def licence(found: Distribution) -> str:
     if expression := said.get("license_expression"):
         return str(expression)
     last = [line.rpartition(" :: ")[2] for line in said.get("classifier", []) if line.startswith("License :: ")]
-    classified = [CLASSIFIERS[word] for word in last if word in CLASSIFIERS]
+    classified = [SPDX[word] for word in last if word in SPDX]
     if len(classified) == 1:
         return classified[0]
     words = str(said.get("license", "")).strip().partition("\n")[0]
-    return WORDS.get(words, words) or " OR ".join(classified) or UNSTATED
+    return SPDX.get(words, words) or " OR ".join(classified) or UNSTATED
 
 
 def closure(extras: Sequence[str] = EXTRAS) -> Found:
