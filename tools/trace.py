@@ -1,7 +1,7 @@
 """Requirements, risks, tests and their results: `python -m tools.trace [--results DIR]` checks that none is missing.
 
 Requirements are in tools/requirements.json. A test names those that it verifies: in Python by
-`@pytest.mark.requirement("R-...")` or a file's `pytestmark`, in Kotlin by `@Tag("R-...")` on a class or a function.
+`@pytest.mark.requirement("R-...")` or a file's `pytestmark`, in Kotlin by `@Tag("R-...")` on a class.
 Results are read from JUnit XML by pytest and Surefire. The command exits with 1 if a requirement has no test, a
 marker or a row of the table in docs/claims.md names an unknown one, or, with results, if a requirement's test failed
 or none ran. The site shows the table, with the results in out/results.
@@ -32,7 +32,6 @@ CLAIMS_PAGE = ROOT / "docs" / "claims.md"
 CLAIMS = "## What is proven, and what is not"
 NOT_RUN = "not run"
 TAG = re.compile(r'@(?:[\w.]+\.)?Tag\("(R-[A-Z0-9-]+)"\)')
-DECLARED = re.compile(r"^\s*(?:(?:internal|public|private|open|abstract) )*(class|fun) (`[^`]+`|\w+)")
 
 
 class Marked(NamedTuple):
@@ -42,7 +41,7 @@ class Marked(NamedTuple):
         requirement: name of the requirement.
         place: path of the file, relative to the repository.
         group: class name in JUnit XML: Python's module, Kotlin's class.
-        test: name of the function; None for all.
+        test: name of the function; None for all of the group.
     """
 
     requirement: str
@@ -83,18 +82,17 @@ def python_markers(text: str, place: str) -> Iterator[Marked]:
 
 
 def kotlin_markers(text: str, place: str) -> Iterator[Marked]:
-    """The markers in one Kotlin test file; tags are on the lines before their class or function."""
+    """The markers in one Kotlin test file.
+
+    Raises:
+        ValueError: one does not stand before a class.
+    """
     (package,) = re.findall(r"^package (\S+)$", text, re.MULTILINE)
-    tags: list[str] = []
-    group = ""
-    for line in text.splitlines():
-        tags += TAG.findall(line)
-        if declared := DECLARED.match(TAG.sub("", line)):
-            kind, name = declared[1], declared[2].strip("`")
-            if kind == "class" and not line.startswith(" "):
-                group = f"{package}.{name}"
-            yield from (Marked(tag, place, group, None if kind == "class" else name) for tag in tags)
-            tags = []
+    marked = re.findall(r"((?:^@.*\n)+)(?:\w+ )*class (\w+)", text, re.MULTILINE)
+    found = [Marked(tag, place, f"{package}.{name}", None) for marks, name in marked for tag in TAG.findall(marks)]
+    if len(found) < len(TAG.findall(text)):
+        raise ValueError(f"{place} has a tag that does not stand before a class.")
+    yield from found
 
 
 @cache
@@ -124,19 +122,15 @@ def read_results(paths: Sequence[Path]) -> Results:
         for case in ElementTree.parse(file).iter("testcase"):
             children = {child.tag for child in case}
             failed = "**failed**" if children & {"failure", "error"} else "passed"
-            key = (case.get("classname", ""), _bare(case.get("name", "")))
+            bare = re.split(r"[\[({]", case.get("name", ""))[0]  # without parameters and suffixes of test runners
+            key = (case.get("classname", ""), bare)
             results.setdefault(key, Counter())["skipped" if "skipped" in children else failed] += 1
     return results
 
 
-def _bare(name: str) -> str:
-    """The name up to the first bracket, without parameters and suffixes of test runners."""
-    return re.split(r"[\[({]", name, maxsplit=1)[0]
-
-
 def counts(name: str, results: Results) -> Counter[str]:
     """The results of one requirement's tests; a test with two markers counts once."""
-    tests = {(test.group, test.test and _bare(test.test)) for test in markers() if test.requirement == name}
+    tests = {(test.group, test.test) for test in markers() if test.requirement == name}
     found = (count for (group, test), count in results.items() if tests & {(group, None), (group, test)})
     return sum(found, Counter[str]())
 
