@@ -22,7 +22,6 @@ from camssf.spectra.layouts import LAYOUTS
 from tools.pages import DATA, Json, made_files
 from tools.tabulate import origin
 
-COMMAND = "python -m tools.chart_colours"
 PLACE = DATA / "finder.json"
 SEMI_GLOSS = "ColorCheckerSG - After November 2014"
 
@@ -39,7 +38,7 @@ def tabulate() -> Json:
     v = np.exp(-(((WAVELENGTHS - 559) / 42) ** 2) / 2)  # V(λ), approximated
     kinds["classic24"]["luminance"] = (read_chart("classic24").values @ v / v.sum()).round(4).tolist()
     limits = json.loads(PLACE.read_text("utf-8"))["limits"]
-    return {"format": FORMAT, "generator": COMMAND, "origin": origin(), "limits": limits, "kinds": kinds}
+    return {"format": FORMAT, "origin": origin(), "limits": limits, "kinds": kinds}
 
 
 def semi_gloss() -> ChartTable:
@@ -59,7 +58,7 @@ def semi_gloss() -> ChartTable:
     return ChartTable("sg140", "bands", layout, tuple(names), WAVELENGTHS, values, error, white, "colour-science")
 
 
-main = partial(made_files, COMMAND, __doc__, lambda: {PLACE: tabulate()})
+main = partial(made_files, __spec__, __doc__, lambda: {PLACE: tabulate()})
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -20,7 +20,6 @@ from camssf.spectra.cameras import DEMO_PHONE
 from tools.pages import DATA, Json, made_files
 from tools.tabulate import digest
 
-COMMAND = "python -m tools.demo_phone"
 PLACE = DATA / "demo-phone.json"
 BASIS = "phones"
 DECIMALS = 6
@@ -44,13 +43,12 @@ def tabulate() -> Json:
     origin = {"basis": BASIS, "sha256": read_basis(BASIS).sha256(), "seed": seed}
     return {
         "format": "camssf-cameras/1",
-        "generator": COMMAND,
         "origin": origin,
         "cameras": {DEMO_PHONE: camera | {"values": values.tolist()}},
     }
 
 
-main = partial(made_files, COMMAND, __doc__, lambda: {PLACE: tabulate()})
+main = partial(made_files, __spec__, __doc__, lambda: {PLACE: tabulate()})
 
 if __name__ == "__main__":
     sys.exit(main())

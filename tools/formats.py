@@ -50,16 +50,17 @@ LONGEST = 4096
 
 def tables(form: dict[str, Any]) -> str:
     """A table for each part of a document: its fields, whether they must be there, what they hold."""
-    parts = {"The document": form, **form["$defs"]}
-    return "\n\n".join(_part(name, part) for name, part in parts.items() if "properties" in part)
-
-
-def _part(name: str, form: dict[str, Any]) -> str:
-    rows = [
-        (f"`{field}`" + ("" if field in form["required"] else " ?"), _words(held), held.get("description", ""))
-        for field, held in form["properties"].items()
-    ]
-    return f"### {name}\n\n{form['description']}\n\n{markdown_table(('field', 'holds', 'meaning'), rows)}"
+    parts = []
+    for name, part in {"The document": form, **form["$defs"]}.items():
+        rows = [
+            (f"`{field}`" + ("" if field in part["required"] else " ?"), _words(held), held.get("description", ""))
+            for field, held in part.get("properties", {}).items()
+        ]
+        if rows:
+            parts.append(
+                f"### {name}\n\n{part['description']}\n\n{markdown_table(('field', 'holds', 'meaning'), rows)}"
+            )
+    return "\n\n".join(parts)
 
 
 def _words(form: dict[str, Any]) -> str:
@@ -164,7 +165,7 @@ def made() -> dict[Path, str]:
     return {FOLDER / f"{name}.schema.json": text for name, text in texts.items()} | {FORMS: kotlin_table()}
 
 
-main = partial(made_files, "python -m tools.formats", __doc__, made)
+main = partial(made_files, __spec__, __doc__, made)
 
 if __name__ == "__main__":
     sys.exit(main())

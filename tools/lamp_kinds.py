@@ -68,15 +68,11 @@ def drawn_kind(kind: str) -> dict[str, Any]:
     }
     if kind == "daylight":
         return drawn
-    cluster = clusters(lamps[:, ::10], random)
-    shapes = [lamps[cluster == i] for i in range(SHAPES)]
-    return drawn | {
-        "shapes": [
-            {"share": round(len(shape) / len(lamps), DECIMALS)}
-            | components_of(shape, SHAPE_COMPONENTS, SHAPE_TOLERANCE, SHAPE_DECIMALS)
-            for shape in shapes
-        ]
-    }
+    cluster, shapes = clusters(lamps[:, ::10], random), []
+    for shape in (lamps[cluster == i] for i in range(SHAPES)):
+        described = components_of(shape, SHAPE_COMPONENTS, SHAPE_TOLERANCE, SHAPE_DECIMALS)
+        shapes.append({"share": round(len(shape) / len(lamps), DECIMALS)} | described)
+    return drawn | {"shapes": shapes}
 
 
 def components_of(lamps: Floats, count: int, tolerance: float, decimals: int = DECIMALS) -> dict[str, Any]:

@@ -23,7 +23,6 @@ from camssf_lab.learning.training import maker_of
 from golden.linear_model import linear_model
 from tools.pages import Json, made_files
 
-COMMAND = "python -m tools.misfit_profile"
 SEED = 2026
 EXACT = tuple(setting for setting in SETTINGS if not setting.ohta and setting.patches == ALL)
 SMOOTH = 10.0
@@ -42,7 +41,6 @@ def tabulate() -> Json:
     profile = np.sqrt(mean @ kernel / kernel.sum(axis=0))
     return {
         "format": "camssf-misfit/1",
-        "generator": COMMAND,
         "cameras": {"file": CURVES.name, "sha256": hashlib.sha256(CURVES.read_bytes()).hexdigest()},
         "start": float(NODES[0]),
         "step": float(NODES[1] - NODES[0]),
@@ -65,7 +63,7 @@ def excess(setting: Setting, number: int) -> Floats:
     return np.stack(rows)
 
 
-main = partial(made_files, COMMAND, __doc__, lambda: {MISFIT_FILE: tabulate()}, bounds=ROUNDING)
+main = partial(made_files, __spec__, __doc__, lambda: {MISFIT_FILE: tabulate()}, bounds=ROUNDING)
 
 if __name__ == "__main__":
     sys.exit(main())

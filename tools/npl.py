@@ -13,7 +13,6 @@ from camssf.spectra.cameras import LIBRARY
 from tools.pages import DATA, Json, made_files
 from tools.tabulate import even, origin
 
-COMMAND = "python -m tools.npl"
 PLACE = DATA / "npl.json"
 
 
@@ -23,10 +22,10 @@ def tabulate() -> Json:
     if any(table.labels != ["red", "green", "blue"] for table in tables.values()):
         raise ValueError("other columns")
     cameras = {name: even(table) for name, table in tables.items()}
-    return {"format": "camssf-cameras/1", "generator": COMMAND, "origin": origin(), "cameras": cameras}
+    return {"format": "camssf-cameras/1", "origin": origin(), "cameras": cameras}
 
 
-main = partial(made_files, COMMAND, __doc__, lambda: {PLACE: tabulate()})
+main = partial(made_files, __spec__, __doc__, lambda: {PLACE: tabulate()})
 
 if __name__ == "__main__":
     sys.exit(main())

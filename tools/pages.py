@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from importlib.machinery import ModuleSpec
 from pathlib import Path
 from typing import Any, TypeAlias
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from benchmarks.shared import command_parser
 from camssf.files import write_file
 
 DATA = Path(__file__).parents[1] / "reference" / "camssf" / "data"
@@ -50,7 +51,7 @@ def filled(page: str, parts: Mapping[str, str]) -> str:
 
 
 def made_files(
-    command: str,
+    spec: ModuleSpec | None,
     about: str | None,
     make: Callable[[], Mapping[Path, Any]],
     arguments: Sequence[str] | None = None,
@@ -59,20 +60,22 @@ def made_files(
     """Run a command that makes files: write them, or with `--check` name those that differ.
 
     Args:
-        command: how it is called.
+        spec: of the command's module.
         about: its help.
-        make: returns text, or what JSON holds, by the files' paths.
+        make: returns text, or what JSON holds beside the command that makes it, by the files' paths.
         arguments: of the command line.
         bounds: what numbers of JSON may differ by, by a pattern of their path in it; the first that fits counts.
 
     Returns:
         The exit status: 1 if a file differs.
     """
-    shape = argparse.RawDescriptionHelpFormatter
-    parser = argparse.ArgumentParser(prog=command, description=about, formatter_class=shape)
+    parser = command_parser(spec, about)
     parser.add_argument("--check", action="store_true", help="write nothing; 1 if a file differs")
     check = parser.parse_args(arguments).check
-    made = {path: held if isinstance(held, str) else as_text(held) for path, held in make().items()}
+    made = {
+        path: held if isinstance(held, str) else as_text({"format": held["format"], "generator": parser.prog} | held)
+        for path, held in make().items()
+    }
     if not check:
         for path, text in made.items():
             write_file(path, text)
@@ -83,7 +86,7 @@ def made_files(
         for path, text in made.items()
         if stored[path] != text and not (bounds and near(json.loads(stored[path]), json.loads(text), bounds))
     ]
-    print(f"Not what `{command}` makes: {', '.join(odd)}." if odd else f"{len(made)} files: no difference.")
+    print(f"Not what `{parser.prog}` makes: {', '.join(odd)}." if odd else f"{len(made)} files: no difference.")
     return int(bool(odd))
 
 

@@ -23,7 +23,6 @@ from camssf.spectra.bundled import COLOUR_FORMAT, SURFACE_NODES
 from tools.pages import DATA, Json, made_files
 from tools.tabulate import digest
 
-COMMAND = "python -m tools.surfaces"
 PLACE = DATA / "colour.json"
 SOURCE = Path(__file__).parents[1] / "data" / "rawtoaces" / "training_spectral.json"
 MEASURED = Path(__file__).parents[1] / "data" / "surfaces"
@@ -52,7 +51,6 @@ def tabulate() -> Json:
     functions = {name: colour_science().MSDS_CMFS[long_name] for name, long_name in OBSERVERS.items()}
     return {
         "format": COLOUR_FORMAT,
-        "generator": COMMAND,
         "surfaces": {
             "name": "rawtoaces-data 1.1.0, training_spectral.json",
             "licence": "Apache-2.0",
@@ -136,7 +134,7 @@ def _absorbers() -> Json:
     }
 
 
-main = partial(made_files, COMMAND, __doc__, lambda: {PLACE: tabulate()})
+main = partial(made_files, __spec__, __doc__, lambda: {PLACE: tabulate()})
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -24,7 +24,6 @@ from camssf.spectra.layouts import LAYOUTS
 from tools.lamp_kinds import drawn_kind
 from tools.pages import DATA, Json, made_files
 
-COMMAND = "python -m tools.tabulate"
 PLACE = DATA / "spectra.json"
 ILLUMINANTS = (
     *("A", "B", "C", "D50", "D55", "D60", "D65", "D75", "E", "ID50", "ID65"),
@@ -52,7 +51,6 @@ def tabulate() -> Json:
     daylight = science.colorimetry.datasets.illuminants.SDS_BASIS_FUNCTIONS_CIE_ILLUMINANT_D_SERIES
     return {
         "format": FORMAT,
-        "generator": COMMAND,
         "origin": origin(),
         "grid": {"start": float(WAVELENGTHS[0]), "step": STEP, "count": WAVELENGTHS.size},
         "tolerances": {
@@ -149,7 +147,7 @@ def _family(name: str, science: Any) -> Json:
     return head | {"weights": weights.tolist()}
 
 
-main = partial(made_files, COMMAND, __doc__, lambda: {PLACE: tabulate()}, bounds=ROUNDING)
+main = partial(made_files, __spec__, __doc__, lambda: {PLACE: tabulate()}, bounds=ROUNDING)
 
 if __name__ == "__main__":
     sys.exit(main())
