@@ -21,15 +21,7 @@ from camssf.photo.shot import Shot
 from camssf.recovery.basis import LEARNED, read_basis, widened
 from camssf.recovery.observation import Observation
 from camssf.recovery.onnx_model import load_model
-from camssf.recovery.sensitivity import (
-    FamilyTest,
-    Hypothesis,
-    Proof,
-    SolverSettings,
-    Ssf,
-    half_width_of,
-    prior_std,
-)
+from camssf.recovery.sensitivity import FamilyTest, Hypothesis, Proof, SolverSettings, Ssf, half_width_of, prior_std
 from camssf.spectra import ChartTable, Lamp, Light, read_chart
 from camssf.spectra.lamps import AUTO, TORCH
 from camssf.spectra.layouts import LAYOUTS
@@ -67,39 +59,30 @@ def build_observation(given: dict[str, Any], signals: Any, frames: Any = None) -
     )
 
 
-def build_rows(given: dict[str, Any], signals: Floats) -> LinearModel:
-    """The reference's rows and covariance."""
-    return linear_model(build_observation(given, signals), widened(read_basis(given["basis"]), prior_scale(given)))
-
-
-def problem_of_call(given: dict[str, Any]) -> LinearModel:
-    """The rows of a model's call, from raw patch means."""
-    return build_rows(given, raw_signals(given))
-
-
-def prior_scale(given: dict[str, Any]) -> float:
-    """The width of the prior; 1 if the case does not give it."""
-    return float(given.get("prior_scale", 1.0))
+def build_rows(given: dict[str, Any]) -> LinearModel:
+    """The reference's rows and covariance of a model's call, from raw patch means."""
+    basis = widened(read_basis(given["basis"]), given.get("prior_scale", 1.0))
+    return linear_model(build_observation(given, raw_signals(given)), basis)
 
 
 def model_inputs(given: dict[str, Any]) -> dict[str, Floats]:
     """All inputs of the model from a case's inputs; a mode of zeros if there is none, as the model needs one."""
     k, n, _ = np.shape(given["chart"])
     none = {"lamp_modes": np.zeros((k, 1, WAVELENGTHS.size)), "gain_modes": np.zeros((k, 1, n)), "gain_own": 0.0}
-    none |= {"prior_scale": prior_scale(given), "explain": 1.0}
+    none |= {"prior_scale": 1.0, "explain": 1.0}
     arguments = none | {name: value for name, value in given.items() if np.size(value)}
     model = load_model(given["basis"])
     names = {each.name for each in model.session.get_inputs()} - {"solve", *model.arrays}
     return {name: np.asarray(arguments[name], float) for name in sorted(names)}
 
 
-def objective_of(given: dict[str, Any], rows: LinearModel, code: Floats) -> Floats:
+def objective_of(given: dict[str, Any], code: Floats) -> Floats:
     """(p,) objective of a code (r, 3), recomputed without its solver."""
+    rows = build_rows(given)
+    codes = code.T.reshape(len(rows.matrix), -1)
     return np.array([
         optimality(A, b, S, x, given["l2"], given["gamma"], given["nonnegative"])[0]
-        for A, b, S, x in zip(
-            rows.matrix, rows.target, rows.covariance, code.T.reshape(len(rows.matrix), -1), strict=True
-        )
+        for A, b, S, x in zip(rows.matrix, rows.target, rows.covariance, codes, strict=True)
     ])  # fmt: skip
 
 

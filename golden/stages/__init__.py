@@ -3,19 +3,7 @@
 from __future__ import annotations
 
 from golden.contract import Stage
-from golden.stages import (
-    captures,
-    choice,
-    colour,
-    finder,
-    mosaic,
-    patches,
-    picture,
-    pose,
-    signals,
-    ssf,
-    verdict,
-)
+from golden.stages import captures, choice, colour, finder, mosaic, patches, picture, pose, signals, ssf, verdict
 
 ORDER = (
     mosaic.STAGE, pose.STAGE, patches.STAGE, signals.STAGE, ssf.STAGE, choice.STAGE, *captures.STAGES, verdict.STAGE,

@@ -23,15 +23,7 @@ from camssf.recovery.basis import read_basis, widened
 from camssf.recovery.sensitivity import Proof
 from camssf.spectra import Lamp, read_lamp
 from camssf.spectra.lamps import is_lamp_name
-from camssf_colour import (
-    PARTS,
-    Camera,
-    LitSurfaces,
-    Reference,
-    View,
-    spectrum,
-    standard_colour,
-)
+from camssf_colour import PARTS, Camera, LitSurfaces, Reference, View, spectrum, standard_colour
 from camssf_colour.absorbance import INDICES, indices, shipped_index
 from camssf_colour.camera import camera_of_answer
 from camssf_colour.reach import REACH

@@ -14,17 +14,7 @@ from camssf.recovery.pivoting import SETTLED
 from camssf.recovery.prediction import predict
 from golden.contract import LARGEST_GAP, Call, Stage, against_truth, limit, stored, words
 from golden.forms import Json, resolve
-from golden.products import (
-    CALL,
-    build_observation,
-    build_rows,
-    model_inputs,
-    objective_of,
-    prior_scale,
-    problem_of_call,
-    raw_signals,
-    settings_of,
-)
+from golden.products import CALL, build_observation, build_rows, model_inputs, objective_of, raw_signals, settings_of
 from golden.scenes import (
     ALL,
     BOTH,
@@ -195,7 +185,7 @@ def run(call: Call) -> dict[str, Any]:
         observation = build_observation(
             given, signals, (given["chart"], given["white"], given["dark"]) if sound else None
         )
-        scale = prior_scale(given)
+        scale = float(given.get("prior_scale", 1.0))
         ssf = recover(observation, basis=given["basis"], settings=settings_of(call), prior_scale=scale)
         budget = std = None
         if ssf.std is not None:
@@ -212,7 +202,7 @@ def run(call: Call) -> dict[str, Any]:
             **{name: getattr(ssf, name) for name in ("code", "code_covariance", "predicted", "channel_gain")},
             **vars(ssf.proof),
         }
-    return outputs | {"objective": objective_of(given, build_rows(given, signals), outputs["code"])}
+    return outputs | {"objective": objective_of(given, outputs["code"])}
 
 
 LIMITS = (
@@ -251,5 +241,5 @@ STAGE = Stage(
         "signals code gap layers_gap finish_steps evidence ssf ssf_std code_covariance predicted channel_gain "
         "predicted_std budget"
     ),
-    problem=problem_of_call,
+    problem=build_rows,
 )

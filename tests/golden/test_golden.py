@@ -190,7 +190,7 @@ def test_rows_and_covariance_by_their_integrals(name: str) -> None:
     inputs = scene(name, "", {"patches": [15, 14, 13, 19], "noise": "usual"} | ROWS[name])["inputs"]
     g = {key: value if key == "basis" else resolve(value) for key, value in inputs.items()}
     g["signals"] = raw_signals(g)
-    made = build_rows(g, g["signals"])
+    made = build_rows(g)
     basis, nodes = anchor(read_basis("cameras"), g["white_reflectance"] * g["lamp"][0]), WAVELENGTHS[::10]
     red = 1.0 + 1.6 / (1.0 + np.exp((650.0 - nodes) / 8.0))
     straight = interpolate(np.eye(69))  # (681, 69)
