@@ -23,25 +23,19 @@ def exact(found: Any, expected: Any) -> float:
 
 def norm(found: ArrayLike, expected: ArrayLike) -> float:
     """max |a - b| / max |b|, or max |a| if b is all zero; infinity for another shape or a NaN."""
-    a, b = _pair(found, expected)
-    if a.shape != b.shape or not np.isfinite(a).all():
-        return np.inf
-    size = float(np.max(np.abs(b), initial=0.0))
-    return float(np.max(np.abs(a - b), initial=0.0)) / (size or 1.0)
+    apart, size = _apart(found, expected)
+    return float(np.max(apart, initial=0.0)) / (float(np.max(size, initial=0.0)) or 1.0)
 
 
 def difference(found: ArrayLike, expected: ArrayLike) -> float:
     """max |a - b|, for whole numbers of which a step is the unit."""
-    a, b = _pair(found, expected)
-    return float(np.max(np.abs(a - b), initial=0.0)) if a.shape == b.shape and np.isfinite(a).all() else np.inf
+    return float(np.max(_apart(found, expected)[0], initial=0.0))
 
 
 def relative(found: ArrayLike, expected: ArrayLike) -> float:
     """max |a - b| / |b| element by element, for numbers of different sizes (one a problem); |a| where b = 0."""
-    a, b = _pair(found, expected)
-    if a.shape != b.shape or not np.isfinite(a).all():
-        return np.inf
-    return float(np.max(np.abs(a - b) / np.where(b == 0, 1.0, np.abs(b)), initial=0.0))
+    apart, size = _apart(found, expected)
+    return float(np.max(apart / np.where(size == 0, 1.0, size), initial=0.0))
 
 
 def at_most(found: ArrayLike, expected: ArrayLike | None = None) -> float:
@@ -89,14 +83,7 @@ def sums(found: ArrayLike, expected: ArrayLike) -> float:
 
 
 METRICS: dict[str, Callable[[Any, Any], float]] = {
-    "exact": exact,
-    "norm": norm,
-    "difference": difference,
-    "relative": relative,
-    "at_most": at_most,
-    "peak": peak,
-    "rmse": rmse,
-    "sums": sums,
+    metric.__name__: metric for metric in (exact, norm, difference, relative, at_most, peak, rmse, sums)
 }
 
 
@@ -153,6 +140,14 @@ def blur(A: Floats, b: Floats, covariance: Floats, x: Floats, l2: float, gamma: 
 def _soft(g: Floats, gamma: float, nonnegative: bool) -> Floats:
     """Soft thresholding; a separate implementation, so that the test shares no code with the solvers."""
     return np.asarray(np.maximum(g - gamma, 0.0) - (0.0 if nonnegative else np.maximum(-g - gamma, 0.0)))
+
+
+def _apart(found: ArrayLike, expected: ArrayLike) -> tuple[Floats, Floats]:
+    """|a - b| and |b|; infinitely apart for another shape or a NaN."""
+    a, b = _pair(found, expected)
+    if a.shape != b.shape or not np.isfinite(a).all():
+        return np.array([np.inf]), np.ones(1)
+    return np.abs(a - b), np.abs(b)
 
 
 def _pair(found: ArrayLike, expected: ArrayLike) -> tuple[Floats, Floats]:

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
 
 from golden.forms import ROOT, Json
-from golden.linear_model import LinearModel
 
 LARGEST_GAP = 1e-9
 """Largest relative duality gap of any engine's result."""
@@ -36,16 +35,14 @@ class Stage:
     """One stage.
 
     Attributes:
-        name: its folder under cases/.
         requires: the capabilities that a runner needs.
-        run: the outputs of a case by the reference or the model.
         inputs, optional: keys of the inputs, and those that a case may leave out.
         cases: all cases before they are run; None: those that are stored, as `told` says.
         limits: against the stored outputs, or all limits of a complete case from it and what `case` said of it.
         outputs: stored outputs beyond those of `limits`.
         arrays: inputs that `resolve` makes arrays of; None for all but PLAIN.
         rounded: outputs that are stored with fewer digits.
-        problem: the rows of a case's convex problems, from its inputs, which cvxpy solves, too; None: it has none.
+        convex: whether its cases are convex problems, which cvxpy solves, too.
     """
 
     name: str
@@ -58,7 +55,7 @@ class Stage:
     outputs: frozenset[str] = frozenset()
     arrays: frozenset[str] | None = None
     rounded: frozenset[str] = words("ssf ssf_std code_covariance")
-    problem: Callable[[dict[str, Any]], LinearModel] | None = None
+    convex: bool = False
 
     def scenes(self) -> Iterable[Json]:
         """All cases before they are run."""
@@ -90,9 +87,6 @@ def case(
 
     Args:
         name: with its stage, "ssf/cameras-nikon".
-        comment: the one reason why the case is there.
-        inputs: in the forms of format.md.
-        expect: "success" or an error code.
         truth: the true camera; `rmse` bounds the error of the curves.
         outputs: those that the author knows; what is found must agree.
     """

@@ -30,7 +30,7 @@ def digest(content: bytes) -> str:
 
 def spectra(name: str) -> Json:
     """The content of golden/spectra/<name>.json."""
-    return parsed(content(f"spectra/{name}.json"))
+    return parsed((ROOT / "spectra" / f"{name}.json").read_bytes())
 
 
 @lru_cache(maxsize=32)
@@ -40,14 +40,10 @@ def parsed(text: bytes) -> Json:
     return parsed
 
 
-def content(name: str) -> bytes:
-    """A file of golden/, from the generator's memory or from the disk."""
-    return PENDING[name] if name in PENDING else (ROOT / name).read_bytes()
-
-
 def sibling(name: str) -> Json:
     """Another case by its name, from the generator's memory or from the file."""
-    return parsed(content(f"cases/{name}.json"))
+    path = f"cases/{name}.json"
+    return parsed(PENDING[path] if path in PENDING else (ROOT / path).read_bytes())
 
 
 def chart(name: str) -> Floats:

@@ -157,7 +157,7 @@ def finish(scene: Json) -> Json:
         "truth": None,
         "limits": [],
     }
-    if success and stage.problem:
+    if success and stage.convex:
         made["oracle"] = _plain(consult(problem(made), made["inputs"]))
         if faults := _unproven(made):
             raise GoldenError(f"{name}: {', '.join(faults)}")

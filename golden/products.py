@@ -32,13 +32,15 @@ from golden.contract import Call, words
 from golden.forms import ROOT, Json, resolve
 from golden.linear_model import LinearModel, linear_model
 
-ROWS = words("basis reflectance chart_tolerance white_reflectance white_tolerance lamp lamp_tolerance lamp_modes")
-CALL = ROWS | words("chart white dark standard_error l2 gamma nonnegative")
+CALL = words(
+    "basis reflectance chart_tolerance white_reflectance white_tolerance lamp lamp_tolerance lamp_modes chart white "
+    "dark standard_error l2 gamma nonnegative"
+)
 CAPTURE = words(
     "shots reflectance chart_tolerance white lamp lamp_tolerance lamp_modes white_reflectance basis l2 gamma "
     "nonnegative"
 )
-"""Inputs of rows, of a model's call, and of a capture."""
+"""Inputs of a model's call, and of a capture."""
 
 
 def build_observation(given: dict[str, Any], signals: Any, frames: Any = None) -> Observation:

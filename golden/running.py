@@ -11,6 +11,7 @@ from golden.compare import METRICS
 from golden.contract import PLAIN, Call
 from golden.forms import Json, resolve
 from golden.linear_model import LinearModel
+from golden.products import build_rows
 from golden.reading import CAPABILITIES
 from golden.stages import STAGES
 
@@ -53,9 +54,7 @@ def run(case: Json, engine: str = "reference") -> dict[str, Any]:
 
 def problem(case: Json) -> LinearModel:
     """A, b and Σ of a case with convex problems."""
-    posed = STAGES[case["stage"]].problem
-    assert posed is not None
-    return posed(arrays(case))
+    return build_rows(arrays(case))
 
 
 def by_model(case: Json) -> bool:

@@ -64,8 +64,6 @@ def calibrate_rows() -> list[Row]:
     return [
         ("one-shot", "Chart, white, dark under D55 with the product's defaults.", {"rmse": 0.05}),
         ("two-shots", "D55 and a bulb.", {"camera": CANON, "lamps": BOTH, "rmse": 0.05}),
-        ("no-white", "The chart's white patch stands in: ρ_w is its table, its row drops out.",
-         {"shots": card, "rmse": 0.06}),
         ("uneven", "No white frame, and light that falls off by a quarter: solved for with the curves.",
          PHONES | {"shots": dimmed(one, uneven_light()), "rmse": 0.06}),
         ("uneven-two-shots", "The same of two shots, each with a light of its own.",
@@ -87,8 +85,6 @@ def calibrate_rows() -> list[Row]:
         ("auto-other-maker", "A phone's curves in a file that names a maker of cameras: camera_unusual.",
          {"basis": "auto", "camera": PHONE, "lamps": BOTH, "noise": "none", "lamp_tolerance": [0.0, 0.0],
           "make": "NIKON CORPORATION"}),
-        ("error-nothing-left", "γ = 1e9 on the paper's basis: no curve.",
-         PAPER | {"gamma": 1e9, "expect": "not_converged"}),
         ("error-rival-of-four", "Of four shots one lamp is named wrongly: another lamp refuses it.",
          {"lamps": FOUR, "named": [*FOUR[:3], "D55"], "expect": "lamp_unfit"}),
         ("five-shots", "The same of five: rivals are not tried, the shots contradict each other.",

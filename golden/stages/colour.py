@@ -31,13 +31,11 @@ from golden.contract import Call, Stage, case, told, words
 from golden.forms import Json, chart, resolve, sibling
 from golden.scenes import PHONE
 
-DECIMALS = 6
 GAINS, TINT = (0.55, 1.0, 0.7), (1.008, 1.0, 0.995)
 """Raw white of the result's first shot, relative to green; factors of the reference's error."""
 FIRST = "D55"
 PATCHES = (0, 6, 12, 15, 18)
 """Patches of BabelColor's chart: skin, orange, blue, yellow, white."""
-ATOMS = 24
 VIEW = {"observer": "1931", "white": "lamp"}
 
 
@@ -95,8 +93,8 @@ def result(basis: str = "phones", scale: float = 1.0) -> Json:
 
 def code_covariance() -> Floats:
     """(72, 72): d_i d_j 2^-|i - j|, d falling from 0.4 along each channel's atoms; rounded."""
-    order = np.arange(3 * ATOMS)
-    size = 0.4 / (1.0 + (order % ATOMS) / 4.0)
+    order = np.arange(3 * 24)
+    size = 0.4 / (1.0 + (order % 24) / 4.0)
     return np.array(plain(size[:, None] * size * 0.5 ** np.abs(order[:, None] - order)))
 
 
@@ -106,8 +104,8 @@ def channels(values: Floats) -> Json:
 
 
 def plain(values: Any) -> Any:
-    """The values as rounded plain numbers."""
-    return (np.round(np.asarray(values, dtype=np.float64), DECIMALS) + 0.0).tolist()
+    """The values as plain numbers of six decimals."""
+    return (np.round(np.asarray(values, dtype=np.float64), 6) + 0.0).tolist()
 
 
 def run(call: Call) -> dict[str, Any]:

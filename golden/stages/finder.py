@@ -9,29 +9,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from camssf.photo.find.candidates import find_candidates
-from camssf.photo.find.chart_colours import ChartColours
 from camssf.photo.find.picture import SearchImage, codes_of_bytes, codes_of_light, codes_of_mosaic, rgb_of_yuv
 from camssf.photo.find.search import own_kind, plain_signals
 from camssf.photo.read.dng import Mosaic
 from golden.contract import Call, Stage, words
-from golden.forms import Json
 from golden.products import read_card, read_photo
 
 BLACK = 256
 """Black level of the photos, DN."""
 
 
-def card_kind(card: Json) -> ChartColours:
-    """The kind of chart of a layout and its table."""
-    table = read_card(card)
-    return own_kind(table.layout, plain_signals(table))
-
-
 def run(call: Call) -> dict[str, Any]:
     """The stage `finder`: charts found in one of the forms of a photo; the points of all charts concatenated."""
     given = call.given
     photo = read_photo(given["dng"])
-    kinds = (card_kind(given),) if "layout" in given else None
+    kinds = None
+    if "layout" in given:
+        table = read_card(given)
+        kinds = (own_kind(table.layout, plain_signals(table)),)
     result = find_candidates(_searched(photo, given["form"]), kinds)
     seen = result.candidates
     return {

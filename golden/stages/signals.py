@@ -17,13 +17,6 @@ Row: TypeAlias = tuple[str, str, list[Json], Json]
 """Name, comment, shots, and what is unlike the base case: the inputs, and `expect`."""
 
 
-def _blue(shot: Json, **put_there: float) -> Json:
-    """The shot with a statistic of the white frame's blue replaced."""
-    for name, value in put_there.items():
-        shot = put(shot, "white", name, (slice(None), 2), value)
-    return shot
-
-
 def rows() -> list[Row]:
     """All cases."""
     (shot,), (card,) = frames(), evenly()
@@ -37,6 +30,10 @@ def rows() -> list[Row]:
     for i, errors in ((22, 4.0), (23, 2.0)):
         near = put(near, "chart", "standard_error", (i, 2), round(signal[i] / errors, 4))
 
+    def faint(share: float) -> Json:
+        bright = put(shot, "white", "mean", (slice(None), 2), 64.0 + share * span)
+        return put(bright, "white", "standard_error", (slice(None), 2), 1.0)
+
     def noisy(share: float) -> Json:
         return put(shot, "white", "standard_error", (5, 2), round(share * level, 4))
 
@@ -47,13 +44,11 @@ def rows() -> list[Row]:
         ("no-dark", "The black level stands in for the dark frame.", [shot | {"dark": None}], {}),
         ("two-shots", "Two shots are normalised each by its own frames.", frames(CANON, ["D55", "A"]), {}),
         ("clipped-patches", "Clipped above 1 % in one channel: not used; 1 % itself is.", [clipped], {}),
-        ("white-just-bright", "The white frame's blue lies at 0.6 % of the range: enough.",
-         [_blue(shot, mean=64.0 + 0.006 * span, standard_error=1.0)], {}),
+        ("white-just-bright", "The white frame's blue lies at 0.6 % of the range: enough.", [faint(0.006)], {}),
         ("white-just-quiet", "The white frame is known to 4 % at one patch: enough.", [noisy(0.04)], {}),
         ("nearly-lost", "Four standard errors are a signal, two are none.", [near], {}),
         ("six-left", "Six patches that are not clipped: just enough.", [clip(shot, "chart", slice(6, 24))], {}),
-        ("error-white-just-faint", "The white frame's blue lies at 0.4 % of the range.",
-         [_blue(shot, mean=64.0 + 0.004 * span, standard_error=1.0)], under),
+        ("error-white-just-faint", "The white frame's blue lies at 0.4 % of the range.", [faint(0.004)], under),
         ("error-white-just-noisy", "The white frame is known to 6 % at one patch.", [noisy(0.06)], under),
         ("error-five-left", "Five patches that are not clipped.", [clip(shot, "chart", slice(5, 24))], over),
         ("error-channel-all-clipped", "Every patch's green is clipped.",

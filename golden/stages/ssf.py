@@ -14,7 +14,7 @@ from camssf.recovery.pivoting import SETTLED
 from camssf.recovery.prediction import predict
 from golden.contract import LARGEST_GAP, Call, Stage, against_truth, limit, stored, words
 from golden.forms import Json, resolve
-from golden.products import CALL, build_observation, build_rows, model_inputs, objective_of, raw_signals, settings_of
+from golden.products import CALL, build_observation, model_inputs, objective_of, raw_signals, settings_of
 from golden.scenes import (
     ALL,
     BOTH,
@@ -129,7 +129,6 @@ def rows() -> list[Row]:
          UNIT | {"gamma": 1e-4, "rmse": 0.10, "nonnegative": False}),
         ("gaussian-measured-errors", "Σ from the measured standard errors and a chart tolerance of 1 %.",
          PAPER | {"gamma": 1.0, "noise": "usual", "chart_tolerance": 0.01}),
-        ("gaussian-ridge", "λ₂ = 1 and γ = 0.05, measured errors.", PAPER | EXACT | {"l2": 1.0, "gamma": 0.05}),
         ("gaussian-ridge-nonnegative", "λ₂ = 0.01, γ = 0, x ≥ 0.",
          PAPER | EXACT | {"l2": 0.01, "gamma": 0.0, "patches": TWELVE}),
         ("gaussian-identical-patches", "Twelve times the same patch: rank one.",
@@ -241,5 +240,5 @@ STAGE = Stage(
         "signals code gap layers_gap finish_steps evidence ssf ssf_std code_covariance predicted channel_gain "
         "predicted_std budget"
     ),
-    problem=build_rows,
+    convex=True,
 )
