@@ -57,11 +57,6 @@ def problem(case: Json) -> LinearModel:
     return build_rows(arrays(case))
 
 
-def by_model(case: Json) -> bool:
-    """Whether the shipped ONNX model can run the case; the other cases are single steps of the reference."""
-    return "model" in case["requires"]
-
-
 def findings(case: Json, engine: str = "reference") -> list[Finding]:
     """Measure every limit of the case; for an error case compare the error code."""
     try:

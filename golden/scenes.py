@@ -8,7 +8,7 @@ DN are rounded to 1/1000 and stored; the rounded numbers are the inputs.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -17,6 +17,8 @@ from camssf.spectra.charts import faded
 from golden.contract import case
 from golden.forms import Json, resolve
 
+Row: TypeAlias = tuple[str, str, Json]
+"""Name, comment, and what is unlike the base case: fields of the photos, inputs, `rmse` and `expect`."""
 NOISES = {"none": (0.0, 0.0), "low": (0.001, 0.0002), "usual": (0.005, 0.001)}
 """σ = hypot(first · y, second)."""
 GAINS = (0.55, 1.0, 0.7)

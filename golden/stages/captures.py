@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
@@ -15,10 +15,8 @@ from camssf.verdict.rival_lamps import weigh, weigh_rivals
 from golden.contract import LARGEST_GAP, Call, Stage, case, words
 from golden.forms import Json
 from golden.products import CAPTURE, build_capture, chosen, judgement
-from golden.scenes import ALL, BOTH, CANON, NIKON, PHONE, clip, dimmed, evenly, frames, uneven_light
+from golden.scenes import ALL, BOTH, CANON, NIKON, PHONE, Row, clip, dimmed, evenly, frames, uneven_light
 
-Row: TypeAlias = tuple[str, str, Json]
-"""Name, comment, and what is unlike the base case: fields of TAKEN, inputs, and `rmse`, `expect`."""
 TAKEN: Json = {"camera": NIKON, "lamps": ["D55"], "noise": "low", "fading": 0.0}
 """The photos of the base case, unless a row gives `shots`; `named`: lamps' names, if others than the true ones."""
 PHONES: Json = {"basis": "phones", "camera": PHONE}

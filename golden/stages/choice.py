@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
@@ -11,10 +11,8 @@ from camssf.recovery.hypotheses import recover
 from golden.contract import LARGEST_GAP, Call, Stage, words
 from golden.forms import Json
 from golden.products import CALL, build_observation, chosen, raw_signals, settings_of
-from golden.scenes import BETWEEN, BOTH, ODD, PHONE, TWELVE, YELLOW_PHONE, moved, scene
+from golden.scenes import BETWEEN, BOTH, ODD, PHONE, TWELVE, YELLOW_PHONE, Row, moved, scene
 
-Row: TypeAlias = tuple[str, str, Json]
-"""Name, comment, and what is unlike the base case: fields of `scenes.SCENE`, and inputs."""
 TOLD: Json = {"camera": BETWEEN, "lamps": ["D55"], "patches": TWELVE, "noise": "usual"}
 """Little is known: one lamp, twelve patches, the usual noise."""
 

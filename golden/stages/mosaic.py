@@ -20,7 +20,8 @@ def run(call: Call) -> dict[str, Any]:
     names = ("sha256", "cfa", "white", "make", "model", "exposure", "iso", "orientation")
     arrays = {name: getattr(photo, name) for name in ("color_matrix1", "color_matrix2", "as_shot_neutral", "black")}
     maps = [
-        {name: getattr(gain, name) for name in ("plane", "planes", "row_pitch", "column_pitch", "spacing", "origin")}
+        {name: getattr(gain, name) for name in ("plane", "planes", "row_pitch", "column_pitch")}
+        | {name: list(getattr(gain, name)) for name in ("spacing", "origin")}
         | {"list": gain.stage, "area": [gain.top, gain.left, gain.bottom, gain.right], "gains": gain.gains.tolist()}
         for gain in photo.gain_maps
     ]
@@ -30,7 +31,7 @@ def run(call: Call) -> dict[str, Any]:
         "width": width,
         "height": height,
         "samples_sha256": digest(photo.samples.astype("<u2").tobytes()),
-        "gain_maps": [one | {"spacing": list(one["spacing"]), "origin": list(one["origin"])} for one in maps],
+        "gain_maps": maps,
         **dict.fromkeys(("as_shot_white_xy", "noise_profile")),
         **{name: [] for name in ("masked_areas", "bad_pixels")},
     }

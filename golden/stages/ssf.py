@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
@@ -23,14 +23,13 @@ from golden.scenes import (
     PHONE,
     TWELVE,
     YELLOW_PHONE,
+    Row,
     gain_modes,
     photograph,
     scene,
     uneven_light,
 )
 
-Row: TypeAlias = tuple[str, str, Json]
-"""Name, comment, and what is unlike the base case: fields of `scenes.SCENE`, inputs, and `expect`."""
 FAR = [[[0.0, 1.5], [0.0, 0.0, 1.0], [0.0, 0.5, 0.0, -1.0]], [[0.0, 5.0], [0.0, 0.0, 6.0], [0.0, -3.0, 0.0, 5.0]]]
 """Modes so large that the lamp is practically unknown."""
 LED = ["D55", "LED-B3"]

@@ -34,8 +34,6 @@ Row: TypeAlias = tuple[str, str, Json, str]
 CAMERA, LAMPS = "Nikon D5100", ("D55", "A")
 BLACK, SPAN, WELL, COUNT = 512.0, 12000.0, 8000.0, 400
 """Black level and range of the white, DN; electrons at full range; number of samples in a patch."""
-LEVEL = SPAN / (16383.0 - BLACK)
-"""Level of the white as a fraction of the sensor's range."""
 PATCH = np.arange(24)
 COLUMN, ROW = PATCH % 6, PATCH // 6
 MINOR = 0.022
@@ -51,7 +49,7 @@ def rows() -> list[Row]:
     x = (COLUMN[:, None] - 2.5) / 2.5
     bowl = (1.0 - 0.2 * (x - 0.4) ** 2) / (1.0 - 0.2 * 1.4**2)
     slope = 1.0 + 0.3 * (COLUMN[:, None] / 5.0 - 0.5)
-    black = (1 - y) / (LEVEL * (np.array(raw_white(1.0)) - BLACK) / SPAN)
+    black = (1 - y) * (16383.0 - BLACK) / (np.array(raw_white(1.0)) - BLACK)
     spoilt = np.stack([two[0], two[1] * np.array([1.2, 1.0, 0.85])])
     hole = np.where(PATCH[:, None] == 23, [0.0004, 0.0012, 0.0007], y)
     clean = capture(y)

@@ -20,8 +20,9 @@ from camssf.recovery.sensitivity import Problem, solve_on_basis, solve_together
 from camssf.recovery.unnamed_light import by_modes
 from camssf.spectra import read_lamp
 from golden.compare import blur, norm, optimality
-from golden.running import by_model, findings, judge, problem, run
+from golden.running import findings, judge, problem, run
 from tests.golden.test_golden import CASES as EVERY
+from tests.golden.test_golden import by_model
 from tests.recovery.test_dense_model import BASES, random_captures
 from tests.support.dense_model import DenseModel, dense_models
 from tests.support.long_cases import LONG
