@@ -62,16 +62,14 @@ def noticed(file: Path, stages: Sequence[str]) -> str | None:
         if type(error).__name__ != "InvalidArgument":
             raise
         return f"the reader: {error}"
-    for stage in stages:
-        for path in [path for path in reading.paths() if path.parent.name == stage]:
-            case = reading.read_case(path)
-            try:
-                found = running.findings(case)
-            except Exception as error:  # numbers without sense, such as a belief above 1, may end anyhow
-                return f"{case['case']}: {type(error).__name__}"
-            for finding in found:
-                if not finding.holds:
-                    return f"{case['case']}: {finding.limit}"
+    for path in [path for stage in stages for path in reading.paths() if path.parent.name == stage]:
+        case = reading.read_case(path)
+        try:
+            broken = [finding.limit for finding in running.findings(case) if not finding.holds]
+        except Exception as error:  # numbers without sense, such as a belief above 1, may end anyhow
+            return f"{case['case']}: {type(error).__name__}"
+        if broken:
+            return f"{case['case']}: {broken[0]}"
     return None
 
 

@@ -9,8 +9,6 @@ from importlib.machinery import ModuleSpec
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
 from benchmarks.shared import command_parser
 from camssf.files import write_file
 
@@ -18,21 +16,12 @@ DATA = Path(__file__).parents[1] / "reference" / "camssf" / "data"
 Json: TypeAlias = dict[str, Any]
 END = "<!-- end -->"
 """The mark behind a table that a tool makes; before it stands the command that makes it."""
-_TEMPLATES = Environment(
-    loader=FileSystemLoader(Path(__file__).with_name("templates")),
-    undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True,
-)  # fmt: skip
 
 
 def markdown_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """A table in Markdown."""
     top, *body = ["| " + " | ".join(line) + " |" for line in (head, *rows)]
     return "\n".join([top, "|" + "---|" * len(head), *body])
-
-
-def template(name: str, **values: Any) -> str:
-    """A file of tools/templates with these values."""
-    return _TEMPLATES.get_template(name).render(values)
 
 
 def filled(page: str, parts: Mapping[str, str]) -> str:

@@ -13,7 +13,6 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import time
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -144,10 +143,8 @@ def main() -> None:
     shutil.rmtree(OUT, ignore_errors=True)
     DIST.mkdir(parents=True)
     for name, step in steps.items():
-        start = time.monotonic()
         print(f"{name} ...", flush=True)
         step()
-        print(f"    done in {time.monotonic() - start:.0f} s", flush=True)
     print(*sorted(path.relative_to(ROOT) for path in DIST.iterdir()), sep="\n")
     what = "release: the files to upload are" if key else "rehearsal: nothing is to be uploaded of what is"
     print(f"{__version__}, {what} in {DIST.relative_to(ROOT)}")

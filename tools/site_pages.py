@@ -7,12 +7,14 @@ prints it. On a page of reference each public name stands below the first exampl
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
+from jinja2 import Environment, StrictUndefined
 
 from camssf.cli import app
 from camssf.documents.document import Document
@@ -24,12 +26,17 @@ from camssf.spectra.lamps import lamp_aliases
 from camssf_fleet.passport.claims import Claims
 from camssf_fleet.records import Row
 from tools import formats, results, soup, trace
-from tools.pages import filled, markdown_table, template
+from tools.pages import filled, markdown_table
 
 if TYPE_CHECKING:
     from mkdocs.config.defaults import MkDocsConfig
     from mkdocs.structure.files import Files
     from mkdocs.structure.pages import Page
+
+
+ERROR_PAGE = Environment(
+    undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True,
+).from_string((Path(__file__).parent / "templates" / "error.md").read_text("utf-8"))  # fmt: skip
 
 
 def lamp_names() -> str:
@@ -49,24 +56,15 @@ def fields(kind: type) -> str:
     return markdown_table(("field", "meaning"), [(" ".join(these), meaning) for meaning, these in names.items()])
 
 
-def options() -> str:
+def options(context: typer.Context | None = None) -> str:
     """The options of every command that has some, as `--help` tells them."""
-    parts = []
-    for context in _contexts(typer.main.get_command(app), "camssf"):
-        records = [each.get_help_record(context) for each in context.command.params if "--help" not in each.opts]
-        rows = [(f"`{record[0]}`", record[1].replace("|", "\\|")) for record in records if record]
-        if rows:
-            parts.append(f"**`{context.info_name}`**\n\n{markdown_table(('option', 'meaning'), rows)}")
-    return "\n\n".join(parts)
-
-
-def _contexts(command: Any, name: str) -> Iterator[typer.Context]:
-    """Of a command of typer's, or of each command of a group."""
-    if isinstance(command, typer.core.TyperGroup):
-        for inner, each in command.commands.items():
-            yield from _contexts(each, f"{name} {inner}")
-    else:
-        yield typer.Context(command, info_name=name)
+    context = context or typer.Context(typer.main.get_command(app), info_name="camssf")
+    if isinstance(context.command, typer.core.TyperGroup):
+        inner = (typer.Context(each, context, name) for name, each in context.command.commands.items())
+        return "\n\n".join(filter(None, map(options, inner)))
+    records = [each.get_help_record(context) for each in context.command.params if "--help" not in each.opts]
+    rows = [(f"`{record[0]}`", record[1].replace("|", "\\|")) for record in records if record]
+    return f"**`{context.command_path}`**\n\n{markdown_table(('option', 'meaning'), rows)}" if rows else ""
 
 
 def limits() -> str:
@@ -103,7 +101,7 @@ def error_pages() -> dict[str, str]:
         said = [message for message in messages().values() if message.code == each.code]
         rows = [(f"`{message.key}`", f"{message.text} *{message.advice}*") for message in said]
         table = markdown_table(("key", "text and *advice*"), rows) if rows else ""
-        pages[f"{each.code}.md"] = template("error.md", error=each, limits=limited, messages=table)
+        pages[f"{each.code}.md"] = ERROR_PAGE.render(error=each, limits=limited, messages=table)
     return pages
 
 
