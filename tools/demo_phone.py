@@ -14,10 +14,9 @@ from itertools import count
 
 import numpy as np
 
-from camssf.grid import Floats
-from camssf.recovery.basis import NODES, read_basis
+from camssf.recovery.basis import read_basis
 from camssf.spectra.cameras import DEMO_PHONE
-from tools.pages import DATA, Json, made_files
+from tools.pages import DATA, GRID, Json, made_files
 from tools.tabulate import digest
 
 PLACE = DATA / "demo-phone.json"
@@ -27,24 +26,20 @@ WIDTH = 0.7
 """Standard deviation of the code, about that of measured phones."""
 
 
-def draw(seed: int) -> Floats:
-    """Curves (69, 3) at the nodes, drawn from the prior; they may be negative."""
-    basis = read_basis(BASIS)
-    # NumPy keeps the stream of RandomState the same in all versions.
-    code = np.random.RandomState(seed).standard_normal((3, basis.dictionary.shape[2]))
-    return np.asarray(basis.mean + WIDTH * np.einsum("cmr,cr->cm", basis.dictionary, code)).T[::10]
-
-
 def tabulate() -> Json:
     """The file's content; a row of values is red, green, blue."""
-    seed, curves = next((seed, found) for seed in count() if (found := draw(seed)).min() >= 0)
+    basis = read_basis(BASIS)
+    for seed in count():
+        # NumPy keeps the stream of RandomState the same in all versions.
+        code = np.random.RandomState(seed).standard_normal((3, basis.dictionary.shape[2]))
+        curves = (basis.mean + WIDTH * np.einsum("cmr,cr->cm", basis.dictionary, code)).T[::10]  # (69, 3)
+        if curves.min() >= 0:
+            break
     values = np.round(curves / curves.max(axis=0), DECIMALS)
-    camera = {"start": float(NODES[0]), "step": float(NODES[1] - NODES[0]), "sha256": digest(values)}
-    origin = {"basis": BASIS, "sha256": read_basis(BASIS).sha256(), "seed": seed}
     return {
         "format": "camssf-cameras/1",
-        "origin": origin,
-        "cameras": {DEMO_PHONE: camera | {"values": values.tolist()}},
+        "origin": {"basis": BASIS, "sha256": basis.sha256(), "seed": seed},
+        "cameras": {DEMO_PHONE: GRID | {"sha256": digest(values), "values": values.tolist()}},
     }
 
 

@@ -90,15 +90,11 @@ def kotlin_table() -> str:
     """The content of data/forms.json, the types of the document for Kotlin: one field a line."""
     parts: dict[str, Any] = {}
     _form_of(Document, parts)
-    rows = []
+    rows, one_line = [], partial(json.dumps, ensure_ascii=False, separators=(",", ":"))
     for name, part in parts.items():
-        fields = ",\n".join(f"  {_json(key)}: {_json(form)}" for key, form in part.items())
-        rows.append(f" {_json(name)}: {{\n{fields}\n }}")
+        fields = ",\n".join(f"  {one_line(key)}: {one_line(form)}" for key, form in part.items())
+        rows.append(f" {one_line(name)}: {{\n{fields}\n }}")
     return "{\n" + ",\n".join(rows) + "\n}\n"
-
-
-def _json(value: Any) -> str:
-    return json.dumps(value, ensure_ascii=False, separators=(",", ":"))
 
 
 def _form_of(kind: Any, parts: dict[str, Any]) -> None:

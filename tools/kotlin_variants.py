@@ -29,8 +29,6 @@ STORED = BINDINGS / "core" / "src" / "test" / "resources" / "dng" / "judges.json
 REAL = Path(__file__).parents[1] / "data" / "dng"
 MOSAIC, ACTIVE_AREA, PHOTOMETRIC = 32803, 50829, 262
 JUDGE = "import sys; from tools.kotlin_variants import print_judged; print_judged(sys.argv[1])"
-PERTURB = "MALLOC_PERTURB_"
-"""What glibc fills fresh memory with."""
 
 
 def judge(file: Path) -> dict[str, str]:
@@ -62,8 +60,8 @@ def judge(file: Path) -> dict[str, str]:
 def judge_all(folder: Path) -> dict[str, dict[str, str]]:
     """Every DNG of a folder, in two processes whose memory differs: LibRaw leaves some samples to chance."""
     first, second = (
-        json.loads(subprocess.check_output([sys.executable, "-c", JUDGE, folder], env=os.environ | {PERTURB: fill}))
-        for fill in ("85", "170")
+        json.loads(subprocess.check_output([sys.executable, "-c", JUDGE, folder], env=os.environ | fill))
+        for fill in ({"MALLOC_PERTURB_": "85"}, {"MALLOC_PERTURB_": "170"})  # of glibc's fresh memory
     )
     for name, found in first.items():
         if found["libraw"] != second[name]["libraw"]:

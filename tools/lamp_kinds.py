@@ -22,10 +22,10 @@ from scipy.cluster.vq import kmeans2
 
 from camssf.colorimetry import uv
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.recovery.basis import NODES
 from camssf.recovery.unnamed_light import temperature
 from camssf.spectra.bundled import daylight, observer, planck
 from camssf.spectra.families import DIMMEST
+from tools.pages import GRID
 
 SEED = 2026
 DRAWS = {"daylight": 500, "white-led": 1200}
@@ -62,8 +62,7 @@ def drawn_kind(kind: str) -> dict[str, Any]:
     drawn = {
         "drawn": DRAWS[kind],
         "dimmest": DIMMEST,
-        "start": float(NODES[0]),
-        "step": float(NODES[1] - NODES[0]),
+        **GRID,
         **components_of(lamps, COMPONENTS[kind], TOLERANCES[kind]),
     }
     if kind == "daylight":

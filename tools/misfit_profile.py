@@ -21,7 +21,7 @@ from camssf.grid import Floats
 from camssf.recovery.basis import MISFIT_FILE, NODES
 from camssf_lab.learning.training import maker_of
 from golden.linear_model import linear_model
-from tools.pages import Json, made_files
+from tools.pages import GRID, Json, made_files
 
 SEED = 2026
 EXACT = tuple(setting for setting in SETTINGS if not setting.ohta and setting.patches == ALL)
@@ -42,8 +42,7 @@ def tabulate() -> Json:
     return {
         "format": "camssf-misfit/1",
         "cameras": {"file": CURVES.name, "sha256": hashlib.sha256(CURVES.read_bytes()).hexdigest()},
-        "start": float(NODES[0]),
-        "step": float(NODES[1] - NODES[0]),
+        **GRID,
         "values": np.round(profile, DECIMALS).tolist(),
     }
 

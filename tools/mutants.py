@@ -19,13 +19,12 @@ from pathlib import Path
 from benchmarks.shared import command_parser
 
 ROOT = Path(__file__).parents[1]
-TABLE = ROOT / "tests" / "mutants.json"
 COPIED = ("reference", "export", "tests", "golden", "data", "tools", "benchmarks", "pyproject.toml")
 
 
 def mutants() -> list[dict[str, str]]:
     """All rows of the table."""
-    return list(json.loads(TABLE.read_text("utf-8")))
+    return list(json.loads((ROOT / "tests" / "mutants.json").read_text("utf-8")))
 
 
 def with_fault(mutant: dict[str, str]) -> str:

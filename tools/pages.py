@@ -11,8 +11,11 @@ from typing import Any, TypeAlias
 
 from benchmarks.shared import command_parser
 from camssf.files import write_file
+from camssf.recovery.basis import NODES
 
 DATA = Path(__file__).parents[1] / "reference" / "camssf" / "data"
+GRID = {"start": float(NODES[0]), "step": float(NODES[1] - NODES[0])}
+"""The 5-nm nodes of curves, as JSON."""
 Json: TypeAlias = dict[str, Any]
 END = "<!-- end -->"
 """The mark behind a table that a tool makes; before it stands the command that makes it."""

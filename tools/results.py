@@ -25,9 +25,7 @@ SHOW: dict[str, Callable[[Run, Any], None]] = {"faults": faults.show, "paper": p
 class Shown(Run):
     """Takes as Markdown what a benchmark prints."""
 
-    def __init__(self, name: str) -> None:
-        super().__init__(name, argparse.Namespace())
-        self.parts_of_page: list[str] = []
+    parts_of_page: list[str]
 
     def print_table(self, title: str, head: Sequence[str], lines: Sequence[Sequence[str]]) -> None:
         """Keep a table."""
@@ -40,7 +38,8 @@ class Shown(Run):
 
 def markdown(name: str) -> str:
     """What a benchmark printed, and its bars, from the numbers in docs/NAME.json."""
-    found, page = json.loads((DOCS / f"{name}.json").read_text("utf-8")), Shown(name)
+    found, page = json.loads((DOCS / f"{name}.json").read_text("utf-8")), Shown(name, argparse.Namespace())
+    page.parts_of_page = []
     SHOW[name](page, found)
     page.bars = found["bars"]
     page.print_bars()

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import typer
 from jinja2 import Environment, StrictUndefined
@@ -27,12 +27,6 @@ from camssf_fleet.passport.claims import Claims
 from camssf_fleet.records import Row
 from tools import formats, results, soup, trace
 from tools.pages import filled, markdown_table
-
-if TYPE_CHECKING:
-    from mkdocs.config.defaults import MkDocsConfig
-    from mkdocs.structure.files import Files
-    from mkdocs.structure.pages import Page
-
 
 ERROR_PAGE = Environment(
     undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True,
@@ -148,7 +142,7 @@ TABLES: dict[str, dict[str, Callable[[], str]]] = {
 """What makes the tables of a page, by their marks in it."""
 
 
-def on_files(files: Files, config: MkDocsConfig) -> Files:
+def on_files(files: Any, config: Any) -> Any:
     """Add a page for each error code."""
     from mkdocs.structure.files import File
 
@@ -157,7 +151,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     return files
 
 
-def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
+def on_page_markdown(markdown: str, page: Any, **_: object) -> str:
     """Fill the marks of a page with their tables, and a page of reference with its names."""
     uri = page.file.src_uri
     if uri.startswith("reference/") and not uri.endswith("/index.md"):

@@ -17,7 +17,6 @@ from tools.pages import markdown_table
 from tools.sbom import UNSTATED, Found, closure
 
 ROOT = Path(__file__).parents[1]
-KNOWN = Path(__file__).parent / "soup.json"
 INDIRECT = "others"
 """The purpose of what only other dependencies need."""
 NOT_BUILT = "This site was built without the SBOMs that `mvn -f android-bindings verify` writes."
@@ -43,7 +42,7 @@ LANGUAGES = {"python": closure, "kotlin": kotlin_found}
 
 def read_known() -> dict[str, dict[str, dict[str, str]]]:
     """The entries of tools/soup.json: by language, then by the dependency's name."""
-    return dict(json.loads(KNOWN.read_text("utf-8")))
+    return dict(json.loads(Path(__file__).with_suffix(".json").read_text("utf-8")))
 
 
 def faults(found: Found, known: Mapping[str, Mapping[str, str]]) -> list[str]:

@@ -26,10 +26,6 @@ from camssf import __version__
 from tools.pages import markdown_table
 
 ROOT = Path(__file__).parents[1]
-REQUIREMENTS = Path(__file__).parent / "requirements.json"
-RESULTS = ROOT / "out" / "results"
-CLAIMS_PAGE = ROOT / "docs" / "claims.md"
-CLAIMS = "## What is proven, and what is not"
 NOT_RUN = "not run"
 TAG = re.compile(r'@(?:[\w.]+\.)?Tag\("(R-[A-Z0-9-]+)"\)')
 
@@ -60,7 +56,7 @@ def read_requirements() -> dict[str, dict[str, str]]:
     Raises:
         ValueError: two requirements have one name.
     """
-    rows = json.loads(REQUIREMENTS.read_text("utf-8"))
+    rows = json.loads((ROOT / "tools" / "requirements.json").read_text("utf-8"))
     found = {row["name"]: row for row in rows}
     if len(found) < len(rows):
         raise ValueError("A name in tools/requirements.json is there twice.")
@@ -143,7 +139,7 @@ def in_words(count: Counter[str]) -> str:
 
 def claims(page: str) -> dict[str, str]:
     """The claims of the page's table, without markup, each with the requirement that its row names."""
-    table = page.partition(CLAIMS)[2].partition("\n## ")[0]
+    table = page.partition("## What is proven, and what is not")[2].partition("\n## ")[0]
     rows = [row.strip("| ").split(" | ") for row in table.splitlines() if row.startswith("| ")]
     return {re.sub(r"\*\*|`", "", first): last for first, *_, last in rows if first != "claim"}
 
@@ -157,7 +153,8 @@ def faults(results: Results | None) -> list[str]:
         if name not in shown
     ]
     named = [(test.place, test.requirement) for test in markers()]
-    named += [(f"The claim {claim[:60]!r}", name) for claim, name in claims(CLAIMS_PAGE.read_text("utf-8")).items()]
+    claimed = claims((ROOT / "docs" / "claims.md").read_text("utf-8"))
+    named += [(f"The claim {claim[:60]!r}", name) for claim, name in claimed.items()]
     found += [
         f"{place} names {name}, which tools/requirements.json does not know."
         for place, name in named
@@ -169,7 +166,7 @@ def faults(results: Results | None) -> list[str]:
 
 def table() -> str:
     """When the tests of the results in out/results ran, and the requirements with what came of their tests."""
-    files = result_files(RESULTS)
+    files = result_files(ROOT / "out" / "results")
     results = read_results(files)
     rows = []
     for name, each in read_requirements().items():
