@@ -21,7 +21,6 @@ from tools.tabulate import digest
 
 PLACE = DATA / "demo-phone.json"
 BASIS = "phones"
-DECIMALS = 6
 WIDTH = 0.7
 """Standard deviation of the code, about that of measured phones."""
 
@@ -35,7 +34,7 @@ def tabulate() -> Json:
         curves = (basis.mean + WIDTH * np.einsum("cmr,cr->cm", basis.dictionary, code)).T[::10]  # (69, 3)
         if curves.min() >= 0:
             break
-    values = np.round(curves / curves.max(axis=0), DECIMALS)
+    values = np.round(curves / curves.max(axis=0), 6)
     return {
         "format": "camssf-cameras/1",
         "origin": {"basis": BASIS, "sha256": basis.sha256(), "seed": seed},

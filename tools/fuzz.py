@@ -44,8 +44,6 @@ from golden.forms import ROOT
 
 PATIENCE = 10.0
 """Seconds in which a small file must be read, or the process is ended."""
-SOUND = Path(__file__).parent / "sound"
-"""A file of each form that is read, by reader."""
 NUMBERS = (0, 1, 2, 3, 7, 8, 255, 256, 32767, 32768, 65535, 65536, 2**31 - 1, 2**31, 2**32 - 1)
 WORDS = (
     b"nan", b"inf", b"-1", b"1e999", b"-0", b"1e-320", b"9" * 400, b"\0", b"\xff\xfe", b"\xef\xbb\xbf", b"\"", b"'",
@@ -152,8 +150,9 @@ def sound_files(reader: str) -> list[tuple[str, bytes]]:
     """Suffixes and contents of files for a reader: small golden DNGs that are read, documents, or tools/sound."""
     if reader in ("patches", "result"):
         return [("json", demo()[reader])]
-    paths = sorted((ROOT / "dng").glob("*.dng") if reader == "dng" else (SOUND / reader).iterdir())
-    paths = [path for path in paths if reader != "dng" or (path.stat().st_size < 6000 and path.name[:5] != "error")]
+    paths = sorted((Path(__file__).parent / "sound" / reader).glob("*"))
+    if reader == "dng":
+        paths = [path for path in sorted((ROOT / "dng").glob("[!e]*.dng")) if path.stat().st_size < 6000]
     return [(path.suffix[1:], path.read_bytes()) for path in paths]
 
 

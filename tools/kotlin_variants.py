@@ -26,7 +26,6 @@ from benchmarks.turns import BINDINGS, class_path
 from camssf.files import write_file
 
 STORED = BINDINGS / "core" / "src" / "test" / "resources" / "dng" / "judges.json"
-REAL = Path(__file__).parents[1] / "data" / "dng"
 MOSAIC, ACTIVE_AREA, PHOTOMETRIC = 32803, 50829, 262
 JUDGE = "import sys; from tools.kotlin_variants import print_judged; print_judged(sys.argv[1])"
 
@@ -85,7 +84,7 @@ def main() -> None:
             "command": "python -m tools.kotlin_variants",
             "versions": versions("rawpy", "tifffile", "imagecodecs") | libraw,
             "variants": judge_all(Path(folder)),
-            "real": judge_all(REAL),
+            "real": judge_all(BINDINGS.parent / "data" / "dng"),
         }
     write_file(STORED, json.dumps(found, indent=1) + "\n")
     print(f"{STORED.name}: {len(found['variants'])} variants, {len(found['real'])} real files")

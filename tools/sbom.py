@@ -21,7 +21,6 @@ from benchmarks.shared import command_parser
 from camssf import __version__
 from camssf.files import write_file
 
-PROJECT = Path(__file__).parents[1] / "pyproject.toml"
 EXTRAS = ("app", "passport", "fleet", "colour-science", "cxf", "plot")
 """Extras for users with libraries of their own; `test`, `dev` and `export` are for developers."""
 UNSTATED = "not stated"
@@ -73,7 +72,8 @@ def closure(extras: Sequence[str] = EXTRAS) -> Found:
 
 def document(packages: Found) -> dict[str, Any]:
     """The SBOM of camssf with these packages: cyclonedx-bom's of this environment, without what else is in it."""
-    options = ["--pyproject", str(PROJECT), "--mc-type", "library", "--output-reproducible", "--sv", "1.6"]
+    project = str(Path(__file__).parents[1] / "pyproject.toml")
+    options = ["--pyproject", project, "--mc-type", "library", "--output-reproducible", "--sv", "1.6"]
     call = [sys.executable, "-m", "cyclonedx_py", "environment", *options, "--no-validate", sys.executable]
     made: dict[str, Any] = json.loads(subprocess.run(call, stdout=subprocess.PIPE, check=True).stdout)
     always = closure(extras=())

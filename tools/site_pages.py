@@ -118,9 +118,8 @@ def with_names(page: str) -> str:
     left = public_names(room)
     sections = re.split(r"^(?=## )", page, flags=re.MULTILINE)
     for i, section in enumerate(sections):
-        used = names_in(section)
-        last = i == len(sections) - 1
-        shown = [name for name in left if name in used or last]
+        used = names_in(section) if i < len(sections) - 1 else left
+        shown = [name for name in left if name in used]
         left = [name for name in left if name not in shown]
         sections[i] = "\n\n".join([section.rstrip(), *(f"::: {room}.{name}" for name in shown)])
     return "\n\n".join(sections) + "\n"

@@ -17,8 +17,6 @@ from tools.pages import markdown_table
 from tools.sbom import UNSTATED, Found, closure
 
 ROOT = Path(__file__).parents[1]
-INDIRECT = "others"
-"""The purpose of what only other dependencies need."""
 NOT_BUILT = "This site was built without the SBOMs that `mvn -f android-bindings verify` writes."
 
 
@@ -65,7 +63,7 @@ def table(language: str) -> str:
     rows, others = [], []
     for name, (version, licence) in found.items():
         entry = {"for": "", "known": "none"} | known.get(name, {})
-        if entry["for"] == INDIRECT:
+        if entry["for"] == "others":  # only other dependencies need it
             others.append(f"{name} {version} ({licence})")
             continue
         whole = licence + (f"; bundles {entry['bundles']}" if "bundles" in entry else "")

@@ -20,12 +20,11 @@ from camssf.grid import Floats
 from camssf.recovery.basis import NODES
 from camssf.spectra import colour_science
 from camssf.spectra.bundled import COLOUR_FORMAT, SURFACE_NODES
-from tools.pages import DATA, Json, made_files
+from tools.pages import DATA, GRID, Json, made_files
 from tools.tabulate import digest
 
 PLACE = DATA / "colour.json"
 SOURCE = Path(__file__).parents[1] / "data" / "rawtoaces" / "training_spectral.json"
-MEASURED = Path(__file__).parents[1] / "data" / "surfaces"
 FILES = {
     "vhrel_dupont": ("general", "Vhrel, Gershon, Iwan 1994: DuPont paints"),
     "vhrel_munsell": ("general", "Vhrel, Gershon, Iwan 1994: Munsell chips"),
@@ -36,7 +35,6 @@ FILES = {
 }
 """Sets of data/surfaces: kind, and what they are; all as passed on by ISETCAM."""
 ISETCAM = "isetcam 421f87a28be95fdb76383d9ce0f92e2e736bd4a2, data/surfaces/reflectances"
-ABSORBANCES = "skin_absorbances"
 UNIT = 1e-5
 """The unit of the library's whole numbers; one reflectance of it is far below the error of any instrument."""
 BILIRUBIN = (460.0, 30.0)
@@ -55,8 +53,7 @@ def tabulate() -> Json:
             "name": "rawtoaces-data 1.1.0, training_spectral.json",
             "licence": "Apache-2.0",
             "sha256": hashlib.sha256(data).hexdigest(),
-            "start": 380.0,
-            "step": 5.0,
+            **GRID,
             "values": np.array([table[f"{nm:.0f}"] for nm in NODES]).T.tolist(),
         },
         "library": {
@@ -105,7 +102,7 @@ def _sets() -> Iterator[Json]:
 
 def _table(name: str) -> tuple[Floats, Floats, str]:
     """Wavelengths (w,), values (n, w) and SHA-256 of a file of data/surfaces."""
-    data = (MEASURED / f"{name}.csv").read_bytes()
+    data = (SOURCE.parents[1] / "surfaces" / f"{name}.csv").read_bytes()
     table = np.loadtxt(data.decode().splitlines(), delimiter=",", skiprows=1)
     return table[:, 0], table[:, 1:].T, hashlib.sha256(data).hexdigest()
 
@@ -118,7 +115,7 @@ def _set(name: str, kind: str, origin: str, licence: str, sha256: str, at: Float
 
 def _absorbers() -> Json:
     """Absorption of two haemoglobins and of bilirubin at SURFACE_NODES; 1 at its largest."""
-    at, values, sha256 = _table(ABSORBANCES)
+    at, values, sha256 = _table("skin_absorbances")
     peak, width = BILIRUBIN
     rows = {
         "oxyhaemoglobin": np.interp(SURFACE_NODES, at, values[0]),
