@@ -71,17 +71,20 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
 
 
 @pytest.fixture
-def browser(server: Server, browser: Browser) -> Iterator[Browser]:
-    """With the page in a tab of its own."""
-    browser.events.clear()
-    open_page(browser, server)
-    yield browser
-    browser.do("Page.navigate", url="about:blank")  # leaves the page: its files go
-    browser.wait("location.href === 'about:blank'")  # its question is answered while something is asked of it
-    left(server, [])
-    faults = [event for event in browser.events if event["method"] == "Runtime.exceptionThrown"]
-    logged = [event["params"]["entry"] for event in browser.events if event["method"] == "Log.entryAdded"]
-    sent = [event["params"] for event in browser.events if event["method"] == "Network.requestWillBeSent"]
+def browser(server: Server, tmp_path: Path) -> Iterator[Browser]:
+    """One for each test: a tab behind another one asks nothing before it is left."""
+    running = Browser(tmp_path / "profile")
+    try:
+        open_page(running, server)
+        yield running
+        running.do("Page.navigate", url="about:blank")  # leaves the page: its files go
+        running.wait("location.href === 'about:blank'")  # its question is answered while something is asked of it
+        left(server, [])
+    finally:
+        running.close()
+    faults = [event for event in running.events if event["method"] == "Runtime.exceptionThrown"]
+    logged = [event["params"]["entry"] for event in running.events if event["method"] == "Log.entryAdded"]
+    sent = [event["params"] for event in running.events if event["method"] == "Network.requestWillBeSent"]
     assert faults == []
     assert [entry["text"] for entry in logged if entry["level"] == "error"] == []
     outside = [each["request"]["url"] for each in sent]
