@@ -37,6 +37,8 @@ from tests.support.captures import photos
 from tests.support.desk import Desk, slow
 from tests.support.processes import until
 
+pytestmark = pytest.mark.full  # pools of processes
+
 ONE = ["one,a,D55,,,"]
 
 

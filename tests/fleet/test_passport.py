@@ -203,6 +203,7 @@ def test_a_pair_of_keys(tmp_path: Path) -> None:
     assert not (folder / PRIVATE).exists()
 
 
+@pytest.mark.full
 def test_a_locked_key(tmp_path: Path) -> None:
     make_key(tmp_path, b"open sesame")
     read_private(tmp_path / PRIVATE, b"open sesame")

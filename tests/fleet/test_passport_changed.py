@@ -57,6 +57,7 @@ SOUND = {
 """Stored documents that are accepted, beside (r, n - s), the other valid signature of ES256 (FIPS 186-5)."""
 
 
+@pytest.mark.full
 @pytest.mark.requirement("R-PASSPORT")
 def test_stored_documents_are_judged_as_kotlin_is_told() -> None:
     """Most are signed well by the trusted key and yet no passport: header, claims, result, JSON, signature, time."""

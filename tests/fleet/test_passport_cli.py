@@ -166,6 +166,7 @@ def command(*words: object) -> int:
 # A fleet's
 
 
+@pytest.mark.full
 def test_a_fleet_s_passports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     make_key(tmp_path)
     folder, out, key = tmp_path / "phones", tmp_path / "passports", ("--key", tmp_path / PRIVATE)

@@ -152,6 +152,7 @@ def test_a_program_of_others_reads_it(one: Registry, reader: Any) -> None:
     assert list(first["red"]) == pytest.approx(bells()[0], rel=1e-6)
 
 
+@pytest.mark.full
 def test_a_deleted_unit_is_gone_from_every_file(one: Registry) -> None:
     """Other units are as before; what is added again is there again."""
     mine = [made(n, serial="PATIENT-7", name=f"patient-{n}", place=f"../a/{n}.json", added=START) for n in range(3)]
@@ -204,6 +205,7 @@ def test_another_release_has_other_columns(one: Registry, monkeypatch: pytest.Mo
         one.files.compact()
 
 
+@pytest.mark.full
 def test_what_is_silent_empties_nothing_and_what_contradicts_is_refused(one: Registry) -> None:
     full = made(1, bells(), captured=START, lens="50mm", focal_length=24.0, extra='{"site": "lab"}')
     empty = replace(full, serial="", captured=None, lens="", focal_length=None, extra="", make="", model="", red=())

@@ -34,6 +34,8 @@ from tests.support.registries import (
     rewritten,
 )
 
+pytestmark = pytest.mark.full  # processes that are killed, disks that are full: half a minute
+
 
 @pytest.mark.requirement("R-REGISTRY")
 def test_a_writer_that_was_killed_leaves_it_readable(one: Registry) -> None:

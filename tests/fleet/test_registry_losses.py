@@ -17,6 +17,8 @@ from camssf_fleet.registry import Registry
 from tests.support.desk import Desk, stub, template
 from tests.support.registries import files_where, rewritten
 
+pytestmark = pytest.mark.full  # each loss is compared with the archive
+
 NAMES = [f"c{number}" for number in range(6)]
 WRITTEN = "name, serial, captured, model, key, made_from, extra"
 
