@@ -20,12 +20,7 @@ from camssf_app.orders import Orders
 from camssf_colour.document import ColourDocument
 from camssf_colour.picture_document import PictureDocument
 from camssf_colour.spectrum_document import SpectrumDocument
-from camssf_fleet.documents import (
-    DeletionDocument,
-    DriftDocument,
-    SpreadDocument,
-    VerificationDocument,
-)
+from camssf_fleet.documents import DeletionDocument, DriftDocument, SpreadDocument, VerificationDocument
 from camssf_fleet.passport.claims import Claims
 from tools.pages import DATA, made_files, markdown_table
 

@@ -2,7 +2,7 @@
 
 A row of tests/mutants.json says in words `what` is wrong, in which `file` a piece of text that `was` there once
 `becomes` another, and which `tests` are run, one of which must fail; words choose the rows whose `what` has one of
-them. The work is done on a copy. Exits with 1 if a change is not noticed.
+them. The work is done on a copy. Exits with 1 if a change is not noticed, or a test fails without one.
 """
 
 from __future__ import annotations
@@ -39,19 +39,16 @@ def with_fault(mutant: dict[str, str]) -> str:
     return text.replace(was, mutant["becomes"])
 
 
-def noticed_by(mutant: dict[str, str], root: Path) -> str:
-    """The first test in the copy `root` that fails with the fault; "" if none does."""
+def failing(tests: str, root: Path) -> str:
+    """The first of these tests that fails in the copy `root`; "" if none does."""
     path = os.pathsep.join(str(root / folder) for folder in ("reference", "export", "."))
-    (root / mutant["file"]).write_text(with_fault(mutant), "utf-8")
     run = subprocess.run(
-        [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "-p", "no:cacheprovider", *mutant["tests"].split()],
+        [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "-p", "no:cacheprovider", *tests.split()],
         cwd=root, env=os.environ | {"PYTHONPATH": path, "COLUMNS": "300"}, capture_output=True, text=True,
     )  # fmt: skip
-    shutil.copy(ROOT / mutant["file"], root / mutant["file"])
     if run.returncode not in (0, 1, 2):  # neither passed nor failed, nor an error at import
         raise RuntimeError(f"pytest ended with {run.returncode}: {run.stdout}{run.stderr}")
-    failed = re.search(r"^(?:FAILED|ERROR) (\S+)", run.stdout, re.MULTILINE)
-    return failed[1] if failed else ""
+    return "".join(re.findall(r"^(?:FAILED|ERROR) (\S+)", run.stdout, re.MULTILINE)[:1])
 
 
 def main() -> int:
@@ -66,8 +63,12 @@ def main() -> int:
         for name in COPIED:
             copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy
             copy(ROOT / name, root / name)
+        if broken := next(filter(None, (failing(tests, root) for tests in {each["tests"] for each in chosen})), ""):
+            sys.exit(f"{broken} fails without any fault.")
         for number, mutant in enumerate(chosen, 1):
-            found = noticed_by(mutant, root)
+            (root / mutant["file"]).write_text(with_fault(mutant), "utf-8")
+            found = failing(mutant["tests"], root)
+            shutil.copy(ROOT / mutant["file"], root / mutant["file"])
             missed += not found
             print(f"{number}/{len(chosen)} {mutant['what']}: {found or 'NOT NOTICED'}", flush=True)
     print(f"{len(chosen) - missed} of {len(chosen)} noticed")

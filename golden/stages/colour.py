@@ -8,9 +8,9 @@ inputs.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cache
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from camssf_colour import PARTS, Camera, LitSurfaces, Reference, View, spectrum,
 from camssf_colour.absorbance import INDICES, indices, shipped_index
 from camssf_colour.camera import camera_of_answer
 from camssf_colour.reach import REACH
-from golden.contract import Call, Stage, case, told, words
+from golden.contract import Call, Stage, case, words
 from golden.forms import Json, chart, resolve, sibling
 from golden.scenes import PHONE
 
@@ -36,31 +36,97 @@ GAINS, TINT = (0.55, 1.0, 0.7), (1.008, 1.0, 0.995)
 FIRST = "D55"
 PATCHES = (0, 6, 12, 15, 18)
 """Patches of BabelColor's chart: skin, orange, blue, yellow, white."""
+
+
+BASE = {"case": "colour/named"}
 VIEW = {"observer": "1931", "white": "lamp"}
+Row: TypeAlias = tuple[str, str, Json, str, Json]
+"""Name, comment, result, lamp, and what is unlike the base case: arguments of `photo`, fields of VIEW, `expect`."""
+
+
+def rows() -> list[Row]:
+    """All cases."""
+
+    def but(**fields: Any) -> Json:
+        return BASE | {"but": fields}
+
+    light = estimate()
+    file = {"name": "lost.csv", "tolerance": 0.03, "source": "file lost.csv", "power": light["power"]}
+    estimated, stored = ({"lamp": {"name": "auto"}, "light": light}, {"lamp": file})
+    wide = {key: value for key, value in result("cameras", 2.0).items()
+            if key in ("basis", "basis_sha256", "prior_scale", "ssf_std")}  # fmt: skip
+    blind = {name: [0] * 681 for name in ("red", "green", "blue")}
+    dark = [[0.0, 0.0, 0.0], [-0.002, 0.001, -0.001], [0.004, 0.003, 0.002]]
+    strange = [[0.9, 0.05, 0.02], [1.4, 1.4, 1.4], [0.3, 0.3, 0.3], [0.02, 0.6, 0.7]]
+
+    def under(true: str, **more: Any) -> Json:
+        return {"true": true, "asked": True, **more}
+
+    wrong = {"expect": "invalid_argument"}
+    return [
+        ("named", "A lamp by name, nothing asked of the reference.", result(), "D65", {}),
+        ("own-lamp", "The lamp of the result's own first shot.", BASE, FIRST, {}),
+        ("reference", "The reference's raw ratios tell the light: the lamp, known by its kind, and the curves are "
+         "conditioned.", BASE, "daylight", under("D65")),
+        ("auto", "The four kinds, weighed by the reference's ratios.", BASE, "auto", under("LED-B3")),
+        ("auto-estimated", "The result's own light was unnamed: its estimate with its standard deviation.",
+         but(shots=[estimated]), "auto", under("LED-B3")),
+        ("auto-stored", "The result's own lamp was a file, whose spectrum the document holds.",
+         but(shots=[stored]), "auto", under("A")),
+        ("modes", "A kind of lamp with modes, and no reference asked.",
+         BASE, "white-led", {"true": "LED-B3", "white": "D65"}),
+        ("adapted-d50", "The observer of 1964, adapted to D50.", BASE, "A", {"observer": "1964", "white": "D50"}),
+        ("dark", "Black, below black, and hardly any light.", BASE, "D65", {"signals": dark}),
+        ("out-of-reach", "Colours that no surface has, beside one that many have.",
+         BASE, "D65", {"signals": strange}),
+        ("wide", "The basis cameras, with a prior twice as wide.", but(**wide), "D65", under("D65")),
+        ("bands", "No covariance: errors are smooth over 10 nm within the bands.",
+         but(code_covariance=None), "D65", under("D65")),
+        ("other-basis", "The covariance belongs to another basis of this name: the errors are those of the bands.",
+         but(basis_sha256="0" * 64), "D65", {}),
+        ("exact", "Curves without a band are taken to be exact.",
+         but(ssf_std=None, code_covariance=None), "daylight", under("D50")),
+        ("measured-lamp", "A first lamp that was a file: nothing ties the channels, the reference is not asked.",
+         but(shots=[{"lamp": {"name": "desk.csv"}}]), "D65", under("A")),
+        ("error-contradicted", "A reference lit by a bulb, and daylight was named.",
+         BASE, "D65", under("A", expect="lamp_unfit")),
+        ("error-auto", "The lamp is unknown.", BASE, "auto", wrong),
+        ("error-blind", "A channel that sees nothing.", but(ssf=blind), "D65", wrong),
+    ]  # fmt: skip
 
 
 def cases() -> Iterator[Json]:
-    """The case that holds the result, one whose bands follow from another basis, and those that are told."""
-    yield case("colour/named", "A lamp by name, nothing asked of the reference.",
-               {"result": result(), **photo(asked=False), "view": VIEW})  # fmt: skip
-    names = ("basis", "basis_sha256", "prior_scale", "ssf_std")
-    wide = {key: value for key, value in result("cameras", 2.0).items() if key in names}
-    yield case("colour/wide", "The basis cameras, with a prior twice as wide.",
-               {"result": {"case": "colour/named", "but": wide}, **photo(asked=True), "view": VIEW})  # fmt: skip
-    yield from told("colour", but=("named", "wide"))
+    """All cases."""
+    for name, comment, document, lamp, change in rows():
+        view = {key: change.get(key, usual) for key, usual in VIEW.items()}
+        of_photo = {key: value for key, value in change.items() if key not in (*VIEW, "expect")}
+        inputs = {"result": document, **photo(lamp, **of_photo), "view": view}
+        yield case(f"colour/{name}", comment, inputs, expect=change.get("expect", "success"))
 
 
-def photo(asked: bool) -> Json:
-    """Lamp, signals and reference of a photo of the chart; `asked`: whether the reference's raw ratios are given."""
-    seen = curves() * read_lamp("D65").values[:, None]
+def photo(
+    lamp: str,
+    *,
+    true: str | None = None,
+    asked: bool = False,
+    patches: Sequence[int] = PATCHES,
+    signals: Any = None,
+    noise: float = 0.005,
+    tolerance: float = 0.01,
+) -> Json:
+    """Lamp, signals and reference of a photo; its signals are the chart's under the `true` lamp.
+
+    asked: whether the reference's raw ratios are given.
+    """
+    seen = curves() * read_lamp(true or (lamp if lamp != "auto" else FIRST)).values[:, None]
     first = (curves() * read_lamp(FIRST).values[:, None]).sum(axis=0)
-    y = plain(chart("babelcolor")[list(PATCHES)] @ seen / seen.sum(axis=0))
+    y = plain(chart("babelcolor")[list(patches)] @ seen / seen.sum(axis=0)) if signals is None else signals
     return {
-        "lamp": "D65",
+        "lamp": lamp,
         "signals": y,
-        "standard_error": plain(np.hypot(0.005 * np.array(y), 0.0005)),
+        "standard_error": plain(np.hypot(noise * np.array(y), 0.1 * noise)),
         "reference": {
-            "tolerance": 0.01,
+            "tolerance": tolerance,
             "raw": plain(8000.0 * np.array(GAINS) * TINT * seen.sum(axis=0) / first) if asked else None,
             "error": 0.002,
         },
@@ -89,6 +155,12 @@ def result(basis: str = "phones", scale: float = 1.0) -> Json:
         "channel_gain": list(GAINS),
         "code_covariance": plain(covariance[np.tril_indices(len(covariance))]),
     }
+
+
+def estimate() -> Json:
+    """An estimated light near the first lamp, and its standard deviation, which grows to both ends."""
+    power = read_lamp(FIRST).values
+    return {"power": plain(power), "std": plain(power * (0.03 + 0.1 * np.linspace(-1.0, 1.0, power.size) ** 2))}
 
 
 def code_covariance() -> Floats:
@@ -196,6 +268,36 @@ STAGE = Stage(
     arrays=words("signals standard_error"),
 )
 
+SKIN, ORANGE, BLUE = [0], [6], [12]
+"""Patches of BabelColor's chart."""
+
+
+def spectrum_rows() -> list[tuple[str, str, list[Json], Json]]:
+    """Name, comment, photos, and what is unlike the base case: inputs, and `expect`."""
+    two = [photo(lamp, patches=ORANGE, tolerance=0.05) for lamp in ("D65", "LED-B3")]
+    auto = [photo(lamp, true=true, asked=True, patches=ORANGE) for lamp, true in (("daylight", "D65"), ("auto", "A"))]
+    wrong = [photo("D65", patches=SKIN), photo("A", true="D65", asked=True, patches=SKIN)]
+    return [
+        ("one", "One photo, a lamp by name.", [photo("D65", patches=SKIN + BLUE)], {}),
+        ("skin", "The prior of skins, the observer of 1964, adapted to D50.",
+         [photo("A", patches=SKIN)], {"prior": "skin", "view": {"observer": "1964", "white": "D50"}}),
+        ("two", "Two photos, lamps by name, a grey known to 5 %.", two, {}),
+        ("two-auto", "Two photos: the references tell the light, of the second among all kinds.", auto, {}),
+        ("bands", "No covariance of the curves, a kind of lamp with modes, and signals below black.",
+         [photo("white-led", signals=[[-0.002, 0.001, -0.001]])],
+         {"result": BASE | {"but": {"code_covariance": None}}}),
+        ("error-contradicted", "The second reference is lit by daylight, and a bulb was named.",
+         wrong, {"expect": "lamp_unfit"}),
+    ]  # fmt: skip
+
+
+def spectrum_cases() -> Iterator[Json]:
+    """All cases of the stage `spectrum`."""
+    for name, comment, photos, change in spectrum_rows():
+        expect = change.pop("expect", "success")
+        inputs = {"result": BASE, "photos": photos, "prior": "general", "view": VIEW} | change
+        yield case(f"spectrum/{name}", comment, inputs, expect=expect)
+
 
 def run_spectrum(call: Call) -> dict[str, Any]:
     """The stage `spectrum`: `camssf_colour.spectrum` of a result."""
@@ -219,6 +321,7 @@ def run_spectrum(call: Call) -> dict[str, Any]:
 SPECTRUM = Stage(
     name="spectrum",
     requires="colour",
+    cases=spectrum_cases,
     run=run_spectrum,
     inputs=words("result photos prior view"),
     limits=(

@@ -108,8 +108,7 @@ def test_a_refused_capture_replaces_no_result_of_its_name(tmp_path: Path, monkey
 
 
 @pytest.mark.parametrize(("meanwhile", "processes"), [
-    ("refused", False), ("wrong", False), ("bug", False),
-    pytest.param("dies late", True, marks=pytest.mark.full),
+    ("refused", False), ("wrong", False), ("bug", False), ("dies late", True),
 ])  # fmt: skip
 def test_what_came_between_is_not_forgotten(pages: Desk, meanwhile: str, processes: bool) -> None:
     """Good, then something else in the same folder, then good again: the first result is not there any more."""
@@ -154,7 +153,6 @@ def test_no_cell_of_the_summary_is_a_formula(text: str, cell: str) -> None:
 # Processes
 
 
-@pytest.mark.full
 def test_a_script_that_guards_no_call_is_an_error_in_words(pages: Desk) -> None:
     pages.write(ONE, {"a": "no photo"})
     (pages.home / "script.py").write_text(
@@ -179,7 +177,6 @@ def alive(process: int) -> bool:
         return False
 
 
-@pytest.mark.full
 @pytest.mark.skipif(sys.platform == "win32", reason="signals differ there")
 def test_a_batch_that_is_killed_leaves_no_process(pages: Desk) -> None:
     """SIGKILL cannot be answered: the processes themselves must see that their parent is gone."""
@@ -195,7 +192,6 @@ def test_a_batch_that_is_killed_leaves_no_process(pages: Desk) -> None:
             os.kill(worker, signal.SIGKILL)
 
 
-@pytest.mark.full
 def test_ctrl_c_stops_what_has_not_begun_and_a_second_run_goes_on(pages: Desk) -> None:
     pages.write([f"c{i},a,D55,,," for i in range(8)], {"a": "fine"})
 
@@ -262,7 +258,6 @@ def test_a_damaged_result_in_the_archive_is_made_anew(desk: Desk) -> None:
     assert len(desk.rows()) == 1
 
 
-@pytest.mark.full
 def test_a_correction_of_the_manifest_reaches_the_registry(desk: Desk) -> None:
     """What contradicts is refused until it is asked for, the rest is written; nothing is emptied or done again."""
     desk.header, other = "name,photo,lamp,serial,captured,lens,site", "z,z,D55,Z9,,,"
@@ -291,7 +286,6 @@ def test_a_correction_of_the_manifest_reaches_the_registry(desk: Desk) -> None:
     assert desk.visits() == {"cam": 1, "z": 1}
 
 
-@pytest.mark.full
 def test_another_basis_in_the_same_file_is_noticed(desk: Desk) -> None:
     basis = desk.home / "mine.npz"
     basis.write_bytes(b"one")
@@ -388,7 +382,6 @@ def test_the_registry_s_full_disk_is_said(desk: Desk, monkeypatch: pytest.Monkey
     assert desk.visits() == {"one": 1}  # its result was in the archive
 
 
-@pytest.mark.full
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """A real capture, its twin under another name, and one that is no photo."""
     monkeypatch.chdir(tmp_path)
@@ -412,7 +405,6 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeyp
     assert cli.main(["batch", "m.csv", "-o", "archive", "--correct"]) == InvalidArgument.exit_status
 
 
-@pytest.mark.full
 def test_a_picture_s_sidecar_is_part_of_it(desk: Desk) -> None:
     desk.write(["cam,a.png,D55,,,,,"], {"a.png": "Phone", "a.png.json": '{"black": 1}'})
     assert [desk.run().resumed for _ in range(2)] == [0, 1]

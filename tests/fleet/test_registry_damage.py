@@ -53,11 +53,8 @@ def test_a_writer_that_was_killed_leaves_it_readable(one: Registry) -> None:
     assert (len(keys(Registry(one.folder))), verify(one).faults) == (3, ())
 
 
-STEPS = [6, *(pytest.param(n, marks=pytest.mark.full) for n in range(12) if n != 6)]
-
-
 @pytest.mark.requirement("R-REGISTRY")
-@pytest.mark.parametrize("last", STEPS)
+@pytest.mark.parametrize("last", range(12))
 def test_a_compaction_may_be_killed_anywhere(one: Registry, last: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """After the step number `last`: a file written or taken away."""
     for number in range(4):
@@ -110,8 +107,7 @@ def test_a_file_of_another_program_with_a_right_name_is_named(one: Registry, col
 
 
 @pytest.mark.requirement("R-REGISTRY")
-@pytest.mark.parametrize("count", [4, pytest.param(200, marks=pytest.mark.full)])
-def test_every_flipped_bit_is_found(one: Registry, tmp_path: Path, count: int) -> None:
+def test_every_flipped_bit_is_found(one: Registry, tmp_path: Path) -> None:
     """In results, jobs, lists and documents."""
     for number in range(3):
         data = document_bytes(document()) + b" " * number
@@ -124,7 +120,7 @@ def test_every_flipped_bit_is_found(one: Registry, tmp_path: Path, count: int) -
     assert (found.rows, found.documents, found.documents_missing, found.faults) == (18, 3, 0, ())
     files = [path for path in (*one.folder.rglob("*"), *tmp_path.glob("*.json")) if path.is_file()]
     dice = np.random.default_rng(0)
-    for number in range(count):
+    for number in range(64):
         path = files[number % len(files)]
         whole = path.read_bytes()
         at, bit = int(dice.integers(len(whole))), int(dice.integers(8))
@@ -135,7 +131,6 @@ def test_every_flipped_bit_is_found(one: Registry, tmp_path: Path, count: int) -
 
 
 @pytest.mark.requirement("R-REGISTRY")
-@pytest.mark.full
 def test_writers_that_contradict_each_other_at_once(one: Registry, monkeypatch: pytest.MonkeyPatch) -> None:
     """Neither saw the other: both records stay, `verify` names the contradiction, and a correction settles it."""
     one.add([made(1, serial=""), made(4)])
@@ -168,7 +163,6 @@ def test_two_writers_that_begin_a_registry_together(one: Registry, monkeypatch: 
 
 
 @pytest.mark.requirement("R-REGISTRY")
-@pytest.mark.full
 def test_a_fact_that_is_said_of_a_result_that_is_being_deleted_is_named(
     one: Registry, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -189,7 +183,6 @@ def test_a_file_that_vanishes_while_it_is_read(one: Registry, monkeypatch: pytes
 
 
 @pytest.mark.requirement("R-REGISTRY")
-@pytest.mark.full
 def test_a_clock_that_is_set_back_moves_nothing(one: Registry) -> None:
     """What corrects counts, whatever the clock says."""
     one.add([made(1, serial="A", added=START + timedelta(days=900))])
@@ -245,7 +238,6 @@ def test_a_deletion_that_is_killed_is_finished_by_the_same_command(
 
 
 @pytest.mark.requirement("R-REGISTRY")
-@pytest.mark.full
 def test_six_writers_two_of_them_killed(one: Registry) -> None:
     """Somebody reads and somebody gathers meanwhile. All that was acknowledged is there, once."""
     rows = {number: 40 if number > 2 else 1_000_000 for number in range(1, 7)}  # victims never end by themselves

@@ -133,14 +133,10 @@ LOSSES: dict[str, Loss] = {
 }  # fmt: skip
 MOVED = ("a flipped bit", "a cut file", "a damaged list", "a strange file", "a changed record")
 """Losses after which a file is moved away, as the message says."""
-QUICK = ("a changed record", "a strange file", "the archive")
-"""Losses of a run without `full`."""
 
 
 @pytest.mark.requirement("R-REGISTRY")
-@pytest.mark.parametrize(
-    "loss", [pytest.param(name, marks=() if name in QUICK else pytest.mark.full) for name in LOSSES]
-)
+@pytest.mark.parametrize("loss", LOSSES)
 def test_a_loss_is_noticed_and_a_batch_restores_it(home: Path, loss: str, verify: Verify) -> None:
     desk = Desk(home)
     before = desk.rows(WRITTEN)
@@ -192,7 +188,6 @@ def test_a_head_notices_an_old_copy_that_is_whole(home: Path, verify: Verify) ->
     assert any(f"the list {head[:12]} given as head is missing" in fault for fault in faults)
 
 
-@pytest.mark.full
 def test_a_deleted_unit_is_not_missed(home: Path, verify: Verify) -> None:
     """Its document remains in the archive."""
     assert cli.main(["registry", "delete", str(home / "phones"), "Sc2"]) == 0
@@ -212,7 +207,6 @@ def unreadable(job: Job, folder: Path) -> Outcome:
 
 
 @pytest.mark.requirement("R-REGISTRY")
-@pytest.mark.full
 @pytest.mark.parametrize(("lost", "resumed"), [("serial = 'Sc2' AND kind = 'result'", 4), ("kind = 'result'", 0)])
 @pytest.mark.parametrize("torn", [False, True])
 def test_a_lost_row_comes_back_without_its_photo(
