@@ -36,7 +36,7 @@ from camssf.recovery.covariance import CHART_CORRELATION, smooth_errors
 from camssf.spectra.bundled import correlated_temperature
 from camssf.spectra.cameras import CameraCurves
 from camssf_colour import View, of_surfaces
-from camssf_colour.demosaic import demosaic
+from camssf_colour.demosaic import demosaic, interleaved
 from camssf_colour.picture import XYZ_ONE, standard_picture, white_of_region
 from camssf_colour.picture_strip import PER_UNIT
 from camssf_colour.regions import measure_regions
@@ -124,7 +124,7 @@ def malvar(light: Floats) -> Floats:
     """(h, w, 3) of a mosaic RGGB (h, w)."""
     height, width = light.shape
     cells = np.pad(light, 2, mode="reflect").reshape(height // 2 + 2, 2, width // 2 + 2, 2)
-    return np.moveaxis(demosaic(cells).reshape(3, height, width), 0, 2)
+    return np.moveaxis(interleaved(demosaic(cells)).reshape(3, height, width), 0, 2)
 
 
 def numbers(shown: list[Shown]) -> dict[str, float]:

@@ -17,6 +17,8 @@ from camssf.recovery.arrays import Array, namespace
 RED, GREEN, BLUE = range(3)
 CELL = ((RED, GREEN), (GREEN, BLUE))
 """Colours of the 2 × 2 cell that `demosaic` takes."""
+PLACES = ((0, 0), (0, 1), (1, 0), (1, 1))
+"""Row and column of the samples of a cell."""
 GREEN_THERE = {
     (0, 0): 4, (0, 1): 2, (1, 0): 2, (0, -1): 2, (-1, 0): 2, (0, 2): -1, (2, 0): -1, (0, -2): -1, (-2, 0): -1,
 }  # fmt: skip
@@ -50,16 +52,18 @@ def _filter(row: int, column: int, colour: int) -> Filter:
 
 
 def demosaic(mosaic: Array) -> Array:
-    """Colours (3, h - 2, 2, w - 2, 2) of a mosaic (h, 2, w, 2) of cells red, green / green, blue.
+    """Colours (3, 4, h - 2, w - 2), at each of PLACES, of a mosaic (h, 2, w, 2) of cells red, green / green, blue.
 
     The outermost cells are the margin of the others and have no colours themselves.
     """
     xp, (h, _, w, _) = namespace(mosaic), mosaic.shape
+    # Samples of one place lie side by side: NumPy is fastest so.
+    planes = xp.reshape(xp.permute_dims(mosaic, (1, 3, 0, 2)), (4, h, w))
 
     def sample(row: int, column: int) -> Array:
         """(h - 2, w - 2) samples at this place, counted from the first of each cell."""
         up, left = row // 2 + 1, column // 2 + 1
-        return mosaic[up : h - 2 + up, row % 2, left : w - 2 + left, column % 2]
+        return planes[PLACES.index((row % 2, column % 2)), up : h - 2 + up, left : w - 2 + left]
 
     def colour(row: int, column: int, name: int) -> Array:
         alike: dict[float, list[Array]] = {}
@@ -68,11 +72,14 @@ def demosaic(mosaic: Array) -> Array:
         terms = [sum(samples[1:], samples[0]) * (eighths / 8.0) for eighths, samples in alike.items()]
         return sum(terms[1:], terms[0])
 
-    def plane(name: int) -> Array:
-        rows = [xp.stack([colour(row, column, name) for column in range(2)], axis=2) for row in range(2)]
-        return xp.stack(rows, axis=1)
+    colours = [colour(row, column, name) for name in range(3) for row, column in PLACES]
+    return xp.reshape(xp.stack(colours, axis=0), (3, 4, h - 2, w - 2))
 
-    return xp.stack([plane(name) for name in range(3)], axis=0)
+
+def interleaved(colours: Array) -> Array:
+    """(3, h, 2, w, 2) of colours (3, 4, h, w) at PLACES."""
+    xp, (_, _, h, w) = namespace(colours), colours.shape
+    return xp.permute_dims(xp.reshape(colours, (3, 2, 2, h, w)), (0, 3, 1, 4, 2))
 
 
 @cache

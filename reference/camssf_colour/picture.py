@@ -231,43 +231,48 @@ class StandardPicture:
         # Cells in which red is not first are mirrored: the filters are the same.
         down = _with_margin(rows, photo.samples.shape[0])[:: 1 - 2 * row]
         right = _with_margin(columns, photo.samples.shape[1])[:: 1 - 2 * column]
-        samples = photo.samples[np.ix_(down, right)]
-        gains = np.ones(samples.shape, SINGLE)
+        shape = len(down) // 2, 2, len(right) // 2, 2
+        # NumPy is fastest along whole rows.
+        pairs_of_rows = (*shape[:2], len(right))
+
+        def of_frame(frame: Mosaic) -> NDArray[np.uint16]:
+            return np.asarray(frame.samples[down][:, right].reshape(pairs_of_rows))
+
+        def of_cell(values: Floats) -> Singles:
+            """A cell's values (2, 2) for two rows."""
+            return np.tile(values.astype(SINGLE), (1, shape[2]))
+
+        black = of_cell(photo.black[:: 1 - 2 * row, :: 1 - 2 * column])
+        white, gains = of_cell(self.white.raw[np.array(CELL)]), np.ones(pairs_of_rows, SINGLE)
         if self.lens_shading == "apply":
-            gains = shading_of_samples(photo, down, right).astype(SINGLE)
-        black, white = (
-            values.astype(SINGLE)
-            for values in (photo.black[:: 1 - 2 * row, :: 1 - 2 * column], self.white.raw[np.array(CELL)])
-        )
-
-        def in_cells(values: NDArray[T]) -> NDArray[T]:
-            return values.reshape(len(down) // 2, 2, len(right) // 2, 2)
-
-        def relative(light: Singles) -> Singles:
-            return np.asarray(light * in_cells(gains) / white[:, None, :])
-
-        light, clipped = in_cells(samples).astype(SINGLE) - black[:, None, :], samples >= photo.white
+            gains = shading_of_samples(photo, down, right).astype(SINGLE).reshape(pairs_of_rows)
+        samples = of_frame(photo)
+        light, clipped = samples.astype(SINGLE) - black, samples >= photo.white
         dark = np.zeros_like(light)
         if self.dark is not None:
-            subtracted = self.dark.samples[np.ix_(down, right)]
-            dark_light = in_cells(subtracted).astype(SINGLE) - black[:, None, :]
-            light, dark = light - dark_light, relative(dark_light)
+            subtracted = of_frame(self.dark)
+            dark = subtracted.astype(SINGLE) - black
+            light, dark = light - dark, dark * gains / white
             clipped |= subtracted >= photo.white
         noise = np.zeros(3) if self.white.photon_noise is None else self.white.photon_noise
         strip = StripInputs(
-            mosaic=relative(light),
-            clipped=in_cells(clipped).astype(SINGLE),
-            dark=dark,
-            gains=in_cells(gains),
+            mosaic=(light * gains / white).reshape(shape),
+            clipped=clipped.astype(SINGLE).reshape(shape),
+            dark=dark.reshape(shape),
+            gains=gains.reshape(shape),
             photon_noise=noise.astype(SINGLE),
             matrix=self.matrix.astype(SINGLE),
             curved=np.array(self.space.primaries is not None, SINGLE),
         )
-        picture, uncertainty = picture_strip(strip, self._single_table)
+        picture, uncertainty = (np.rint(values) for values in picture_strip(strip, self._single_table))
+        cells = np.empty((*picture.shape[1:], 3), np.uint16)
+        for channel, i, j in np.ndindex(3, 2, 2):
+            cells[:, i, :, j, channel] = picture[channel, :, i, :, j]
         pixels, layer = (
-            np.moveaxis(np.rint(values).astype(np.uint16), 0, 2)[:: 1 - 2 * row, :: 1 - 2 * column]
-            for values in (picture.reshape(3, len(down) - 4, len(right) - 4), uncertainty)
+            cells.reshape(len(down) - 4, len(right) - 4, 3),
+            np.moveaxis(uncertainty.astype(np.uint16), 0, 2),
         )
+        pixels, layer = (values[:: 1 - 2 * row, :: 1 - 2 * column] for values in (pixels, layer))
         return pixels[:height, :width], layer[: height // 2, : width // 2]
 
 

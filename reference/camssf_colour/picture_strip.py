@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from camssf.recovery.arrays import Array, constant, namespace
-from camssf_colour.demosaic import demosaic, noise_shares
+from camssf_colour.demosaic import PLACES, demosaic, interleaved, noise_shares
 from camssf_colour.pixel_table import PAIRS, PixelTable, lab_variances, out_of_reach, places_of, xyz_of
 
 FULL = 65535.0
@@ -13,8 +13,6 @@ CLIPPED, OUT_OF_REACH = FULL, FULL - 1.0
 """In the layer of uncertainty: a clipped sample, and a colour that no surface has under this light."""
 PER_UNIT = 100.0
 """Steps of the layer of uncertainty in one unit of L*, a* or b*."""
-PLACES = ((0, 0), (0, 1), (1, 0), (1, 1))
-"""Row and column of the samples of a cell."""
 STRAIGHT, GAMMA = 0.0031308, 2.4
 """End of the straight part of the curve of sRGB, and the exponent of the rest (IEC 61966-2-1)."""
 
@@ -49,12 +47,13 @@ def picture_strip(inputs: StripInputs, table: PixelTable) -> tuple[Array, Array]
     """
     xp, (h, _, w, _) = namespace(inputs.mosaic), inputs.mosaic.shape
     h, w = h - 2, w - 2
-    signals, reached = demosaic(inputs.mosaic), _reached(inputs.clipped)
+    signals = demosaic(inputs.mosaic)
+    reached = xp.reshape(xp.permute_dims(_reached(inputs.clipped), (1, 3, 0, 2)), (4, h * w))
     xyz = xyz_of(table, places_of(xp.reshape(signals, (3, 4 * h * w))))
     numbers = FULL * _curved(_mixed(inputs.matrix, xyz), inputs.curved)
     numbers = xp.where(xp.reshape(reached, (4 * h * w,)) > 0.5, FULL, numbers)
 
-    cells = 0.25 * sum(xp.reshape(signals[:, :, i, :, j], (3, h * w)) for i, j in PLACES)
+    cells = 0.25 * sum(xp.reshape(signals[:, place, :, :], (3, h * w)) for place in range(4))
     gains, dark = (
         0.25 * sum(xp.reshape(values[1 : h + 1, i, 1 : w + 1, j], (h * w,)) for i, j in PLACES)
         for values in (inputs.gains, inputs.dark)
@@ -66,9 +65,9 @@ def picture_strip(inputs: StripInputs, table: PixelTable) -> tuple[Array, Array]
     places = places_of(cells)
     layer = xp.minimum(PER_UNIT * xp.sqrt(lab_variances(table, places, noise)), OUT_OF_REACH - 1.0)
     layer = xp.where(out_of_reach(table, places, noise), OUT_OF_REACH, layer)
-    clipped = sum(xp.reshape(reached[:, i, :, j], (h * w,)) for i, j in PLACES) > 0.5
+    clipped = sum(reached[place, :] for place in range(4)) > 0.5
     layer = xp.where(clipped, CLIPPED, layer)
-    return xp.reshape(numbers, (3, h, 2, w, 2)), xp.reshape(layer, (3, h, w))
+    return interleaved(xp.reshape(numbers, (3, 4, h, w))), xp.reshape(layer, (3, h, w))
 
 
 def _mixed(matrix: Array, values: Array) -> Array:
