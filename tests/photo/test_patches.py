@@ -255,7 +255,6 @@ def shots(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 
 def test_a_colour_applies_the_map_if_the_result_did(shots: dict[str, Path]) -> None:
-    import camssf.cli  # noqa: F401  first: it imports those that add commands to it
     from camssf_colour.cli.regions import measure as measured
 
     white = "440,440,40,40,0.9"
