@@ -88,6 +88,7 @@ def test_bad_standard_input_is_2(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.full
 def test_standard_input_is_written_nowhere(
     result: Path, feed: Feed, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:

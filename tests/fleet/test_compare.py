@@ -17,6 +17,8 @@ from camssf_fleet.record_queries import query_of
 from camssf_fleet.registry import Registry
 from tests.support.registries import START, bells, far_off, history, made
 
+pytestmark = pytest.mark.full  # statistics over many units
+
 MODEL = Unit(model="Model")
 BUMP = np.exp(-0.5 * ((NM - 550) / 40) ** 2)
 
@@ -99,7 +101,6 @@ def test_a_drift_raises_an_alarm(one: Registry, drift: float, step: float, alarm
         assert red.step == pytest.approx(step, abs=1.0)
 
 
-@pytest.mark.full
 def test_false_alarms_are_as_rare_as_they_say() -> None:
     dice, days = np.random.default_rng(5), np.arange(8) * 30.0
     alarms = 0
@@ -151,7 +152,6 @@ def test_what_is_left_out_of_a_drift_is_named(
     assert found.features[0].results == 5
 
 
-@pytest.mark.full
 def test_a_unit_is_one_however_much_its_rows_say(one: Registry) -> None:
     """What is silent where several are named is of nobody."""
     one.add([made(1, bells(), lens="50mm"), made(2, bells()), made(3, bells(1.0), serial="B2"),

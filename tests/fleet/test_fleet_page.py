@@ -19,6 +19,8 @@ from camssf_fleet.records import JobEnd
 from camssf_fleet.registry import Registry
 from tests.support.registries import START, bells, made
 
+pytestmark = pytest.mark.full  # pages on many units
+
 MOST_ROWS = 6
 NOW = START + timedelta(days=400)
 NOT_ACCEPTED = "Captures without an accepted result, refused ones first, the newest first"
@@ -146,7 +148,6 @@ def test_the_spread_is_that_of_compare(phones: Registry) -> None:
         assert [float(number) for number in numbers] == pytest.approx(values, rel=0.05)
 
 
-@pytest.mark.full
 def test_rows_beyond_the_most_are_counted_and_names_are_escaped(one: Registry) -> None:
     one.add([made(i, bells(), model=f"<b>{i}</b>", serial=f"&{i}") for i in range(MOST_ROWS + 2)])
     page = fleet_page(one, now=NOW)

@@ -47,6 +47,7 @@ def test_a_result_s_row_comes_back_as_it_was(one: Registry) -> None:
     assert whole.capture.photos[0].name not in str({k: v for k, v in stored.items() if k != "reason"})
 
 
+@pytest.mark.full
 def test_the_same_result_twice_is_there_once_and_a_correction_counts(one: Registry) -> None:
     one.add([made(1), made(2)])
     files = one.files.sizes()
@@ -107,6 +108,7 @@ def test_lists(one: Registry) -> None:
         assert "".join(found["key"][-1] for found in one.listing(wanted)) == expected
 
 
+@pytest.mark.full
 def test_history_says_what_was_said_and_when(one: Registry) -> None:
     one.add([made(1, serial="")])
     one.add([made(1, serial="A7", note="screen replaced", added=START + timedelta(days=1))])

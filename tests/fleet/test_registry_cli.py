@@ -120,6 +120,7 @@ def test_add_a_passport(tmp_path: Path, said: Said) -> None:
     assert list(row()["code_covariance"]) == pytest.approx(document().answer.code_covariance, abs=1e-6)
 
 
+@pytest.mark.full
 def test_upkeep(one: Registry, said: Said) -> None:
     one.add([made(1, place="../1.json"), made(2, serial="B2")])
     one.add([made(3, serial="B2")])

@@ -146,7 +146,10 @@ STEPS = [name for name, case in CASES.items() if not by_model(case)]
 """The cases that the ONNX model cannot run."""
 
 
-@pytest.mark.parametrize("stage", sorted({CASES[name]["stage"] for name in STEPS}))
+@pytest.mark.parametrize("stage", [
+    pytest.param(stage, marks=pytest.mark.full if stage in ("colour", "picture", "spectrum") else ())
+    for stage in sorted({CASES[name]["stage"] for name in STEPS})
+])  # fmt: skip
 def test_the_reference_keeps_every_limit_of_its_steps(stage: str) -> None:
     assert not failures([name for name in STEPS if name not in LONG and CASES[name]["stage"] == stage])
 

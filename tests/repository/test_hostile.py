@@ -39,6 +39,7 @@ def triple() -> list[str]:
     return ["calibrate", str(shot.chart), "--lamp", "D55", "--white", str(shot.white), "--dark", str(shot.dark)]
 
 
+@pytest.mark.full
 def test_no_file_becomes_code_and_nothing_calls_home() -> None:
     """By reading the sources: no eval, no pickle, no shell, no sockets but the one on which `camssf app` listens."""
     sources = [path for package in PACKAGES for path in sorted(package.rglob("*.py"))]
