@@ -37,7 +37,7 @@ class Stage:
     Attributes:
         requires: the capabilities that a runner needs.
         inputs, optional: keys of the inputs, and those that a case may leave out.
-        cases: all cases before they are run; None: those that are stored, as `told` says.
+        cases: all cases before they are run; None: those that are stored, as `handwritten` says.
         limits: against the stored outputs, or all limits of a complete case from it and what `case` said of it.
         outputs: stored outputs beyond those of `limits`.
         arrays: inputs that `resolve` makes arrays of; None for all but PLAIN.
@@ -59,7 +59,7 @@ class Stage:
 
     def scenes(self) -> Iterable[Json]:
         """All cases before they are run."""
-        return told(self.name) if self.cases is None else self.cases()
+        return handwritten(self.name) if self.cases is None else self.cases()
 
     def stored_outputs(self) -> list[str]:
         """The outputs that a case stores."""
@@ -96,7 +96,7 @@ def case(
     }  # fmt: skip
 
 
-def told(stage: str, *, outputs: bool = False) -> Iterator[Json]:
+def handwritten(stage: str, *, outputs: bool = False) -> Iterator[Json]:
     """The cases of a stage that are written by hand: `comment`, `expect`, `inputs`, and maybe `outputs`."""
     for path in sorted((ROOT / "cases" / stage).glob("*.json")):
         known = json.loads(path.read_bytes())

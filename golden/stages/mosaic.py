@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from golden.contract import Call, Stage, limit, told, words
+from golden.contract import Call, Stage, handwritten, limit, words
 from golden.forms import Json, digest
 from golden.products import read_photo
 
@@ -56,7 +56,7 @@ def limits(made: Json, scene: Json) -> list[Json]:
 STAGE = Stage(
     name="mosaic",
     requires="mosaic",
-    cases=lambda: told("mosaic", outputs=True),
+    cases=lambda: handwritten("mosaic", outputs=True),
     run=run,
     inputs=words("dng"),
     limits=limits,

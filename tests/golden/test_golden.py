@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Any
 
@@ -25,7 +25,6 @@ from golden.running import Finding, findings, judge, run
 from golden.scenes import scene
 from golden.stages import STAGES
 from tests.golden import views
-from tests.support.long_cases import LONG
 from tests.support.problems import CURVES
 
 Json = dict[str, Any]
@@ -142,22 +141,23 @@ def failures(names: list[str]) -> dict[str, list[Finding]]:
     return failed
 
 
-STEPS = [name for name, case in CASES.items() if not by_model(case)]
+SLOW = ("calibrate", "choice", "colour", "light", "picture", "rivals", "spectrum")
+"""Stages whose cases take seconds together: the full run has them."""
+
+
+def stages_of(cases: Mapping[str, Json]) -> list[Any]:
+    """The stages of cases as parameters."""
+    names = sorted({case["stage"] for case in cases.values()})
+    return [pytest.param(name, marks=pytest.mark.full if name in SLOW else ()) for name in names]
+
+
+STEPS = {name: case for name, case in CASES.items() if not by_model(case)}
 """The cases that the ONNX model cannot run."""
 
 
-@pytest.mark.parametrize("stage", [
-    pytest.param(stage, marks=pytest.mark.full if stage in ("colour", "picture", "spectrum") else ())
-    for stage in sorted({CASES[name]["stage"] for name in STEPS})
-])  # fmt: skip
+@pytest.mark.parametrize("stage", stages_of(STEPS))
 def test_the_reference_keeps_every_limit_of_its_steps(stage: str) -> None:
-    assert not failures([name for name in STEPS if name not in LONG and CASES[name]["stage"] == stage])
-
-
-@pytest.mark.full
-def test_the_reference_keeps_every_limit_of_long_cases() -> None:
-    assert CASES.keys() >= LONG
-    assert not failures([name for name in STEPS if name in LONG])
+    assert not failures([name for name, case in STEPS.items() if case["stage"] == stage])
 
 
 @pytest.mark.full

@@ -22,10 +22,9 @@ from camssf.spectra import read_lamp
 from golden.compare import blur, norm, optimality
 from golden.running import findings, judge, problem, run
 from tests.golden.test_golden import CASES as EVERY
-from tests.golden.test_golden import by_model
+from tests.golden.test_golden import by_model, stages_of
 from tests.recovery.test_dense_model import BASES, random_captures
 from tests.support.dense_model import DenseModel, dense_models
-from tests.support.long_cases import LONG
 from tests.support.problems import chart_and_lamp, observed, recovered, seeds, theory, toy_camera, whiten
 
 CASES = {name: case for name, case in EVERY.items() if by_model(case)}
@@ -40,27 +39,13 @@ def outputs_of_case(name: str) -> dict[str, Any]:
     return run(CASES[name], "onnx")
 
 
-@pytest.mark.parametrize(
-    "stage",
-    [
-        pytest.param(stage, marks=[] if stage == "ssf" else pytest.mark.full)
-        for stage in sorted({case["stage"] for case in CASES.values()})
-    ],
-)
+@pytest.mark.parametrize("stage", stages_of(CASES))
 def test_golden_cases(stage: str) -> None:
-    keeps_every_limit([name for name, case in CASES.items() if case["stage"] == stage and name not in LONG])
-
-
-@pytest.mark.full
-def test_long_golden_cases() -> None:
-    keeps_every_limit([name for name in CASES if name in LONG])
-
-
-def keeps_every_limit(names: list[str]) -> None:
-    """Every limit of these cases; where cvxpy solved it, also the model's own code, proved without the model:
+    """Every limit of a stage's cases; where cvxpy solved it, also the model's own code, proved without the model:
     objective not above cvxpy's, gap small, but for what rounding of the reference's rows makes of it."""
-    for name in names:
-        case = CASES[name]
+    for name, case in CASES.items():
+        if case["stage"] != stage:
+            continue
         found = findings(case, "onnx") if case["expect"] != "success" else judge(case, outputs_of_case(name))
         assert found, name
         assert not [finding for finding in found if not finding.holds or finding.skipped], name
