@@ -40,7 +40,10 @@ NUMERICAL = {
     "test_validate",
     "test_verdict",
 }
-"""Files whose tests get the marker `numerical`: their last bits depend on the linear algebra underneath."""
+"""Files whose tests get the marker `numerical`: their last bits depend on the linear algebra underneath.
+
+Those marked `full` show the same as the others, and get it only where it stands beside `full`.
+"""
 COMMANDS = {
     "java": ("java",),
     "gpg": ("gpg",),
@@ -82,7 +85,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
-        if item.path.stem in NUMERICAL:
+        if item.path.stem in NUMERICAL and not item.get_closest_marker("full"):
             item.add_marker(pytest.mark.numerical)
 
 

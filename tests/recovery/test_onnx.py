@@ -39,6 +39,7 @@ def outputs_of_case(name: str) -> dict[str, Any]:
     return run(CASES[name], "onnx")
 
 
+@pytest.mark.numerical
 @pytest.mark.parametrize("stage", stages_of(CASES))
 def test_golden_cases(stage: str) -> None:
     """Every limit of a stage's cases; where cvxpy solved it, also the model's own code, proved without the model:
