@@ -121,6 +121,7 @@ def judgement(verdict: Verdict) -> dict[str, Any]:
         "status": verdict.status,
         "codes": [reason.code for reason in reasons],
         "messages": [reason.message for reason in reasons],
+        "advice": [reason.advice for reason in reasons],
         "values": [float(reason.value or 0.0) for reason in reasons] or None,
         "thresholds": [float(reason.threshold or 0.0) for reason in reasons] or None,
     }
@@ -166,7 +167,7 @@ def build_answer(given: dict[str, Any], solution: dict[str, Any]) -> Ssf:
 
 def build_capture(given: dict[str, Any], engine: str) -> tuple[Capture, Options]:
     """A capture made from patch statistics, and the options to solve it."""
-    table = build_table(given["reflectance"], given["chart_tolerance"], given["white"])
+    table = build_table(given["reflectance"], given["chart_tolerance"], given["white"], given.get("table", PRIVATE))
     square = 100.0 * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     places = np.array([[100.0 * (i % 6), 100.0 * (i // 6)] for i in range(24)])
     pose = pose_by_hand(places[:, None, :] + square, square * np.array([6.0, 4.0]))
@@ -212,11 +213,15 @@ def build_lamp(values: Floats, tolerance: float, modes: Floats) -> Lamp:
     return Lamp(name="golden", values=values, tolerance=float(tolerance), modes=modes, source="golden/spectra")
 
 
-def build_table(values: Floats, tolerance: float, white: int) -> ChartTable:
-    """The classic chart with these reflectances."""
+PRIVATE = "golden"
+"""The name of a table that is not public, and so has no others beside it."""
+
+
+def build_table(values: Floats, tolerance: float, white: int, table: str = PRIVATE) -> ChartTable:
+    """The classic chart with these reflectances, which are those of this table."""
     names = tuple(f"patch {i + 1}" for i in range(len(values)))
     return ChartTable(
-        name="classic24", table="golden", layout=LAYOUTS["classic24"], patches=names,
+        name="classic24", table=table, layout=LAYOUTS["classic24"], patches=names,
         wavelengths=WAVELENGTHS, reflectance=values,
         tolerance=np.full(len(values), tolerance), white=white, source="golden/spectra",
     )  # fmt: skip

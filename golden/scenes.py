@@ -149,9 +149,16 @@ def uneven_light(bend: float = 1.0) -> Floats:
     return np.asarray(np.round(light / light[18], 9))
 
 
-def frames(camera: Json = NIKON, lamps: Sequence[str] = ("D55",), *, white: Any = FLAT, **more: Any) -> list[Json]:
-    """Shots as measured: mean, standard error and clipped share of each frame."""
-    photo = photograph(camera, lamps, {"chart": "babelcolor", "patches": ALL}, white=white, **more)
+def frames(
+    camera: Json = NIKON,
+    lamps: Sequence[str] = ("D55",),
+    *,
+    taken: str = "babelcolor",
+    white: Any = FLAT,
+    **more: Any,
+) -> list[Json]:
+    """Shots as measured: mean, standard error and clipped share of each frame; taken: the chart's table."""
+    photo = photograph(camera, lamps, {"chart": taken, "patches": ALL}, white=white, **more)
     shots = []
     for j in range(len(lamps)):
         D = photo["dark"][j]

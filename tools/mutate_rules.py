@@ -82,20 +82,19 @@ def main() -> int:
     parser = command_parser(__spec__, __doc__)
     parser.add_argument("--only", default="", help="mutants whose name begins so")
     only = parser.parse_args().only
-    found = [each for each in mutants(json.loads(PLACE.read_text("utf-8"))) if each[0].startswith(only)]
+    changed = [mutant for mutant in mutants(json.loads(PLACE.read_text("utf-8"))) if mutant[0].startswith(only)]
     alive = []
     with tempfile.TemporaryDirectory() as place, progress() as bar:
         file = Path(shutil.copy(PLACE, place))
         if fault := noticed(file, STAGES):
             raise ValueError(f"The cases fail without any mutant: {fault}")
-        for name, document in bar.track(found, description="mutants"):
+        for name, document in bar.track(changed, description="mutants"):
             file.write_text(json.dumps(document, ensure_ascii=False), "utf-8")
             if not noticed(file, sorted(STAGES, key=name.partition(".")[0].__ne__)):  # its own stage first
                 alive.append(name)
-    for name in alive:
-        print(f"{name} survives: {EQUIVALENT.get(name.partition(' ')[0], 'NO REASON')}")
+                print(f"{name} survives: {EQUIVALENT.get(name.partition(' ')[0], 'NO REASON')}", flush=True)
     odd = sum(name.partition(" ")[0] not in EQUIVALENT for name in alive)
-    print(f"{len(found) - len(alive)} of {len(found)} noticed, {len(alive) - odd} equivalent, {odd} survive")
+    print(f"{len(changed) - len(alive)} of {len(changed)} noticed, {len(alive) - odd} equivalent, {odd} survive")
     return int(odd > 0)
 
 

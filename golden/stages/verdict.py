@@ -16,7 +16,7 @@ import numpy as np
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.photo.signals import Signals
 from camssf.recovery.basis import LEARNED, read_basis
-from camssf.verdict.cause import tables_of_causes, weigh_causes
+from camssf.verdict.cause import BY_WHITE, tables_of_causes, weigh_causes
 from camssf.verdict.cause_groups import Causes
 from camssf.verdict.goodness_of_fit import FEWEST, VerdictInputs, best_explanation, shot_answer
 from camssf.verdict.judge import judge as judge_capture
@@ -84,6 +84,8 @@ def rows() -> list[Row]:
         ("tone", "A tone curve, y^0.9.", capture(y**0.9), "doubtful not_sensor_raw"),
         ("patch", "One wrong patch is named.", capture(y * spike(13, 1.4)), "doubtful chart_unfit"),
         ("no-single-cause", "All patches off, without a pattern.", capture(y * ripple(0.1)), "doubtful chart_unfit"),
+        ("other-table", "Every patch is lighter or darker: the chart is hardly the table's.",
+         capture(y * (1 + 0.2 * np.sin(7.0 * PATCH[:, None]))), "refused chart_unfit"),
         ("misfit-refuses", "χ² is above eight times the expected.", capture(y * ripple(0.12)), "refused chart_unfit"),
         ("second-of-two", "The second white frame is in another light.", capture(spoilt), "refused frames_differ"),
         ("contradiction", "Each of two shots fits alone, together they do not.",
@@ -402,10 +404,9 @@ def run(call: Call) -> dict[str, Any]:
     )
     joint, single = inputs.goodness_of_fit(ssf), [inputs.goodness_of_fit_of_shot(j, answers[j]) for j in shots]
     enough = known and int(used.sum()) >= FEWEST
-    weighed = [p for j in shots for p in causes(j, rivals, ()).probability.values()] if enough else []
+    weighed = [p for j in shots if enough for w in ((), BY_WHITE) for p in causes(j, rivals, w).probability.values()]
     suspects = [best_explanation(fit) for fit in single]
     return judgement(verdict) | {
-        "advice": [reason.advice for reason in verdict.reasons],
         "fatal": [isinstance(reason, Fatal) for reason in verdict.reasons],
         "checks": [f"{check.name} {check.beyond} {check.shot or 'whole'}" for check in verdict.checks],
         "checked": np.array([[check.value, check.limit, check.refuses or 0.0] for check in verdict.checks]),

@@ -68,10 +68,9 @@ internal class Captures(private val forms: Forms) {
         val done = Solve(engines, capture(case), settings(case), ProgressReporter.NOBODY).run()
         val ssf = done.ssf
         val lights = ssf.lights.filterNotNull()
-        val reasons = done.verdict.reasons
         fun nodes(of: (EstimatedLamp) -> DoubleArray) =
             lights.map { light -> of(light).filterIndexed { at, _ -> at % 10 == 0 } }
-        return chosen(ssf) + mapOf(
+        return chosen(ssf) + judgement(done.verdict) + mapOf(
             "weighed" to ssf.choice.map { listOf(it.basis) + it.kinds },
             "length" to ssf.familyTest?.let { listOf(it.length, it.longest) },
             "likeliest" to ssf.kinds,
@@ -81,11 +80,6 @@ internal class Captures(private val forms: Forms) {
             "power_std" to nodes { it.sharedStd },
             "kelvin" to lights.map { it.kelvin },
             "kelvin_std" to lights.map { it.kelvinStd },
-            "status" to done.verdict.outcome.word,
-            "codes" to reasons.map { it.code },
-            "messages" to reasons.map { it.message },
-            "values" to reasons.map { it.value ?: 0.0 },
-            "thresholds" to reasons.map { it.threshold ?: 0.0 },
             "said" to done.assumptions.filter { it.code == "lamp" }.map { it.message },
         )
     }

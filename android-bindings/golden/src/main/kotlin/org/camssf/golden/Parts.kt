@@ -12,6 +12,7 @@ import org.camssf.recovery.Tensor
 import org.camssf.spectra.ChartLayout
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
+import org.camssf.verdict.Verdict
 
 /** Every tenth point of the grid. */
 internal const val NODES = 69
@@ -22,6 +23,16 @@ internal fun curves(step: Int, of: (Int) -> DoubleArray): Tensor {
     val points = (Grid.SIZE + step - 1) / step
     return Tensor(DoubleArray(3 * points) { channels[it % 3][step * (it / 3)] }, points, 3)
 }
+
+/** Status and reasons of a verdict. */
+internal fun judgement(verdict: Verdict): Map<String, Any?> = mapOf(
+    "status" to verdict.outcome.word,
+    "codes" to verdict.reasons.map { it.code },
+    "messages" to verdict.reasons.map { it.message },
+    "advice" to verdict.reasons.map { it.advice },
+    "values" to verdict.reasons.map { it.value ?: 0.0 },
+    "thresholds" to verdict.reasons.map { it.threshold ?: 0.0 },
+)
 
 /** A photo of nothing in particular. */
 internal val PHOTO = Photo("golden", 600, 400, 1, null, null, false, "golden", "golden", "")
@@ -51,8 +62,9 @@ internal fun GoldenCase.classic(white: Int, tolerance: (Int) -> DoubleArray): Ch
     val reflectance = tensor("reflectance")
     val n = reflectance.shape[0]
     val layout = ChartTable.read("classic24").layout
+    val table = if (has("table")) text("table") else "golden"
     return ChartTable(
-        "classic24", "golden", layout, List(n) { "patch ${it + 1}" }, Grid.wavelengths.values, reflectance.values,
+        "classic24", table, layout, List(n) { "patch ${it + 1}" }, Grid.wavelengths.values, reflectance.values,
         tolerance(n), white, "golden/spectra",
     )
 }

@@ -19,6 +19,7 @@ import org.camssf.recovery.Ssf
 import org.camssf.spectra.Lamp
 import org.camssf.verdict.CameraWhite
 import org.camssf.verdict.Case
+import org.camssf.verdict.Causes
 import org.camssf.verdict.Judge
 import org.camssf.verdict.Rival
 import org.camssf.verdict.UnitDrift
@@ -109,18 +110,14 @@ internal class VerdictStage(private val engine: Engine, private val forms: Forms
         val joint = case.inputs.goodnessOfFit()
         val each = case.each()
         val suspects = each.map { it.bestExplanation() }
-        return mapOf(
-            "status" to verdict.outcome.word,
-            "codes" to verdict.reasons.map { it.code },
-            "messages" to verdict.reasons.map { it.message },
-            "advice" to verdict.reasons.map { it.advice },
+        return judgement(verdict) + mapOf(
             "checks" to verdict.checks.map { "${it.name} ${it.beyond} ${it.shot ?: "whole"}" },
             "checked" to verdict.checks.map { listOf(it.value, it.limit, it.refuses ?: 0.0) },
             "fatal" to verdict.reasons.map { it.fatal },
-            "values" to verdict.reasons.map { it.value ?: 0.0 },
-            "thresholds" to verdict.reasons.map { it.threshold ?: 0.0 },
             "causes" to case.shots.indices.flatMap { j ->
-                case.causes(j, case.rivals(), emptySet())?.probability?.values.orEmpty()
+                listOf(emptySet(), Causes.BY_WHITE).flatMap { witnesses ->
+                    case.causes(j, case.rivals(), witnesses)?.probability?.values.orEmpty()
+                }
             },
             "named" to
                 suspects.map { one -> one?.let { it.cause.word + it.patch?.let { patch -> " $patch" }.orEmpty() } },
