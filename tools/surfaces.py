@@ -1,4 +1,4 @@
-"""Makes data/colour.json from data/rawtoaces, data/surfaces and colour-science: surfaces, absorbers, observers.
+"""Makes data/colour.json from data/rawtoaces, data/surfaces and colour-science: surfaces, absorbers, an observer.
 
 `python -m tools.surfaces` writes the file from a checkout, `--check` tests that the sources still give the same.
 """
@@ -21,7 +21,7 @@ from camssf.recovery.basis import NODES
 from camssf.spectra import colour_science
 from camssf.spectra.bundled import COLOUR_FORMAT, SURFACE_NODES
 from tools.pages import DATA, GRID, Json, made_files
-from tools.tabulate import digest
+from tools.tabulate import digest, observer
 
 PLACE = DATA / "colour.json"
 SOURCE = Path(__file__).parents[1] / "data" / "rawtoaces" / "training_spectral.json"
@@ -39,14 +39,12 @@ UNIT = 1e-5
 """The unit of the library's whole numbers; one reflectance of it is far below the error of any instrument."""
 BILIRUBIN = (460.0, 30.0)
 """Peak and width (standard deviation), nm, of the Gaussian that stands for bilirubin bound to albumin."""
-OBSERVERS = {"1931": "CIE 1931 2 Degree Standard Observer", "1964": "CIE 1964 10 Degree Standard Observer"}
 
 
 def tabulate() -> Json:
     """The file's content."""
     data = SOURCE.read_bytes()
     table = json.loads(data)["spectral_data"]["data"]["main"]
-    functions = {name: colour_science().MSDS_CMFS[long_name] for name, long_name in OBSERVERS.items()}
     return {
         "format": COLOUR_FORMAT,
         "surfaces": {
@@ -63,15 +61,10 @@ def tabulate() -> Json:
             "sets": list(_sets()),
         },
         "absorbers": _absorbers(),
-        "observers": {
-            "name": f"colour-science {version('colour-science')}",
+        "observer": {
+            "name": f"CIE 1964 10°; colour-science {version('colour-science')}",
             "licence": "BSD-3-Clause",
-            "start": 380.0,
-            "step": 1.0,
-            "values": {
-                name: each.values[(each.wavelengths >= 380) & (each.wavelengths <= 720)].T.tolist()
-                for name, each in functions.items()
-            },
+            **observer(colour_science().MSDS_CMFS["CIE 1964 10 Degree Standard Observer"]),
         },
     }
 

@@ -63,7 +63,7 @@ def tabulate() -> Json:
         "lamps": {name: even(science.SDS_ILLUMINANTS[name]) for name in ILLUMINANTS},
         "kelvin": KELVIN,
         "daylight": _daylight(daylight),
-        "observer": _observer(science.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]),
+        "observer": observer(science.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]),
         "families": {name: _family(name, science) for name in FAMILIES},
         "charts": {"names": list(CHARTS), "tables": TABLES},
         "tables": {name: _chart(science.SDS_COLOURCHECKERS[name]) for name in TABLES.values()},
@@ -109,7 +109,7 @@ def _daylight(parts: Any) -> Json:
     return _stacked(start, step, {name: each["values"] for name, each in spectra.items()})
 
 
-def _observer(table: Any) -> Json:
+def observer(table: Any) -> Json:
     """The colour-matching functions from 380 to 720 nm."""
     rows = [i for i, nm in enumerate(table.wavelengths) if WAVELENGTHS[0] <= nm <= WAVELENGTHS[-1]]
     start, after = (float(table.wavelengths[i]) for i in rows[:2])

@@ -6,14 +6,14 @@ import numpy as np
 
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import read_lamp
-from camssf.spectra.bundled import observer_1931
+from camssf.spectra.bundled import observer
 
 
 def ink_jet_copy(wanted: Floats) -> Floats:
     """(n, 681) reflectance of ink amounts whose XYZ under D50 comes closest to that of `wanted`."""
     from scipy.optimize import least_squares
 
-    weights = observer_1931() * read_lamp("D50").values[:, None]
+    weights = observer("1931") * read_lamp("D50").values[:, None]
     weights = weights / weights[:, 1].sum()
     bands = ((605.0, 720.0), (505.0, 585.0), (375.0, 490.0))  # absorbed by cyan, magenta, yellow
     ink = np.array(

@@ -47,14 +47,6 @@ def illuminant(name: str) -> Floats:
 
 
 @cache
-def observer_1931() -> Floats:
-    """The CIE 1931 observer x̄ ȳ z̄ on the grid, (681, 3); smooth between its 1-nm nodes."""
-    entry = bundled()["observer"]
-    functions = [sprague(entry["start"], entry["step"], np.array(entry[name])) for name in "xyz"]
-    return frozen(np.stack(functions, axis=1))
-
-
-@cache
 def reflectances(table: str) -> Floats:
     """A bundled chart table on the grid, (n, 681); smooth between its nodes."""
     entry = bundled()["tables"][table]
@@ -178,8 +170,8 @@ def observer(name: str) -> Floats:
     """
     if name not in OBSERVERS:
         raise InvalidArgument(f"No observer is called {name!r}.", f"Take {' or '.join(OBSERVERS)}.")
-    table = _colour_table()["observers"]
-    return frozen(_rows(table | {"values": table["values"][name]}).T)
+    table = (bundled() if name == "1931" else _colour_table())["observer"]
+    return frozen(_rows(table | {"values": [table[axis] for axis in "xyz"]}).T)
 
 
 def correlated_temperature(xyz: Floats) -> Floats:

@@ -13,7 +13,7 @@ from camssf.errors import CalibrationError
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.photo.read.tiff import Tiff
 from camssf.spectra import CameraCurves
-from camssf.spectra.bundled import illuminant, observer_1931
+from camssf.spectra.bundled import illuminant, observer
 from camssf_lab.simulation.shot_plan import FileTags
 
 MAKE = "camssf"
@@ -102,10 +102,10 @@ def _ascii(text: str) -> str:
 
 def color_matrix(camera: CameraCurves, lamp: str = "D65") -> Floats:
     """(3, 3) XYZ to camera under a lamp: the CIE 1931 observer fitted to the curves, rows scaled to keep white."""
-    observer, daylight = observer_1931(), illuminant(lamp)
+    functions, daylight = observer("1931"), illuminant(lamp)
     weights = np.sqrt(daylight)[:, None]
-    matrix = np.linalg.lstsq(weights * observer, weights * camera.values, rcond=None)[0].T
-    white = daylight @ observer / (daylight @ observer[:, 1])
+    matrix = np.linalg.lstsq(weights * functions, weights * camera.values, rcond=None)[0].T
+    white = daylight @ functions / (daylight @ functions[:, 1])
     neutral = daylight @ camera.values
     return np.asarray(matrix * (neutral / neutral.max() / (matrix @ white))[:, None], dtype=np.float64)
 

@@ -9,13 +9,13 @@ import org.camssf.json.number
 import org.camssf.json.numbers
 import org.camssf.json.part
 import org.camssf.json.text
-import org.camssf.spectra.Interpolation
+import org.camssf.spectra.Bundled
 import kotlin.math.roundToInt
 
 /** Three curves or functions on [Grid], (3) of (681). */
 internal typealias Three = Array<DoubleArray>
 
-/** Reflectances of real surfaces, and standard observers: colour.json, the same file as in Python. */
+/** Reflectances of real surfaces, and an observer: colour.json, the same file as in Python. */
 internal object Tables {
     private val file: Members by lazy {
         val json = members(JsonText.parse(SurfaceModels.read("colour.json").decodeToString()))
@@ -43,19 +43,11 @@ internal object Tables {
     /** Absorption (35) of an absorber of skin at [SurfaceNodes]; 1 at its largest. */
     fun absorber(name: String): DoubleArray = file.part("absorbers").part("values").numbers(name)
 
-    /** Colour-matching functions of each observer, linear between 1-nm nodes. */
-    private val observers: Map<String, Three> by lazy {
-        val table = file.part("observers")
-        table.part("values").mapValues { (_, rows) ->
-            val functions = (rows as List<*>).map { numbers(it) }
-            Array(3) {
-                Interpolation.linear(
-                    Interpolation.nodes(table.number("start"), table.number("step"), functions[it].size),
-                    functions[it],
-                )
-            }
-        }
+    private val observers: Map<Observer, Three> by lazy {
+        val functions = mapOf(Observer.CIE_1931 to Bundled.observer(), Observer.CIE_1964 to Bundled.observer(file))
+        functions.mapValues { (_, xyz) -> xyz.toTypedArray() }
     }
 
-    fun observer(of: Observer): Three = observers.getValue(of.word)
+    /** Colour-matching functions, linear between 1-nm nodes. */
+    fun observer(of: Observer): Three = observers.getValue(of)
 }

@@ -78,8 +78,9 @@ internal object Bundled {
         ChartLayout(name, entry.whole("columns"), entry.whole("rows"), x, y)
     }
 
-    /** The CIE 1931 2° colour-matching functions x, y, z on the grid, (681) each. */
-    fun observer(): List<DoubleArray> = listOf("x", "y", "z").map { linear(file.part("observer"), it) }
+    /** The colour-matching functions x, y, z of a file on the grid, (681) each: CIE 1931 2°, or those of `from`. */
+    fun observer(from: Members = file): List<DoubleArray> =
+        listOf("x", "y", "z").map { linear(from.part("observer"), it) }
 
     /** Planck's law on the grid, (681), any scale: λ⁻⁵ / (exp(c₂ / λT) - 1), c₂ = 1.4388e-2 m K (CIE 15, ITS-90). */
     fun planck(kelvin: Double): DoubleArray {
