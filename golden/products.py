@@ -14,7 +14,9 @@ from camssf.grid import WAVELENGTHS, Floats
 from camssf.options import Options
 from camssf.photo.capture import Capture, MeasuredShot, Photo
 from camssf.photo.find.pose import Pose
+from camssf.photo.neighbours import SampleNoise
 from camssf.photo.patches import FrameMeans, PatchMeans
+from camssf.photo.photon_noise import Estimate
 from camssf.photo.read.colour_matrix import ColourMatrix
 from camssf.photo.read.dng import Mosaic, read_dng
 from camssf.photo.shot import Shot
@@ -232,7 +234,15 @@ def build_means(shot: Json) -> PatchMeans:
     black, saturation = np.array(shot["black"], float), float(shot["saturation"])
     frames = [_frame(shot[name]) for name in ("chart", "white", "dark")]
     assert frames[0] is not None
-    return PatchMeans(chart=frames[0], white=frames[1], dark=frames[2], black=black, saturation=saturation)
+    noise = _noise(shot["noise"]) if "noise" in shot else None
+    return PatchMeans(
+        chart=frames[0], white=frames[1], dark=frames[2], black=black, saturation=saturation, noise=noise
+    )
+
+
+def _noise(noise: Json) -> SampleNoise:
+    unlike, like = (noise[name] and Estimate(*noise[name]) for name in ("unlike", "like"))
+    return SampleNoise(step=noise["step"], unlike=unlike, like=like)
 
 
 def _frame(frame: Json | None) -> FrameMeans | None:

@@ -1,12 +1,15 @@
 package org.camssf.golden
 
+import kotlinx.serialization.json.JsonArray
 import kotlinx.serialization.json.JsonElement
 import kotlinx.serialization.json.JsonObject
 import kotlinx.serialization.json.jsonObject
 import org.camssf.Grid
+import org.camssf.photo.Estimate
 import org.camssf.photo.FrameMeans
 import org.camssf.photo.PatchMeans
 import org.camssf.photo.Photo
+import org.camssf.photo.SampleNoise
 import org.camssf.recovery.Gains
 import org.camssf.recovery.Tensor
 import org.camssf.spectra.ChartLayout
@@ -41,7 +44,16 @@ internal val PHOTO = Photo("golden", 600, 400, 1, null, null, false, "golden", "
 internal fun Forms.means(shot: JsonElement): PatchMeans {
     val given = shot.jsonObject
     val (chart, white, dark) = listOf("chart", "white", "dark").map { frame(given.getValue(it)) }
-    return PatchMeans(chart!!, white, dark, numbers(given.getValue("black")), number(given.getValue("saturation"))!!)
+    val noise = given["noise"]?.let { noise(it.jsonObject) }
+    val saturation = number(given.getValue("saturation"))!!
+    return PatchMeans(chart!!, white, dark, numbers(given.getValue("black")), saturation, noise = noise)
+}
+
+private fun noise(of: JsonObject): SampleNoise {
+    val (unlike, like) = listOf("unlike", "like").map { name ->
+        (of.getValue(name) as? JsonArray)?.let { numbers(it) }?.let { (value, error) -> Estimate(value, error) }
+    }
+    return SampleNoise(number(of.getValue("step"))!!, unlike, like)
 }
 
 private fun Forms.frame(frame: JsonElement): FrameMeans? {
