@@ -12,8 +12,6 @@ from pathlib import Path
 import pytest
 
 BINDINGS = Path(__file__).parents[2] / "android-bindings"
-ENVIRONMENT = os.environ | {"MAVEN_OPTS": "-XX:TieredStopAtLevel=1 -XX:+UseSerialGC"}
-"""A Java that compiles little: each build here is short."""
 
 pytestmark = pytest.mark.full
 if shutil.which("mvn") is None or shutil.which("gpg") is None or sys.platform == "win32":
@@ -22,7 +20,7 @@ if shutil.which("mvn") is None or shutil.which("gpg") is None or sys.platform ==
 
 def mvn(*words: str, variables: Mapping[str, str] | None = None) -> subprocess.CompletedProcess[str]:
     command = ["mvn", "--batch-mode", "--no-transfer-progress", "-N", "-f", str(BINDINGS), *words]
-    return subprocess.run(command, capture_output=True, text=True, env=ENVIRONMENT | dict(variables or {}))
+    return subprocess.run(command, capture_output=True, text=True, env=os.environ | (variables or {}))
 
 
 def version() -> str:
