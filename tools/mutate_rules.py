@@ -21,8 +21,8 @@ from typing import Any
 from benchmarks.shared import command_parser, progress
 
 PLACE = Path(__file__).parents[1] / "reference" / "camssf" / "data" / "rules.json"
-STAGES = ("verdict", "signals", "patches", "choice", "light", "rivals", "calibrate")
-"""Stages of golden cases; those of the first three take a second in all."""
+STAGES = ("verdict", "signals", "mosaic", "patches", "choice", "light", "rivals", "calibrate")
+"""Stages of golden cases; those of the first four take a second in all."""
 EQUIVALENT = {
     "calibration.hidden": "the row weighs a millionth of the others at 1000, and no more at 500 or 1500",
     "calibration.faintest": "no sensor gives a signal between half and one and a half millionths of white that is "

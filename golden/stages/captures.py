@@ -151,6 +151,7 @@ def light_rows() -> list[Row]:
          {"lamps": FOUR[:3], "unnamed": [1, 2, 3]}),
         ("matrices", "A white LED, and a file whose two colour matrices give the chromaticity of its white.",
          LED | {"colour_matrices": pair}),
+        ("matrices-daylight", "The same in daylight.", {"colour_matrices": pair}),
         ("wrong-matrices", "Colour matrices that give a white of no kind: the kinds stay as they are.",
          LED | {"colour_matrices": apart}),
         ("torch", "The phone's torch, a white LED, beside named daylight.",

@@ -31,6 +31,7 @@ def run(call: Call) -> dict[str, Any]:
         "width": width,
         "height": height,
         "samples_sha256": digest(photo.samples.astype("<u2").tobytes()),
+        "matrices": [matrix.light for matrix in photo.colour_matrices],
         "gain_maps": maps,
         **dict.fromkeys(("as_shot_white_xy", "noise_profile")),
         **{name: [] for name in ("masked_areas", "bad_pixels")},
@@ -63,7 +64,7 @@ STAGE = Stage(
     outputs=_METADATA
     | words(
         "sha256 width height samples_sha256 cfa black white make model orientation exposure iso color_matrix1 "
-        "color_matrix2 as_shot_neutral gain_maps"
+        "color_matrix2 as_shot_neutral matrices gain_maps"
     ),
     arrays=frozenset(),
 )

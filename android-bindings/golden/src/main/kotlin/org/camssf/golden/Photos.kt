@@ -43,6 +43,7 @@ internal class Photos(private val files: GoldenFiles) {
             "color_matrix1" to found.colours.colorMatrix1?.values,
             "color_matrix2" to found.colours.colorMatrix2?.values,
             "as_shot_neutral" to found.colours.asShotNeutral?.values,
+            "matrices" to found.colours.colourMatrices.map { it.light },
             "gain_maps" to found.corrections.gainMaps.map { gainMap(it) },
             "as_shot_white_xy" to found.colours.asShotWhiteXY?.values,
             "noise_profile" to found.sensor.noiseProfile?.values,
