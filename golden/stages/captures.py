@@ -10,12 +10,13 @@ import numpy as np
 from camssf.calibration import solve as calibrate_capture
 from camssf.fit.capture_fit import prepare_fit
 from camssf.fit.solutions import cross_validate, prediction_bands, recover_each_shot, recover_fit, score
+from camssf.spectra.bundled import observer
 from camssf.verdict.assumptions import assume
 from camssf.verdict.rival_lamps import weigh, weigh_rivals
 from golden.contract import LARGEST_GAP, Call, Stage, case, words
-from golden.forms import Json
+from golden.forms import Json, lamp
 from golden.products import CAPTURE, build_capture, chosen, judgement
-from golden.scenes import ALL, BOTH, CANON, NIKON, PHONE, Row, clip, dimmed, evenly, frames, uneven_light
+from golden.scenes import ALL, BOTH, CANON, GAINS, NIKON, PHONE, Row, clip, dimmed, evenly, frames, uneven_light
 
 TAKEN: Json = {"camera": NIKON, "lamps": ["D55"], "noise": "low", "taken": "babelcolor", "fading": 0.0}
 """The photos of the base case, unless a row gives `shots`; `named`: lamps' names, if others than the true ones."""
@@ -114,9 +115,11 @@ def calibrate(call: Call) -> dict[str, Any]:
     }
 
 
-def matrix(made_for: str, tint: float) -> Json:
-    """A colour matrix that takes the scene's equal raw white for a light of about 5,000 K."""
-    return {"light": made_for, "values": [1.0 / 0.96, 0.0, 0.0, 0.0, tint, 0.0, 0.0, 0.0, 1.0 / 0.82]}
+def matrix(made_for: str, name: str, tint: float = 1.0) -> Json:
+    """A colour matrix that takes the scene's raw white for that lamp's, with a factor on green."""
+    xyz = lamp(name) @ observer("1931")
+    diagonal = np.diag(np.array(GAINS) * [1.0, tint, 1.0] * xyz[1] / xyz)
+    return {"light": made_for, "values": np.round(diagonal, 6).ravel().tolist()}
 
 
 def light_rows() -> list[Row]:
@@ -124,7 +127,7 @@ def light_rows() -> list[Row]:
     base: Json = {"camera": PHONE, "noise": "usual", "basis": "auto", "make": "Apple", "unnamed": [1]}
     two: Json = {"lamps": BOTH, "unnamed": [1, 2]}
     called: Json = {"unnamed": []}
-    pair, apart = [[matrix("A", 0.9), matrix("D65", 1.1)]], [[matrix("D65", 3.0)]]
+    pair = [[matrix("A", "LED-B3", 0.9), matrix("D65", "LED-B3", 1.1)]]
     fallen = dimmed(evenly(PHONE, ["LED-B3"], noise="usual"), uneven_light())
     table: list[Row] = [
         ("daylight", "Unnamed light, in truth D55.", {}),
@@ -151,9 +154,10 @@ def light_rows() -> list[Row]:
          {"lamps": FOUR[:3], "unnamed": [1, 2, 3]}),
         ("matrices", "A white LED, and a file whose two colour matrices give the chromaticity of its white.",
          LED | {"colour_matrices": pair}),
-        ("matrices-daylight", "The same in daylight.", {"colour_matrices": pair}),
+        ("matrices-daylight", "One matrix, in daylight.", {"colour_matrices": [[matrix("D65", "D55")]]}),
+        ("matrices-bulb", "The same under a bulb.", {"lamps": ["A"], "colour_matrices": [[matrix("A", "A")]]}),
         ("wrong-matrices", "Colour matrices that give a white of no kind: the kinds stay as they are.",
-         LED | {"colour_matrices": apart}),
+         LED | {"colour_matrices": [[matrix("D65", "LED-B3", 3.0)]]}),
         ("torch", "The phone's torch, a white LED, beside named daylight.",
          called | {"lamps": ["LED-B3", "D55"], "torch": [1]}),
         ("other-kind", "A bulb named D55, beside unnamed daylight: the advice names the likely kind.",
