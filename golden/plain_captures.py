@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from camssf.grid import WAVELENGTHS, Floats
+from camssf.spectra.charts import faded
 from golden.forms import Json, camera, chart, lamp
 
 CAMERA, LAMPS = "Nikon D5100", ("D55", "A")
@@ -133,9 +134,9 @@ def processed(
     return made | {"shots": [shot | {"noise": noise} for shot in made["shots"]]}
 
 
-def predicted(k: int = 1, white: int | None = None) -> Floats:
-    """(24, 3) or (k, 24, 3) signals by the integrals of Eq. (5), to seven decimals."""
-    R, s = chart("babelcolor"), camera(CAMERA)
+def predicted(k: int = 1, white: int | None = None, fading: float = 0.0) -> Floats:
+    """(24, 3) or (k, 24, 3) signals by the integrals of Eq. (5), to seven decimals; fading: of the chart."""
+    R, s = faded(chart("babelcolor"), fading), camera(CAMERA)
     rho = np.ones(R.shape[1]) if white is None else R[white]
     y = np.stack([((R * lamp(name)) @ s) / ((rho * lamp(name)) @ s) for name in LAMPS[:k]])
     return np.round(y if k > 1 else y[0], 7)

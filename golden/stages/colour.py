@@ -90,6 +90,10 @@ def rows() -> list[Row]:
          but(shots=[{"lamp": {"name": "desk.csv"}}]), "D65", under("A")),
         ("error-contradicted", "A reference lit by a bulb, and daylight was named.",
          BASE, "D65", under("A", expect="lamp_unfit")),
+        ("tinted", "The raw ratios of the reference are off by a tenth: χ² = 14 does not reject the lamp.",
+         BASE, "D65", under("D65", tint=(1.1, 1.0, 0.995))),
+        ("error-tinted", "Off by an eighth: χ² = 20 does.",
+         BASE, "D65", under("D65", tint=(1.12, 1.0, 0.995), expect="lamp_unfit")),
         ("error-auto", "The lamp is unknown.", BASE, "auto", wrong),
         ("error-blind", "A channel that sees nothing.", but(ssf=blind), "D65", wrong),
     ]  # fmt: skip
@@ -113,10 +117,11 @@ def photo(
     signals: Any = None,
     noise: float = 0.005,
     tolerance: float = 0.01,
+    tint: Sequence[float] = TINT,
 ) -> Json:
     """Lamp, signals and reference of a photo; its signals are the chart's under the `true` lamp.
 
-    asked: whether the reference's raw ratios are given.
+    asked: whether the reference's raw ratios are given; tint: factors of their error.
     """
     seen = curves() * read_lamp(true or (lamp if lamp != "auto" else FIRST)).values[:, None]
     first = (curves() * read_lamp(FIRST).values[:, None]).sum(axis=0)
@@ -127,7 +132,7 @@ def photo(
         "standard_error": plain(np.hypot(noise * np.array(y), 0.1 * noise)),
         "reference": {
             "tolerance": tolerance,
-            "raw": plain(8000.0 * np.array(GAINS) * TINT * seen.sum(axis=0) / first) if asked else None,
+            "raw": plain(8000.0 * np.array(GAINS) * tint * seen.sum(axis=0) / first) if asked else None,
             "error": 0.002,
         },
     }

@@ -98,6 +98,8 @@ def rows() -> list[Row]:
         ("no-single-cause", "All patches off, without a pattern.", capture(y * ripple(0.1)), "doubtful chart_unfit"),
         ("other-table", "Every patch is lighter or darker: the chart is hardly the table's.",
          capture(y * (1 + 0.2 * np.sin(7.0 * PATCH[:, None]))), "refused chart_unfit"),
+        ("faded", "Four patches of a chart that lost a third of its colour.",
+         capture(predicted(fading=0.3), used=4), "doubtful chart_unfit underexposed"),
         ("misfit-refuses", "χ² is above eight times the expected.", capture(y * ripple(0.12)), "refused chart_unfit"),
         ("second-of-two", "The second white frame is in another light.", capture(spoilt), "refused frames_differ"),
         ("contradiction", "Each of two shots fits alone, together they do not.",

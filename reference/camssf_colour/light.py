@@ -16,12 +16,12 @@ from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery.arrays import Array, constant, eye, inverse, namespace, whiten
 from camssf.recovery.covariance import LAMP_CORRELATION, smooth_errors
 from camssf.recovery.rows import DARKEST
+from camssf.rules import rules
 from camssf.spectra import Lamp
 from camssf_colour.camera import Camera
 
 STEPS = 4
-OWN_WHITE = 0.01
-"""Relative error of the calibration's own white ratios by target, drift and noise; its lamp's error is added."""
+OWN_WHITE = rules().number("colour.own_white")
 
 
 @dataclass(frozen=True)

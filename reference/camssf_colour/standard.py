@@ -13,6 +13,7 @@ from camssf.colorimetry import adaptation, lab, lab_slopes, white_of, xyz_of
 from camssf.errors import InvalidArgument
 from camssf.grid import BAND, Floats
 from camssf.messages import fail
+from camssf.rules import rules
 from camssf.spectra import Lamp, LampLike, Unnamed, read_lamp, read_light
 from camssf.spectra.bundled import observer
 from camssf.spectra.lights import kind_of
@@ -29,10 +30,7 @@ PARTS = ("curves", "lamp", "noise", "reference", "metamers")
 """Sources of a colour's covariance."""
 PRIOR = "general"
 """Prior of the surfaces' reflectance."""
-CONTRADICTED = 18.4
-"""χ² of the reference's two ratios above which the named lamp is rejected; chance exceeds it once in 10,000."""
-
-
+CONTRADICTED = rules().number("colour.contradicted")
 SHOWN = 4
 """Most colours that a Colours prints of itself."""
 

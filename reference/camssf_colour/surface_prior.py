@@ -18,31 +18,19 @@ import numpy as np
 from camssf.errors import InvalidArgument
 from camssf.files import local
 from camssf.grid import Floats, frozen
-from camssf.spectra.bundled import SURFACE_NODES, absorbers, surface_sets
+from camssf.rules import rules
+from camssf.spectra.bundled import SURFACE_NODES, absorber_changes, absorbers, surface_sets
 from camssf.spectra.sampled import ascending, check_wavelengths
 from camssf.spectra.tables import read_spectra
 from camssf.spectra.text import looks_like_file
 
 PRIORS = ("general", "skin")
 """Names that `read_prior` accepts beside the path of a file."""
-NEIGHBOURS = 8
-WIDTH = 1.3
-"""Width of a surface's Gaussian in units of the root mean square distance to its nearest ones."""
-NARROWEST = 0.1
-"""Least such distance, in units of the median over all surfaces."""
-ROUGHNESS, ROUGHNESS_CORRELATION = 0.008, 20.0
-"""Standard deviation and correlation length, nm, of the fine structure that no neighbour shows, for a mean of 1."""
-SKINS_COUNT = 8.0
-"""Weight of a skin in the prior "general"; another surface has 1. Photos show skin more often than the library."""
-CHANGES = (
-    ("oxyhaemoglobin", 0.8, 0.2),
-    ("deoxyhaemoglobin", 0.8, 0.2),
-    ("bilirubin", 0.2, 0.0),
+NEIGHBOURS = rules().whole("surfaces.neighbours")
+WIDTH, NARROWEST, ROUGHNESS, ROUGHNESS_CORRELATION, SKINS_COUNT, SATURATION = (
+    rules().number(f"surfaces.{word}")
+    for word in ("width", "narrowest", "roughness", "roughness_correlation", "skins_count", "saturation")
 )
-"""Changes within one person, for the prior "skin": absorber, and the standard deviations of -Δ ln R at its largest
-absorption, of a layer above everything and of one that light reaches the less the more it is absorbed."""
-SATURATION = 0.08
-"""Absorption, in parts of the largest, at which the second layer's effect is half of its largest."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +64,7 @@ def read_prior(spec: PriorLike) -> SurfacePrior:
 
     Args:
         spec: "general" (760 surfaces and 97 skins, each skin counted SKINS_COUNT times), "skin" (the 97 skins,
-            widened by CHANGES), a CSV, CGATS or CxF file with one reflectance for each surface, or a prior.
+            widened by `skin_changes`), a CSV, CGATS or CxF file with one reflectance for each surface, or a prior.
 
     Raises:
         InvalidArgument: an unknown name; a file that cannot be read, does not cover 400 to 700 nm, or holds values
@@ -159,13 +147,13 @@ def _shipped(name: str) -> SurfacePrior:
 
 
 def skin_changes() -> Floats:
-    """(q, 35) relative changes of a skin's reflectance, one standard deviation each, as CHANGES says.
+    """(q, 35) relative changes of a skin's reflectance within one person, one standard deviation each.
 
     -size a(λ) for the layer above everything, -size a(λ) (1 + c) / (a(λ) + c) for the one that saturates.
     """
     changes = []
-    for name, above, below in CHANGES:
-        a = absorbers()[name]
+    for name, a in absorbers().items():
+        above, below = absorber_changes()[name]
         changes += [-above * a, -below * a * (1.0 + SATURATION) / (a + SATURATION)]
     return np.stack([change for change in changes if change.any()])
 

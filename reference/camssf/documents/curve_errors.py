@@ -11,10 +11,9 @@ from camssf.grid import Floats
 from camssf.recovery.basis import Basis, read_basis, widened
 from camssf.recovery.posterior import peak_normalised_jacobian
 from camssf.recovery.rows import anchor
+from camssf.rules import rules
 
-BAND_CORRELATION = 10.0
-"""Correlation length of a curve's errors if only its band is known, nm. Photos determine integrals of the curves, so
-true errors change sign; a longer length would overestimate the uncertainty of colours even more."""
+BAND_CORRELATION = rules().number("colour.band_correlation")
 LEAST = 1e-6
 """Modes with less than this share of the largest mode's variance are left out."""
 

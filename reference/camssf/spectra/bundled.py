@@ -162,6 +162,14 @@ def absorbers() -> dict[str, Floats]:
 
 
 @cache
+def absorber_changes() -> dict[str, tuple[float, float]]:
+    """How much each absorber of a skin changes within one person: the standard deviations of -Δ ln R at its largest
+    absorption, of a layer above everything and of one that light reaches the less the more it is absorbed.
+    """
+    return {name: (above, below) for name, (above, below) in _colour_table()["absorbers"]["changes"].items()}
+
+
+@cache
 def observer(name: str) -> Floats:
     """Colour-matching functions x̄ ȳ z̄, (681, 3): CIE 1931 (2°) or CIE 1964 (10°), linear between 1-nm nodes.
 

@@ -34,8 +34,7 @@ OTHER_LAMP = rules().reasons["rival"].message.key
 PATCH = rules().reasons["patch"].message.key
 SEEN = {rules().reasons[name].message.key for name in ("mixed", "demosaiced", "smoothed")}
 """Messages of rule 11, which the samples' noise shows: what has changed the samples comes before any cause."""
-FADED = (0.15, 0.3)
-"""How much of its colour a chart may have lost."""
+FADED = rules().number("causes.faded_small"), rules().number("causes.faded_large")
 
 
 def tables_of_causes(table: ChartTable) -> tuple[ChartTable, ...]:

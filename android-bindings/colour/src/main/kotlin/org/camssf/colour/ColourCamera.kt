@@ -5,6 +5,7 @@ import org.camssf.Grid
 import org.camssf.InvalidArgument
 import org.camssf.Recovered
 import org.camssf.Refused
+import org.camssf.Rules
 import org.camssf.SavedResult
 import org.camssf.json.JsonText
 import org.camssf.photo.DocumentForm
@@ -261,7 +262,7 @@ internal class ColourCamera private constructor(
         private val none = emptyList<Three>()
 
         /** Correlation length of a curve's errors if only its band is known, nm. */
-        private const val BAND_CORRELATION = 10.0
+        private val BAND_CORRELATION get() = Rules.shipped.number("colour.band_correlation")
 
         /** Modes with less than this fraction of the largest one's variance are left out. */
         private const val LEAST = 1e-6

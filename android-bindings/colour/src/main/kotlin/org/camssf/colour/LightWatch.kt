@@ -5,6 +5,7 @@ import org.camssf.FramesDiffer
 import org.camssf.InvalidArgument
 import org.camssf.Reason
 import org.camssf.Refusal
+import org.camssf.Rules
 import org.camssf.Underexposed
 import org.camssf.UnitDiffers
 import org.camssf.frozen
@@ -147,7 +148,7 @@ internal class WhiteRatios(raw: DoubleArray, standardError: DoubleArray, ratioEr
          * χ² of a white's two raw ratios above which its light is not the named or the earlier one; chance exceeds it
          * once in 10,000.
          */
-        const val CONTRADICTED = 18.4
+        val CONTRADICTED get() = Rules.shipped.number("colour.contradicted")
 
         fun of(reference: Reference, ratioError: Double): WhiteRatios =
             WhiteRatios(reference.sharedRaw, reference.sharedError, ratioError)

@@ -1,6 +1,7 @@
 package org.camssf.colour
 
 import org.camssf.InvalidArgument
+import org.camssf.Rules
 import org.camssf.recovery.Tensor
 import kotlin.math.exp
 import kotlin.math.ln
@@ -96,8 +97,8 @@ public class SurfacePrior private constructor(public val name: String, internal 
         }
 
         /** Of each absorber a layer above everything, and one that light reaches the less the more it is absorbed. */
-        private fun changesOfSkin(): List<DoubleArray> = CHANGES.flatMap { (name, above, below) ->
-            val a = Tables.absorber(name)
+        private fun changesOfSkin(): List<DoubleArray> = Tables.changes().flatMap { (name, sizes) ->
+            val (a, above, below) = Triple(Tables.absorber(name), sizes[0], sizes[1])
             listOf(
                 DoubleArray(a.size) { -above * a[it] },
                 DoubleArray(a.size) { -below * a[it] * (1 + SATURATION) / (a[it] + SATURATION) },
@@ -114,18 +115,13 @@ public class SurfacePrior private constructor(public val name: String, internal 
             }
         }
 
-        // As in Python's camssf_colour.surface_prior, where each is explained.
-        private const val NEIGHBOURS = 8
-        private const val WIDTH = 1.3
-        private const val NARROWEST = 0.1
-        private const val ROUGHNESS = 0.008
-        private const val ROUGHNESS_CORRELATION = 20.0
-        private const val SKINS_COUNT = 8.0
-        private const val SATURATION = 0.08
-        private val CHANGES = listOf(
-            Triple("oxyhaemoglobin", 0.8, 0.2),
-            Triple("deoxyhaemoglobin", 0.8, 0.2),
-            Triple("bilirubin", 0.2, 0.0),
-        )
+        private fun number(word: String) = Rules.shipped.number("surfaces.$word")
+        private val NEIGHBOURS get() = Rules.shipped.whole("surfaces.neighbours")
+        private val WIDTH get() = number("width")
+        private val NARROWEST get() = number("narrowest")
+        private val ROUGHNESS get() = number("roughness")
+        private val ROUGHNESS_CORRELATION get() = number("roughness_correlation")
+        private val SKINS_COUNT get() = number("skins_count")
+        private val SATURATION get() = number("saturation")
     }
 }

@@ -43,6 +43,11 @@ internal object Tables {
     /** Absorption (35) of an absorber of skin at [SurfaceNodes]; 1 at its largest. */
     fun absorber(name: String): DoubleArray = file.part("absorbers").part("values").numbers(name)
 
+    /** Of each absorber of skin how much it changes within one person, as Python's `absorber_changes` says. */
+    fun changes(): Map<String, DoubleArray> = file.part("absorbers").part("changes").let { of ->
+        of.keys.associateWith { of.numbers(it) }
+    }
+
     private val observers: Map<Observer, Three> by lazy {
         val functions = mapOf(Observer.CIE_1931 to Bundled.observer(), Observer.CIE_1964 to Bundled.observer(file))
         functions.mapValues { (_, xyz) -> xyz.toTypedArray() }

@@ -17,7 +17,7 @@ import org.camssf.spectra.Lamp
 internal class WhiteSignal(val raw: DoubleArray, val fromReference: Boolean, val photonNoise: DoubleArray) {
     companion object {
         /** Relative error of the calibration's own white by target, drift and noise; its lamp's error is added. */
-        const val OWN_WHITE = 0.01
+        val OWN_WHITE get() = Rules.shipped.number("colour.own_white")
 
         /**
          * The white signal by a reference.

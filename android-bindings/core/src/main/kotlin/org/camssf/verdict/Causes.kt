@@ -146,7 +146,7 @@ internal class Causes(
         }
 
         /** How much of its colour a chart may have lost. */
-        private val FADED = listOf(0.15, 0.3)
+        private val FADED get() = listOf("causes.faded_small", "causes.faded_large").map { Rules.shipped.number(it) }
 
         /**
          * Weighs the causes of a shot.
