@@ -15,8 +15,8 @@ from golden.scenes import BETWEEN, BOTH, ODD, PHONE, TWELVE, YELLOW_PHONE, Row, 
 
 TOLD: Json = {"camera": BETWEEN, "lamps": ["D55"], "patches": TWELVE, "noise": "usual"}
 """Little is known: one lamp, twelve patches, the usual noise."""
-SIX = list(range(13, 19))
-"""Saturated colours, which fade most."""
+DULL: Json = {"camera": PHONE, "lamps": ["D55"], "patches": list(range(13, 19))}
+"""Saturated colours, whose fading is seen most."""
 
 
 def rows() -> list[Row]:
@@ -39,10 +39,9 @@ def rows() -> list[Row]:
          {"camera": moved(10.0)}),
         ("faded", "A chart that lost a fifth of its colours: noticed, and the prior is not wider.",
          {"camera": PHONE, "fading": 0.2}),
-        ("faded-barely", "Odds of 22 : 1 that the chart has faded, where 20 : 1 are asked for: it is taken to have.",
-         {"camera": PHONE, "lamps": ["D55"], "patches": SIX, "fading": 0.176}),
-        ("faded-hardly", "Odds of 17 : 1: it is not.",
-         {"camera": PHONE, "lamps": ["D55"], "patches": SIX, "fading": 0.173}),
+        ("faded-barely", "Odds of 22 : 1 that the chart has faded; from 20 : 1 on it is taken to have.",
+         DULL | {"fading": 0.176}),
+        ("faded-hardly", "Odds of 17 : 1: it is not.", DULL | {"fading": 0.173}),
         ("l1-only", "λ₂ = 0: the evidence does not know of the penalties.", TOLD | {"l2": 0.0, "gamma": 1.4}),
     ]  # fmt: skip
 
