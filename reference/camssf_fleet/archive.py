@@ -169,8 +169,7 @@ def unfinished(manifest: Manifest, registry: Registry, summary: Summary, archive
                 f"SELECT {_bits('job')} AS job, {made_from} FROM jobs WHERE key <> '' AND "
                 "status IN ('accepted', 'doubtful') ORDER BY job, added"
             ).fetchnumpy(),
-        ),
-        rows=True,
+        )
     )
     numbers, kept, *_, ended = tasks.values()
     same = np.asarray(next(iter(curves.values())), dtype=np.uint64)

@@ -26,7 +26,7 @@ from camssf.places import (
     write_place,
 )
 from camssf_fleet.inputs import file_hash
-from camssf_fleet.record_queries import connection, create_views, fill, quoted
+from camssf_fleet.record_queries import Views, connection, fill, quoted
 from camssf_fleet.records import COLUMNS, HEAD, JOB
 
 Answer = TypeVar("Answer")
@@ -219,14 +219,11 @@ class RecordFiles:
 
     # Reading
 
-    def ask(
-        self, question: Callable[[Any], Answer], *, rows: bool = False, files: Sequence[str] | None = None
-    ) -> Answer:
+    def ask(self, question: Callable[[Views], Answer], files: Sequence[str] | None = None) -> Answer:
         """Call a function with a connection that has the views; again if a file was compacted meanwhile.
 
         Args:
             question: gets the connection.
-            rows: the view `rows` is needed, too.
             files: read these only.
 
         Raises:
@@ -240,8 +237,7 @@ class RecordFiles:
                 sizes = sizes if files is None else {path: sizes[path] for path in files if path in sizes}
                 try:
                     with connection(self.folder, sizes) as con:
-                        create_views(con, list(sizes), rows)
-                        return question(con)
+                        return question(Views(con, list(sizes)))
                 except (FileNotFoundError, duckdb.Error) as error:
                     if attempt + 1 == ATTEMPTS or not sizes.keys() - self.sizes().keys():
                         self._name_damaged(sizes, error)

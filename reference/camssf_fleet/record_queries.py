@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -22,6 +25,18 @@ _CONFIG = {
 }
 
 
+@cache
+def _database(process: int) -> Any:
+    """A database in memory; to make one takes 30 ms, so a process has one for all local files.
+
+    Args:
+        process: the number of this process; a child's copy of a parent's database may not work.
+    """
+    import duckdb
+
+    return duckdb.connect(":memory:", config=_CONFIG)
+
+
 @contextmanager
 def connection(folder: Place | None = None, sizes: Mapping[str, int] | None = None) -> Iterator[Any]:
     """A DuckDB connection in memory, without extensions or temporary files, that can read a folder's files.
@@ -32,55 +47,83 @@ def connection(folder: Place | None = None, sizes: Mapping[str, int] | None = No
     """
     import duckdb
 
-    con = duckdb.connect(":memory:", config=_CONFIG)
+    remote = folder is not None and is_remote(folder)
+    con = duckdb.connect(":memory:", config=_CONFIG) if remote else _database(os.getpid()).cursor()
     try:
-        con.execute("SET TimeZone = 'UTC'")
-        if folder is not None and is_remote(folder):
+        con.execute("SET TimeZone = 'UTC'; SET parquet_metadata_cache = true")
+        if folder is not None and remote:
             con.register_filesystem(file_system(folder, sizes or {}))
         yield con
     finally:
         con.close()
 
 
-def create_views(con: Any, files: Sequence[str], rows: bool = False) -> None:
-    """Create views of the records in files; a column that lacks in an older file is null, and a later one is kept.
+class Views:
+    """A connection with views of the records in files, each created when a statement first names it: each takes time.
 
     `stored` has all records, `records` those that are not deleted, `said` of these what says something of a result.
     `results` has one row a result (`rows_of`), `rows` the same with times in UTC without a zone, for NumPy and for
     Python, where DuckDB needs another library to give times with one; so has `jobs`, with the ends of jobs.
+    A column that lacks in an older file is null, and a later one is kept.
 
     Args:
         con: the connection.
         files: paths or URLs.
-        rows: create `results` and `rows`, too; that looks for results that several records speak of.
     """
-    con.execute(f"CREATE TEMP TABLE nothing ({', '.join(f'{name} {kind}' for name, kind in COLUMNS.items())})")
-    read = ""
-    if files:
-        paths = ", ".join(quoted(path) for path in files)
-        options = "union_by_name = true, filename = true, hive_partitioning = false"
-        read = f" UNION ALL BY NAME SELECT * FROM read_parquet([{paths}], {options})"
-    con.execute(f"CREATE TEMP VIEW stored AS SELECT *, '' AS filename FROM nothing{read}")
-    con.execute(
-        f"CREATE TEMP TABLE deleted AS SELECT unnest(records) AS record FROM stored WHERE kind = '{DELETION}'"
-    )
-    (deleted,) = con.execute("SELECT count(*) FROM deleted").fetchone()
-    without = " WHERE record NOT IN (FROM deleted)" if deleted else ""
-    con.execute(f"CREATE TEMP VIEW records AS FROM stored{without}")
-    con.execute(f"CREATE TEMP VIEW said AS FROM records WHERE kind IN {OF_RESULTS}")
-    con.execute(f"CREATE TEMP VIEW jobs AS SELECT {in_utc(COLUMNS)} FROM records WHERE kind = '{JOB}'")
-    if not rows:
-        return
-    several = "SELECT hash(key) AS hash FROM said GROUP BY ALL HAVING count(*) > 1"
-    con.execute(f"CREATE TEMP TABLE several AS {several}")
-    (count,) = con.execute("SELECT count(*) FROM several").fetchone()
-    names = ", ".join([*columns(Row), "filename"])
-    whole = f"SELECT {names} FROM said WHERE kind IN ('{RESULT}', '{EXCERPT}')"
-    if count:
-        folded = rows_of("hash(key) IN (FROM several)")
-        whole += f" AND hash(key) NOT IN (FROM several) UNION ALL SELECT {names} FROM ({folded}) WHERE held"
-    con.execute(f"CREATE TEMP VIEW results AS {whole}")
-    con.execute(f"CREATE TEMP VIEW rows AS SELECT {in_utc(columns(Row))} FROM results")
+
+    def __init__(self, con: Any, files: Sequence[str]) -> None:
+        self._con, self._files, self._made = con, files, set[str]()
+
+    def execute(self, sql: str, values: Sequence[Any] = ()) -> Any:
+        """As of a DuckDB connection."""
+        for name in map("".join, _VIEW.findall(sql)):
+            if name.lower() not in self._made:
+                self._made.add(name.lower())
+                getattr(self, f"_{name.lower()}")()
+        return self._con.execute(sql, values)
+
+    def _stored(self) -> None:
+        columns = ", ".join(f"{name} {kind}" for name, kind in COLUMNS.items())
+        self.execute(f"CREATE TEMP TABLE nothing ({columns})")
+        read = ""
+        if self._files:
+            paths = ", ".join(map(quoted, self._files))
+            options = "union_by_name = true, filename = true, hive_partitioning = false"
+            read = f" UNION ALL BY NAME SELECT * FROM read_parquet([{paths}], {options})"
+        self.execute(f"CREATE TEMP VIEW stored AS SELECT *, '' AS filename FROM nothing{read}")
+
+    def _deleted(self) -> None:
+        records = f"SELECT unnest(records) AS record FROM stored WHERE kind = '{DELETION}'"
+        self.execute(f"CREATE TEMP TABLE deleted AS {records}")
+
+    def _records(self) -> None:
+        (deleted,) = self.execute("SELECT count(*) FROM deleted").fetchone()
+        without = " WHERE record NOT IN (FROM deleted)" if deleted else ""
+        self.execute(f"CREATE TEMP VIEW records AS FROM stored{without}")
+
+    def _said(self) -> None:
+        self.execute(f"CREATE TEMP VIEW said AS FROM records WHERE kind IN {OF_RESULTS}")
+
+    def _jobs(self) -> None:
+        self.execute(f"CREATE TEMP VIEW jobs AS SELECT {in_utc(COLUMNS)} FROM records WHERE kind = '{JOB}'")
+
+    def _results(self) -> None:
+        several = "SELECT hash(key) AS hash FROM said GROUP BY ALL HAVING count(*) > 1"
+        self.execute(f"CREATE TEMP TABLE several AS {several}")
+        (count,) = self.execute("SELECT count(*) FROM several").fetchone()
+        names = ", ".join([*columns(Row), "filename"])
+        whole = f"SELECT {names} FROM said WHERE kind IN ('{RESULT}', '{EXCERPT}')"
+        if count:
+            folded = rows_of("hash(key) IN (FROM several)")
+            whole += f" AND hash(key) NOT IN (FROM several) UNION ALL SELECT {names} FROM ({folded}) WHERE held"
+        self.execute(f"CREATE TEMP VIEW results AS {whole}")
+
+    def _rows(self) -> None:
+        self.execute(f"CREATE TEMP VIEW rows AS SELECT {in_utc(columns(Row))} FROM results")
+
+
+_VIEW = re.compile(r"(?i)\bFROM\s+(stored|deleted|records|said|results)\b|\b(rows|jobs)\b")
+"""What a statement names; only those of users may name one elsewhere than after FROM."""
 
 
 def rows_of(condition: str) -> str:
@@ -160,7 +203,7 @@ def in_utc(kinds: Mapping[str, str]) -> str:
 
 def all_records(con: Any) -> Iterator[dict[str, Any]]:
     """All records that are stored, with all their columns, also those of a later release, and `filename`."""
-    kinds = {name: kind for name, kind, *_ in con.execute("DESCRIBE stored").fetchall()}
+    kinds = {name: kind for name, kind, *_ in con.execute("DESCRIBE FROM stored").fetchall()}
     return batches(con.execute(f"SELECT {in_utc(kinds)} FROM stored"))
 
 

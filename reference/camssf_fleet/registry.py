@@ -227,8 +227,9 @@ class Registry:
         """Write records with their hashes, and who adds them; one that says what a deleted one said is a revision."""
         if not records:
             return
-        deleted = {record for (record,) in self.files.ask(lambda con: con.execute("FROM deleted").fetchall())}
-        by, named = _user(), []
+        by, named, deleted = _user(), [], set[str]()
+        if records[0]["kind"] != LIST:  # no list is ever deleted
+            deleted = {record for (record,) in self.files.ask(lambda con: con.execute("FROM deleted").fetchall())}
         for record in records:
             hashed = record_hash(record)
             while hashed in deleted:
@@ -242,25 +243,19 @@ class Registry:
 
         If one list was lost, and a list of these records after the lists before it has its hash, it is written again.
         """
-        unlisted = self.files.ask(
-            query_of(
-                "SELECT DISTINCT record, coalesce(key, '') AS key FROM records WHERE kind <> 'list' "
-                "AND record NOT IN (SELECT unnest(records) FROM records WHERE kind = 'list') ORDER BY record",
-                [],
-            )
+        sql = (
+            "SELECT DISTINCT record, coalesce(key, '') AS key FROM records WHERE kind <> 'list' "
+            "AND record NOT IN (SELECT unnest(records) FROM records WHERE kind = 'list') ORDER BY record",
+            "SELECT record, previous FROM records WHERE kind = 'list'",
         )
+        unlisted, there = self.files.ask(lambda con: [query_of(text, [])(con) for text in sql])
         if not unlisted:
             return
-        known = self.lists()
+        known = {row["record"]: row["previous"] or [] for row in there}
         lost = {record for previous in known.values() for record in previous} - known.keys()
         lists = _lists(unlisted, heads(known))
         again = _lists(unlisted, heads(known, lost)) if lost else lists
         self._write(again if record_hash(again[-1]) in lost else lists, datetime.now(UTC))
-
-    def lists(self) -> dict[str, list[str]]:
-        """The lists before each list, by hash."""
-        lists = self.files.ask(query_of("SELECT record, previous FROM records WHERE kind = 'list'", []))
-        return {row["record"]: row["previous"] or [] for row in lists}
 
     def delete(self, unit: Unit) -> Deletion:
         """Delete all records of a unit's results, and of its jobs, and the files that held them.
@@ -280,7 +275,7 @@ class Registry:
             records = con.execute(sql, [[row["key"] for row in results], *values])
             return results, dicts(records)
 
-        results, records = self.files.ask(question, rows=True)
+        results, records = self.files.ask(question)
         if records:
             self.files.holders([row["record"] for row in records])  # raises before anything is written
             said = {"records": [row["record"] for row in records], "keys": [row["key"] for row in records]}
@@ -299,11 +294,11 @@ class Registry:
 
     def query(self, sql: str, values: Sequence[Any] = ()) -> list[Json]:
         """The rows that a query on the views `rows` and `jobs` returns."""
-        return self.files.ask(query_of(sql, values), rows=True)
+        return self.files.ask(query_of(sql, values))
 
     def arrays(self, sql: str, values: Sequence[Any] = ()) -> dict[str, Any]:
         """As `query`, but returns NumPy columns; times are in UTC."""
-        return self.files.ask(lambda con: dict(con.execute(sql, list(values)).fetchnumpy()), rows=True)
+        return self.files.ask(lambda con: dict(con.execute(sql, list(values)).fetchnumpy()))
 
     def history(self, unit: Unit) -> list[HistoryEntry]:
         """What was said of a unit's results: of each result in the order of saying, whatever the clock said.
@@ -346,7 +341,7 @@ class Registry:
         sql = f"{ONE_THREAD_STREAMED}; COPY (SELECT {what} FROM results) TO"
         with write_aside(path) as aside:
             # In any order and by one thread, rows are written as they are read.
-            self.files.ask(lambda con: con.execute(f"{sql} {quoted(str(aside))} ({form})"), rows=True)
+            self.files.ask(lambda con: con.execute(f"{sql} {quoted(str(aside))} ({form})"))
 
     def damaged(self, key: str, what: str) -> InvalidArgument:
         """The error for a damaged row, with the file that holds it; `what` describes the damage."""

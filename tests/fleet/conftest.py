@@ -1,25 +1,11 @@
-"""What the fleet's tests begin with: a registry, a desk for batches, one database for all connections."""
+"""What the tests of the fleet begin with: a registry, and a desk for batches."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from camssf_fleet.registry import Registry
 from tests.support.desk import Desk
-
-
-@pytest.fixture(autouse=True, scope="module")
-def one_database() -> Iterator[None]:
-    """Each connection is a cursor of one database in memory: to open one takes 25 ms, thousands of times."""
-    import duckdb
-
-    from camssf_fleet.record_queries import _CONFIG
-
-    database = duckdb.connect(":memory:", config=_CONFIG | {"threads": 1, "enable_external_file_cache": False})
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(duckdb, "connect", lambda *_, **__: database.cursor())
-        yield
 
 
 @pytest.fixture

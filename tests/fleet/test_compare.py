@@ -79,7 +79,7 @@ def test_curves_that_cannot_be_are_named(one: Registry, wrong: float | str) -> N
     else:
         curves[1, 30] = wrong
     one.add([*history(5, 0), made(77, curves, captured=START, serial="A1"), made(78, bells(), serial="B2")])
-    (file,) = one.files.ask(query_of("SELECT DISTINCT filename FROM results", []), rows=True)
+    (file,) = one.files.ask(query_of("SELECT DISTINCT filename FROM results", []))
     attempts: list[Callable[[], Any]] = [lambda: spread(one, MODEL), lambda: drift_of(one, Unit(serial="A1"))]
     for attempt in attempts if wrong == 7.0 else attempts[:1]:
         with pytest.raises(InvalidArgument, match=f"{Path(file['filename']).name} is damaged: of the result 0000000"):

@@ -54,7 +54,7 @@ def test_a_writer_that_was_killed_leaves_it_readable(one: Registry) -> None:
 
 
 @pytest.mark.requirement("R-REGISTRY")
-@pytest.mark.parametrize("last", range(12))
+@pytest.mark.parametrize("last", [0, 1, 2, 5, 8, 9, 11])  # 1 and 9: both files are written, none is taken away
 def test_a_compaction_may_be_killed_anywhere(one: Registry, last: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """After the step number `last`: a file written or taken away."""
     for number in range(4):
@@ -120,7 +120,7 @@ def test_every_flipped_bit_is_found(one: Registry, tmp_path: Path) -> None:
     assert (found.rows, found.documents, found.documents_missing, found.faults) == (18, 3, 0, ())
     files = [path for path in (*one.folder.rglob("*"), *tmp_path.glob("*.json")) if path.is_file()]
     dice = np.random.default_rng(0)
-    for number in range(64):
+    for number in range(2 * len(files)):
         path = files[number % len(files)]
         whole = path.read_bytes()
         at, bit = int(dice.integers(len(whole))), int(dice.integers(8))
@@ -240,7 +240,7 @@ def test_a_deletion_that_is_killed_is_finished_by_the_same_command(
 @pytest.mark.requirement("R-REGISTRY")
 def test_six_writers_two_of_them_killed(one: Registry) -> None:
     """Somebody reads and somebody gathers meanwhile. All that was acknowledged is there, once."""
-    rows = {number: 40 if number > 2 else 1_000_000 for number in range(1, 7)}  # victims never end by themselves
+    rows = {number: 20 if number > 2 else 1_000_000 for number in range(1, 7)}  # victims never end by themselves
     how: Any = {"bufsize": 0, "stdout": subprocess.PIPE, "env": os.environ | {"PYTHONPATH": SEARCH}}
     writers = [
         subprocess.Popen([*WRITER, str(one.folder), str(number), str(count), "5"], **how)
@@ -265,7 +265,7 @@ def test_six_writers_two_of_them_killed(one: Registry) -> None:
             process.kill()
             process.wait()
     assert [process.returncode != 0 for process in writers] == [True] * 2 + [False] * 4
-    assert [len(lines) for lines in added[4:]] == [40] * 4
+    assert [len(lines) for lines in added[4:]] == [20] * 4
     stored = keys(reader)
     assert len(stored) == len(set(stored))
     acknowledged = {line for lines in added for line in lines}
