@@ -263,20 +263,28 @@ def test_a_stored_name_reads_no_file(name: str, tmp_path: Path, monkeypatch: pyt
         Called.from_plain({"name": name}, "capture.shots[0].lamp")
 
 
+@cache
+def drawn() -> list[tuple[str, Any, Result]]:
+    """14 phones drawn from the prior: the light, the curves, and what their photos gave."""
+    rng, basis = np.random.default_rng(8), read_basis("phones")
+    phones = []
+    for name in LIGHTS * 2:
+        code = 0.7 * rng.normal(size=(3, basis.dictionary.shape[2]))
+        curves = np.maximum(basis.mean + np.einsum("cmr,cr->cm", basis.dictionary, code), 0.0).T
+        curves = curves / curves.max(axis=0)
+        phones.append((name, curves, solve(unnamed(capture(curves, (name,), make="Apple")))))
+    return phones
+
+
 @pytest.mark.full
 @pytest.mark.requirement("R-COLOUR")
 @pytest.mark.parametrize("other", [False, True], ids=["the chart's light", "another light"])
 def test_the_colour_after_a_calibration_in_unnamed_light_covers_the_truth(other: bool) -> None:
-    """14 phones drawn from the prior. What curves and light add is compared with the colour by the true ones."""
-    rng, basis, surfaces_seen = np.random.default_rng(8), read_basis("phones"), surfaces()[::60]
-    none = np.zeros((0, 681))
+    """Of phones drawn from the prior. What curves and light add is compared with the colour by the true ones."""
+    surfaces_seen, none = surfaces()[::60], np.zeros((0, 681))
     whole: list[Any] = []
     of_light: list[Any] = []
-    for number, name in enumerate(LIGHTS * 2):
-        code = 0.7 * rng.normal(size=(3, basis.dictionary.shape[2]))
-        curves = np.maximum(basis.mean + np.einsum("cmr,cr->cm", basis.dictionary, code), 0.0).T
-        curves = curves / curves.max(axis=0)
-        result = solve(unnamed(capture(curves, (name,), make="Apple")))
+    for number, (name, curves, result) in enumerate(drawn()):
         raw = read_lamp(name).values @ curves  # `capture` has a white frame of equal channels
         result = replace(result, answer=replace(result.answer, channel_gain=raw / raw[1]))
         light = read_lamp(LIGHTS[(number + 2) % len(LIGHTS)] if other else name).values

@@ -291,7 +291,7 @@ assert set(os.listdir("out")) == {"result.json", "ssf.csv", "patches.csv", "ssf.
 status, _, err = said(*photo, "--chart", "chart.cxf")
 assert status == 2, err
 assert 'pip install -e ".[cxf]"' in err
-status, _, err = said("demo", "-o", "demo")
+status, _, err = said("simulate", "--lamp", "D55", "--size", "900x675", "-o", "simulated")
 assert status == 0, err
 result = Result.load("out/result.json")
 assert "<svg" in result._repr_html_()
