@@ -96,7 +96,7 @@ def test_a_scheduler_that_is_lost_is_told_and_the_next_goes_on(
     desk: Desk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The scheduler is killed in the middle; another one, with another address, does the rest."""
-    monkeypatch.setattr(cluster_module, "WORKERLESS_TIMEOUT", 10.0)
+    monkeypatch.setattr(cluster_module, "SCHEDULER_TIMEOUT", 15.0)  # so long a client looks for a lost one
     names = desk.fill(12)
     processes: list[subprocess.Popen[bytes]] = []
 
