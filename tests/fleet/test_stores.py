@@ -137,9 +137,9 @@ def test_a_batch_from_a_bucket_to_a_bucket(bucket: str, tmp_path: Path) -> None:
 
 
 def test_faults_lose_nothing(bucket: str, server: Faulty, tmp_path: Path) -> None:
-    """One answer in ten is throttled, an error or cut; then the same command is given until it ends."""
+    """One answer in four is throttled, an error or cut; then the same command is given until it ends."""
     written(bucket)
-    server.rate, before = 0.1, server.faults
+    server.rate, before = 0.25, server.faults
     for _ in range(20):
         try:
             found = ran(bucket, tmp_path)
