@@ -21,12 +21,17 @@ from typing import Any
 from benchmarks.shared import command_parser, progress
 
 PLACE = Path(__file__).parents[1] / "reference" / "camssf" / "data" / "rules.json"
-STAGES = ("verdict", "signals", "mosaic", "patches", "choice", "light", "rivals", "calibrate", "colour", "spectrum")
-"""Stages of golden cases; those of the first four take a second in all."""
+STAGES = (
+    "verdict", "signals", "mosaic", "patches", "pose", "ssf", "choice", "light", "rivals", "calibrate", "colour",
+    "spectrum", "picture",
+)  # fmt: skip
+"""Stages of golden cases, the quick ones first."""
 EQUIVALENT = {
     "calibration.hidden": "the row weighs a millionth of the others at 1000, and no more at 500 or 1500",
     "calibration.faintest": "no sensor gives a signal between half and one and a half millionths of white that is "
     "not lost in noise",
+    "calibration.largest_gap": "the gap of an answer is below 1e-10",
+    "choice.negligible": "an answer of such a weight changes the mean by less than the cases allow",
     "surfaces.narrowest": "no two surfaces of the shipped priors are nearer; it is for a file of one's own",
 }
 """Numbers whose mutants no run can tell from the original, each with the reason why."""

@@ -59,6 +59,7 @@ def tabulate() -> Json:
             "public_chart": PUBLIC_CHART,
             "measured_chart": MEASURED_CHART,
             "noise_below_zero": NOISE_BELOW_ZERO,
+            "dimmest": DIMMEST,
         },
         "lamps": {name: even(science.SDS_ILLUMINANTS[name]) for name in ILLUMINANTS},
         "kelvin": KELVIN,

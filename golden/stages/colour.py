@@ -27,6 +27,7 @@ from camssf_colour import PARTS, Camera, LitSurfaces, Reference, View, spectrum,
 from camssf_colour.absorbance import INDICES, indices, shipped_index
 from camssf_colour.camera import camera_of_answer
 from camssf_colour.reach import REACH
+from camssf_colour.reflectance import FAR
 from golden.contract import Call, Stage, case, words
 from golden.forms import Json, chart, resolve, sibling
 from golden.scenes import PHONE
@@ -288,8 +289,8 @@ def spectrum_rows() -> list[tuple[str, str, list[Json], Json]]:
          [photo("A", patches=SKIN)], {"prior": "skin", "view": {"observer": "1964", "white": "D50"}}),
         ("two", "Two photos, lamps by name, a grey known to 5 %.", two, {}),
         ("two-auto", "Two photos: the references tell the light, of the second among all kinds.", auto, {}),
-        ("bands", "No covariance of the curves, a kind of lamp with modes, and signals below black.",
-         [photo("white-led", signals=[[-0.002, 0.001, -0.001]])],
+        ("bands", "No covariance of the curves, a kind of lamp with modes, and signals below black, once too far.",
+         [photo("white-led", signals=[[-0.002, 0.001, -0.001], [-0.0036, 0.0018, -0.0018]])],
          {"result": BASE | {"but": {"code_covariance": None}}}),
         ("error-contradicted", "The second reference is lit by daylight, and a bulb was named.",
          wrong, {"expect": "lamp_unfit"}),
@@ -320,6 +321,7 @@ def run_spectrum(call: Call) -> dict[str, Any]:
         "indices": np.stack([np.stack(indices(found, shipped_index(name)), axis=-1) for name in INDICES]),
         "lamps": [list(names) for names, _ in found.lamps],
         "weights": np.array([weight for _, weight in found.lamps]),
+        "far": (found.distance > FAR).tolist(),
     }
 
 
@@ -333,7 +335,7 @@ SPECTRUM = Stage(
         ("norm", 1e-12, "reflectance covariance_sums parts indices xyz lab xyz_covariance lab_covariance"),
         ("norm", 1e-14, "white"),
         ("norm", 1e-12, "distance from_photo weights"),
-        ("exact", 0.0, "lamps"),
+        ("exact", 0.0, "lamps far"),
         ("relative", 1e-12, "chi_squared"),
     ),
     arrays=frozenset(),

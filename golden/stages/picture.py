@@ -39,6 +39,7 @@ TABLE: list[tuple[str, str, Json, str]] = [
     ("odd", "Odd height and width.", WHOLE | {"photo": "active-area-odd.dng"}, "success"),
     ("turned", "A camera held upright.", WHOLE | {"photo": "metadata.dng"}, "success"),
     ("error-space", "A space that is none.", {"space": "adobe"}, "invalid_argument"),
+    ("error-faint", "A white surface of eight standard errors.", {"white": [34, 67, 12, 10]}, "invalid_argument"),
     ("error-light", "Neither a lamp nor a white surface.", {"lamp": "auto", "white": None}, "invalid_argument"),
 ]
 """Name, comment, what is unlike the base case, and the outcome."""

@@ -8,7 +8,9 @@ from functools import cache
 from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from camssf.grid import Floats
 from camssf.photo.signals import Signals
 from camssf.recovery.basis import LEARNED, read_basis
 from camssf.verdict.cause import BY_WHITE, tables_of_causes, weigh_causes
@@ -24,6 +26,7 @@ from golden.forms import Json, resolve
 from golden.plain_captures import (
     BLACK,
     COLUMN,
+    COUNT,
     FAMILY,
     PATCH,
     PHONE,
@@ -190,7 +193,21 @@ def rows() -> list[Row]:
         ("pose", "The answer explains the signals, but they are hardly the chart's colours.",
          capture(0.7 * y + 0.3 * y[::-1], exact=True), "doubtful chart_unfit"),
         ("band-too-wide", "A band of ±0.15 of the peak.", clean | band(0.0765), "doubtful bands_too_wide"),
+        ("mixed-uneven", "Two patches are dusty; green has too few samples to be judged, blue just enough.",
+         noisy(1.0 + 0.1 * np.sin(7.0 * PATCH[:, None]) + 1.5 * np.isin(PATCH, (3, 10))[:, None], (20_000, 4, 6)),
+         "accepted"),
+        ("mixed-quiet", "Rounding hides the noise of half of the patches: red is judged, green is not.",
+         noisy(np.array([3.2e-5, 3.7e-5, 2.8e-4]), 20_000, 1.0 / 12.0), "doubtful not_sensor_raw not_sensor_raw"),
     ]  # fmt: skip
+
+
+def noisy(factor: Floats, count: ArrayLike, rounding: float = 0.0) -> Json:
+    """A photo whose colours were mixed by a tenth; its samples' variances (24, 3) times a factor, DN²."""
+    made, counts = processed(0.1), np.broadcast_to(count, (24, 3))
+    (shot,) = made["shots"]
+    variance = COUNT * shot["chart"]["standard_error"] ** 2 * factor + rounding
+    chart = shot["chart"] | {"count": counts, "standard_error": np.round(np.sqrt(variance / counts), 9)}
+    return made | {"shots": [shot | {"chart": chart}]}
 
 
 def cases() -> Iterator[Json]:

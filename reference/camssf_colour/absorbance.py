@@ -10,14 +10,14 @@ import numpy as np
 from camssf.errors import InvalidArgument
 from camssf.files import local
 from camssf.grid import Floats, frozen
+from camssf.rules import rules
 from camssf.spectra.bundled import SURFACE_NODES
 from camssf.spectra.tables import read_spectrum
 from camssf_colour.reflectance import SurfaceSpectra
 
 INDICES = ("erythema", "melanin")
 """Erythema: the mean absorbance from 540 to 575 nm, less that at 650 nm. Melanin: the mean from 650 to 700 nm."""
-DARKEST = 1e-3
-"""Least reflectance that absorbance is computed of."""
+DARKEST = rules().number("surfaces.darkest")
 FINE: Floats = np.arange(380.0, 720.5, 1.0)
 
 

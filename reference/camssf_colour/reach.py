@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from camssf.grid import Floats
 from camssf.messages import fail
 from camssf.recovery.basis import fold
+from camssf.rules import rules
 from camssf_colour.light import Light
 
-REACH = 4.0
-"""Limit of the distance, in standard deviations; chance exceeds it once in 1,000 for three numbers."""
+REACH = rules().number("colour.reach")
 MOST = 64
 """Number of colours above which no distances are computed."""
 

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from camssf.colorimetry import lab, lab_slopes
 from camssf.errors import InvalidArgument
 from camssf.grid import Floats
+from camssf.rules import rules
 from camssf.spectra import LampLike, colour_science
 from camssf.spectra.bundled import SURFACE_NODES
 from camssf_colour.camera import Camera, ColourCamera, as_camera
@@ -24,8 +25,7 @@ from camssf_colour.standard import check_light, lamps_of, ratio_error, ratios_of
 from camssf_colour.surface_prior import PriorLike, read_prior
 from camssf_colour.view import View
 
-FAR = 4.0
-"""Distance from the prior, in standard deviations, above which the spectrum counts as outside of it."""
+FAR = rules().number("surfaces.far")
 
 
 @dataclass(frozen=True)

@@ -18,9 +18,11 @@ from camssf.photo.read.raw import read_raw
 from camssf.photo.read.unit import Unit
 from camssf.photo.samples import SHRINK
 from camssf.photo.signals import CLIPPED
+from camssf.rules import rules
 from camssf.shapes import Sha256, Text
 from camssf_colour.spread import REFERENCE_TOLERANCE, Reference
 
+LIT = rules().number("colour.lit")
 Rectangle = tuple[float, float, float, float]
 """x, y of the top left corner, width, height: pixels of the active area, in the sensor's orientation."""
 
@@ -134,7 +136,7 @@ def check_reference(white: Region, reflectance: float) -> None:
         raise InvalidArgument(
             f"The reference's reflectance must lie between 0 and 1.2; got {reflectance:g}.", "Write 18 % as 0.18."
         )
-    if not (white.raw > 10.0 * white.error).all():
+    if not (white.raw > LIT * white.error).all():
         raise InvalidArgument("The reference is too dark.", "Choose a lit white or grey surface.")
 
 

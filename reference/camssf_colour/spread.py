@@ -11,10 +11,11 @@ from camssf.colorimetry import level, signals_of
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery.covariance import CHART_CORRELATION, DRIFT, smooth_errors
+from camssf.rules import rules
 from camssf.spectra.bundled import surfaces
 from camssf_colour.light import Light
 
-REFERENCE_TOLERANCE = 0.01
+REFERENCE_TOLERANCE = rules().number("colour.reference")
 """Default relative error of a white or grey reference."""
 NEARBY = 0.25
 """Surfaces whose ln r/g and ln b/g differ by about this much count as similar: the width of the weights."""

@@ -19,7 +19,7 @@ from camssf.recovery.basis import NODES, Basis
 from camssf.recovery.observation import Observation
 from camssf.rules import rules
 
-DARKEST = 0.02
+DARKEST = rules().number("gains.darkest")
 CHART_CORRELATION, TABLE_CORRELATION, RELATIVE, ABSOLUTE, EDGE, LAMP_CORRELATION, INDEPENDENT_SHARE, CHANNEL_SHARE = (
     rules().number(f"covariance.{name}")
     for name in ("chart_correlation", "table_correlation", "relative", "absolute", "edge", "lamp_correlation",

@@ -20,14 +20,11 @@ from camssf.photo.find.pose import Pose
 from camssf.photo.photon_noise import Estimate
 from camssf.photo.read.dng import Mosaic
 from camssf.photo.samples import cells_of, kept, samples_in
+from camssf.rules import rules
 from camssf.shapes import Size
 
-ALONG, ACROSS = 4, 6
-"""Distances, samples, of the differences that remove the chart's gradients, and the noise of rows and columns."""
-FEWEST_PAIRS = 16
-"""Smallest number of pairs of neighbours that are correlated."""
-SHARED = 2.9
-"""Number of pairs that one independent pair counts for: the differences share samples."""
+ALONG, ACROSS, FEWEST_PAIRS = (rules().whole(f"noise.{word}") for word in ("along", "across", "fewest_pairs"))
+SHARED = rules().number("noise.shared")
 STEPS = ((0, 1), (1, 1), (1, -1), (2, 0))
 """Neighbours (across, along) whose noise is compared."""
 

@@ -25,6 +25,7 @@ FEWEST = rules().whole("patches.fewest")
 """Smallest number of samples for each position of the CFA cell in every patch."""
 LENS_SHADING = ("as-stored", "apply")
 """Treatments of the lens shading that a file describes: none, or rule 6."""
+BLACK_ALIKE, LEAST_SIGNAL = rules().number("patches.black_alike"), rules().number("patches.least_signal")
 ALIKE = rules().number("patches.alike")
 """Relative difference up to which two exposure times or ISO values count as equal: files round them."""
 
@@ -157,7 +158,7 @@ def check_alike(chart: Mosaic, frame: Mosaic, word: str) -> None:
             differ.append(f"camera {name} {theirs!r} against {ours!r}")
     if frame.white != chart.white:
         differ.append(f"white level {frame.white:g} against {chart.white:g} DN")
-    elif np.any(np.abs(frame.black - chart.black) > 0.005 * chart.white):
+    elif np.any(np.abs(frame.black - chart.black) > BLACK_ALIKE * chart.white):
         differ.append(f"black level {frame.black.mean():g} against {chart.black.mean():g} DN")
     for name, unit in (("exposure", " s"), ("iso", "")):
         theirs, ours = getattr(frame, name), getattr(chart, name)
@@ -237,7 +238,7 @@ def _mean(v: NDArray[np.int32], x: NDArray[np.int64], y: NDArray[np.int64]) -> l
 def _join(raw: Floats, black: Floats, scale: Floats, gains: Floats) -> FrameMeans:
     """Statistics of one frame by colour, from `raw` (n, 4 positions, 7 numbers): rules 6 and 7."""
     mean, error, count, change, clipped, rejected, total = np.moveaxis(raw, 2, 0)
-    gradient = change / np.maximum(np.abs(mean - black), 0.01 * scale)  # at least 1 % of the range, for dark frames
+    gradient = change / np.maximum(np.abs(mean - black), LEAST_SIGNAL * scale)
     shaded = gains != 1.0
     mean, error = np.where(shaded, black + gains * (mean - black), mean), gains * error
 

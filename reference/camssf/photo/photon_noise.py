@@ -14,19 +14,12 @@ from itertools import combinations
 import numpy as np
 
 from camssf.grid import Floats
+from camssf.rules import rules
 
-FEWEST = 12
-"""Smallest number of patches of a colour whose noise is judged."""
-QUIET = 0.25
-"""Variance, in squared steps of the samples, below which rounding hides the noise."""
+FEWEST, ROUNDS = rules().whole("noise.fewest"), rules().whole("noise.rounds")
+QUIET, FAR, SIGNIFICANT = (rules().number(f"noise.{word}") for word in ("quiet", "far", "significant"))
 ROUNDING = 1.0 / 12.0
 """Variance of rounding, in squared steps."""
-ROUNDS = 8
-"""Rounds of reweighting: by the variance that the fit predicts, and less where a patch is dusty or textured."""
-FAR = 2.5
-"""Residuals, in robust standard deviations, beyond which a patch weighs less."""
-SIGNIFICANT = 2.0
-"""Standard errors by which a colour's noise must grow with its signal."""
 
 
 @dataclass(frozen=True)

@@ -53,7 +53,7 @@ MAKER = _NUMBER("choice.maker")
 """Prior odds of phones or cameras if the file names a maker of them."""
 CLEAR = _NUMBER("choice.clear")
 """Posterior odds at which a basis is used alone."""
-NEGLIGIBLE = 1e-6
+NEGLIGIBLE = _NUMBER("choice.negligible")
 """Smallest weight of a hypothesis that is solved, if all lamps are named."""
 SOLVED = _NUMBER("lamp.solved")
 """The same if a light is not named, where hypotheses are many."""

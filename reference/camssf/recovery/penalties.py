@@ -18,7 +18,7 @@ from camssf.rules import rules
 
 L2, GAMMA = rules().number("calibration.l2"), rules().number("calibration.gamma")
 """Default penalties on a whitened basis: almost the Gaussian posterior mean, a little sparser."""
-SMALLEST_GAMMA = 1e-5
+SMALLEST_GAMMA = rules().number("calibration.smallest_gamma")
 """Smallest γ of the discrepancy principle, as a share of γ_max."""
 
 

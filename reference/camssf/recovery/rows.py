@@ -25,8 +25,9 @@ from camssf.recovery.covariance import (
     covariance,
     patchwise,
 )
+from camssf.rules import rules
 
-DARKEST = 0.02
+DARKEST = rules().number("gains.darkest")
 """Lower limit of the factors by which lamp modes and gain modes change the light."""
 
 

@@ -18,9 +18,10 @@ from camssf.recovery.onnx_model import SHIPPED, Model, load_model, run_stack
 from camssf.recovery.penalties import penalties
 from camssf.recovery.posterior import peak_normalised_jacobian
 from camssf.recovery.reference_model import ReferenceModel
+from camssf.rules import rules
 from camssf.shapes import Counts, Number, Power, Rgb, Share, Size, Spectrum, Text, Vector
 
-LARGEST_GAP = 1e-9
+LARGEST_GAP = rules().number("calibration.largest_gap")
 """Relative duality gap above which `NotConverged` is raised."""
 ENGINES = ("onnx", "reference")
 BY_CHANNEL = ("ssf", "ssf_std", "code", "predicted", "gap", "layers_gap", "finish_steps")

@@ -183,8 +183,7 @@ _KINDS = (
     ("fluorescent", re.compile(r"fl.*")),
 )
 """Names of tables and formulas by their kind."""
-HOTTESTBULB_NAME = 3500.0
-"""Temperature above which `<T>K` is no bulb, K."""
+HOTTEST_BULB = rules().number("lamp.hottest_bulb")
 
 
 def plain_kind(name: str) -> str | None:
@@ -194,7 +193,7 @@ def plain_kind(name: str) -> str | None:
         return kind
     key = name.strip().casefold()
     if match := BULB_NAME.fullmatch(key):
-        return "bulb" if float(match[1]) <= HOTTESTBULB_NAME else None
+        return "bulb" if float(match[1]) <= HOTTEST_BULB else None
     if DAYLIGHT_NAME.fullmatch(key):
         return "daylight"
     cie = (cie_name(name) or "").casefold()

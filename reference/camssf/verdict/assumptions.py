@@ -11,10 +11,6 @@ from camssf.spectra import Called, Lamp, Light, read_lamp
 from camssf.spectra.lamps import TORCH
 from camssf.verdict.processed import colours_mixed
 
-SHOWN = 0.005
-"""Kinds of light less probable than this are not listed."""
-
-
 LEFT_OUT = (
     "patch {} was left out: it does not match the chart's table. Look for dirt, a reflection or a finger on it."
 )
@@ -117,7 +113,7 @@ def _unnamed(name: str, light: EstimatedLamp) -> str:
     if name == TORCH:
         return f"the light was the phone's torch, a white LED, and was estimated from the signals: {kelvin}"
     likely = sorted(light.kinds.items(), key=lambda each: -each[1])
-    kinds = ", ".join(f"{kind} {probability:.0%}" for kind, probability in likely if probability >= SHOWN)
+    kinds = ", ".join(f"{kind} {probability:.0%}" for kind, probability in likely)
     return (
         f"the light was not named and was estimated from the signals: {kinds}, "
         f"{kelvin} All kinds have the same prior probability; other kinds of light and mixtures of two are not "

@@ -26,6 +26,7 @@ from camssf.photo.find.search import ACCEPT, OWN, Match, matches_in, orient_corn
 from camssf.photo.read.dng import Mosaic
 from camssf.photo.read.pieces import MAX_SIDE
 from camssf.photo.read.unit import Area
+from camssf.rules import rules
 from camssf.shapes import Bounds, Quad, Quads, Text, Words
 from camssf.spectra import ChartTable
 from camssf.spectra.layouts import ChartLayout
@@ -79,20 +80,11 @@ def edge_width(mosaic: Mosaic) -> float | None:
     return 2.0 * float(np.percentile(widths, 2))  # green samples are 2 px apart
 
 
-ACCEPT_BY_HAND = 0.6
-"""As `ACCEPT`, for corners given by hand; lower, because the user has identified the chart."""
-
-WINDOWS_BY_HAND = (0.50, 0.25, 0.15, 0.10, 0.10)
-"""As `WINDOWS`, for corners given by hand: a tap may be off by half a patch; the next patch begins further away."""
-
-NEAR = 0.55
-"""Largest distance by which `refine_corners` may move a corner given by hand, in pitches."""
-
-LOCKED = 0.6
-"""Smallest share of patch borders that must lie on the fitted lattice."""
-
 SMALLEST = 64
 """Smallest side of a photo that can be searched, px."""
+NEAR, LOCKED, ACCEPT_BY_HAND = (rules().number(f"pose.{word}") for word in ("near", "locked", "accept"))
+WINDOWS_BY_HAND = (0.50, 0.25, 0.15, 0.10, 0.10)
+"""As `WINDOWS`, for corners given by hand: a tap may be off by half a patch; the next patch begins further away."""
 
 CORNERS = "Give four points x,y in pixels of the photo, one after the other around the block of patches."
 

@@ -28,13 +28,10 @@ WHITE_POINTS = {  # CIE 1931 x, y (CIE 15)
     "D75": (0.29903, 0.31488),
     "D50": (0.34567, 0.35851),
 }
-MOST_RED_DAYLIGHT, MOST_RED_BULB, OFF_LOCUS = (
-    rules().number(f"lamp.{word}") for word in ("most_red_daylight", "most_red_bulb", "off_locus")
+MOST_RED_DAYLIGHT, MOST_RED_BULB, OFF_LOCUS, EQUAL_NEUTRAL, DARKEST_CHANNEL = (
+    rules().number(f"lamp.{word}")
+    for word in ("most_red_daylight", "most_red_bulb", "off_locus", "equal_neutral", "darkest_channel")
 )
-EQUAL = 1.02
-"""Ratio of an AsShotNeutral's numbers below which they count as equal."""
-DARKEST_CHANNEL = 1e-3
-"""A channel of the camera's white below this share of the largest: the matrix is damaged."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +104,7 @@ def no_light(neutral: Floats, matrices: Sequence[ColourMatrix]) -> bool:
 
     A neutral of three equal numbers says nothing: some writers store it for unknown.
     """
-    if not matrices or neutral.max() < EQUAL * neutral.min():
+    if not matrices or neutral.max() < EQUAL_NEUTRAL * neutral.min():
         return False
     white = chromaticity(neutral, [(matrix.kelvin, matrix.to_raw) for matrix in matrices])
     return white is None or off_locus(white) > OFF_LOCUS

@@ -11,9 +11,6 @@ import org.camssf.verdict.Processed
 
 /** Lists in words what an answer assumes about its capture. */
 internal object Assumptions {
-    /** Kinds of light less probable than this are not listed. */
-    private const val SHOWN = 0.005
-
     /**
      * The answer's assumptions, apart from the fallbacks of Eq. (5).
      *
@@ -125,7 +122,7 @@ internal object Assumptions {
         if (name == Lamp.TORCH) {
             return "the light was the phone's torch, a white LED, and was estimated from the signals: $kelvin"
         }
-        val kinds = light.kinds.entries.filter { it.value >= SHOWN }.sortedByDescending { it.value }
+        val kinds = light.kinds.entries.sortedByDescending { it.value }
             .joinToString { "${it.key} ${percent(it.value, 0)}" }
         return "the light was not named and was estimated from the signals: $kinds, " +
             "$kelvin All kinds have the same prior probability; other kinds of light and mixtures of two are not " +

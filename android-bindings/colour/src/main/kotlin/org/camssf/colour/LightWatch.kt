@@ -36,8 +36,8 @@ public class LiveColours internal constructor(
  * not.
  *
  * The white's raw red and blue over green are compared with those of the reference, by χ² with the noise of both and the
- * reference's tolerance. Above 18.4, which chance exceeds once in 10,000 frames, the light has changed. A change of its
- * level alone is corrected by the white.
+ * reference's tolerance. Above `colour.contradicted` of rules.json the light has changed. A change of its level alone
+ * is corrected by the white.
  *
  * ```kotlin
  * fun live(watch: LightWatch, frame: Mosaic, whiteArea: Region, stripArea: Region): String {

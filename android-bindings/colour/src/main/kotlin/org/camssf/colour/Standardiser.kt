@@ -124,10 +124,10 @@ public class Standardiser private constructor(
     /** The colour of signals (3) that a surface can have. */
     private fun reached(signals: RelativeSignals): StandardColour {
         val colour = colourOf(signals)
-        if (colour.reach > SurfaceDistance.FARTHEST) {
+        if (colour.reach > SurfaceDistance.REACH) {
             throw Refusal.of(
                 "colour_out_of_reach.colour", "distance" to colour.reach, value = colour.reach,
-                threshold = SurfaceDistance.FARTHEST,
+                threshold = SurfaceDistance.REACH,
             )
         }
         return colour

@@ -3,14 +3,12 @@ package org.camssf.colour
 import org.camssf.LeastSquares
 import kotlin.math.max
 import kotlin.math.sqrt
+import org.camssf.Rules
 
 /** Distance of signals from those that any surface can give under the lamp. */
 internal object SurfaceDistance {
-    /**
-     * Largest accepted distance, in standard deviations; three Gaussian numbers exceed it by chance in 1 of 1,000
-     * cases.
-     */
-    const val FARTHEST = 4.0
+    /** Largest accepted distance, in standard deviations. */
+    val REACH get() = Rules.shipped.number("colour.reach")
 
     /**
      * min over 0 ≤ R ≤ 1 of ‖Σ^-½ (y - A R)‖, R linear between 5-nm nodes, by Wolfe's algorithm for the point of a

@@ -1,6 +1,7 @@
 package org.camssf.colour
 
 import org.camssf.Rows
+import org.camssf.Rules
 import org.camssf.short
 import kotlin.math.ln
 import kotlin.math.log10
@@ -124,7 +125,7 @@ public class SurfaceSpectrum internal constructor(
     public val labCovariance: Rows get() = Rows(numbers.labCovariance, 3, 3)
 
     /** Whether the surface is farther from the prior than four standard deviations: spectrum and bands do not hold. */
-    public val outsidePrior: Boolean get() = distance > FARTHEST
+    public val outsidePrior: Boolean get() = distance > FAR
 
     /** (35) standard deviation of [reflectance] from one source; [Part.METAMERS] are surfaces of equal signals. */
     public fun deviation(of: Part): Rows = Rows(roots(numbers.parts[of.ordinal]), SurfaceNodes.SIZE)
@@ -148,9 +149,9 @@ public class SurfaceSpectrum internal constructor(
         @JvmStatic
         public val wavelengths: Rows = Rows(SurfaceNodes.wavelengths, SurfaceNodes.wavelengths.size)
 
-        private const val FARTHEST = 4.0
+        private val FAR get() = Rules.shipped.number("surfaces.far")
 
         /** Least reflectance that absorbance is computed of. */
-        private const val DARKEST = 1e-3
+        private val DARKEST get() = Rules.shipped.number("surfaces.darkest")
     }
 }

@@ -2,6 +2,7 @@ package org.camssf.colour
 
 import org.camssf.InvalidArgument
 import org.camssf.Rows
+import org.camssf.Rules
 import org.camssf.short
 import kotlin.math.hypot
 import kotlin.math.sqrt
@@ -131,13 +132,13 @@ public class Reference private constructor(
 
     private companion object {
         /** Default relative error of a reference. */
-        const val TOLERANCE = 0.01
+        val TOLERANCE get() = Rules.shipped.number("colour.reference")
     }
 }
 
-/** Whether signals (3) exceed ten standard errors, which a reference needs. */
+/** Whether signals (3) are as bright as a reference needs. */
 internal fun isLit(raw: DoubleArray, standardError: DoubleArray): Boolean = (0..2).all {
-    raw[it] > 10 * standardError[it] && raw[it].isFinite() && standardError[it] >= 0
+    raw[it] > Rules.shipped.number("colour.lit") * standardError[it] && raw[it].isFinite() && standardError[it] >= 0
 }
 
 /** Sources of a colour's uncertainty. */

@@ -14,8 +14,8 @@ import kotlin.math.max
  * Python's camssf.fit.capture_fit, in its order.
  */
 internal object GainModes {
-    /** Lower limit of the factors by which gain modes change the light. */
-    private const val DARKEST = 0.02
+    /** Lower limit of the factors by which gain modes and lamp modes change the light; the models have the same. */
+    val DARKEST get() = Rules.shipped.number("gains.darkest")
 
     /**
      * Gain modes (k, g, n) of a capture's patches, and the size of each channel's own part relative to them.

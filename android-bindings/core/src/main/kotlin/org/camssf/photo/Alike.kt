@@ -33,9 +33,10 @@ internal object Alike {
         }
         val theirs = frame.sensor.sharedBlack
         val ours = chart.sensor.sharedBlack
+        val alike = Rules.shipped.number("patches.black_alike")
         if (frame.sensor.white != chart.sensor.white) {
             differ += "white level ${short(frame.sensor.white)} against ${short(chart.sensor.white)} DN"
-        } else if ((0..3).any { abs(theirs[it] - ours[it]) > 0.005 * chart.sensor.white }) {
+        } else if ((0..3).any { abs(theirs[it] - ours[it]) > alike * chart.sensor.white }) {
             differ += "black level ${short(theirs.average())} against ${short(ours.average())} DN"
         }
         compare("exposure", frame.origin.exposure, chart.origin.exposure, " s")?.let { differ += it }

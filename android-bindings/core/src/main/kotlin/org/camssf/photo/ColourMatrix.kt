@@ -49,9 +49,6 @@ public class ColourMatrix internal constructor(public val light: String, interna
             17L to "A", 18L to "B", 19L to "C", 20L to "D55", 21L to "D65", 22L to "D75", 23L to "D50",
         )
 
-        /** Ratio of an AsShotNeutral's numbers below which they count as equal. */
-        private const val EQUAL = 1.02
-
         /** As the other `of`, without calibration. */
         @JvmStatic
         public fun of(illuminant: Int, matrix: DoubleArray): ColourMatrix? = of(illuminant, matrix, null)
@@ -95,7 +92,8 @@ public class ColourMatrix internal constructor(public val light: String, interna
                 gains[at / 3] * own
             }
             val white = whiteOf(light, values)
-            require(white.all { !it.isNaN() && !it.isInfinite() } && white.min() > 1e-3 * white.max()) {
+            val darkest = Rules.shipped.number("lamp.darkest_channel")
+            require(white.all { !it.isNaN() && !it.isInfinite() } && white.min() > darkest * white.max()) {
                 "gives no white under $light"
             }
             val red = white[0] / white[1]
@@ -111,7 +109,8 @@ public class ColourMatrix internal constructor(public val light: String, interna
          * numbers says nothing: some writers store it for unknown.
          */
         internal fun noLight(neutral: DoubleArray, matrices: List<ColourMatrix>): Boolean {
-            if (matrices.isEmpty() || neutral.max() < EQUAL * neutral.min()) return false
+            val equal = Rules.shipped.number("lamp.equal_neutral")
+            if (matrices.isEmpty() || neutral.max() < equal * neutral.min()) return false
             val white = Chromaticity.of(neutral, matrices.map { it.kelvin to it.sharedValues }) ?: return true
             return Chromaticity.offLocus(white) > Rules.shipped.number("lamp.off_locus")
         }

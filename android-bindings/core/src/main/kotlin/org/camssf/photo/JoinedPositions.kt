@@ -3,6 +3,7 @@ package org.camssf.photo
 import kotlin.math.abs
 import kotlin.math.max
 import kotlin.math.sqrt
+import org.camssf.Rules
 
 /**
  * Combines the statistics of the CFA cell's positions into colours: lens shading is applied and the two greens are
@@ -29,8 +30,8 @@ internal class JoinedPositions(private val n: Int, private val black: DoubleArra
     }
 
     private fun gradient(i: Int): Double {
-        val scale = white - black[i % 4] // at least 1 % of the range, because a dark frame's signal is about 0
-        return sample(i).change / max(abs(sample(i).mean - black[i % 4]), 0.01 * scale)
+        val least = Rules.shipped.number("patches.least_signal") * (white - black[i % 4])
+        return sample(i).change / max(abs(sample(i).mean - black[i % 4]), least)
     }
 
     private fun error(i: Int): Double = gains[i] * sample(i).error

@@ -2,6 +2,7 @@ package org.camssf.photo
 
 import org.camssf.InvalidArgument
 import org.camssf.Refusal
+import org.camssf.Rules
 import org.camssf.spectra.ChartLayout
 import kotlin.math.abs
 import kotlin.math.hypot
@@ -47,9 +48,10 @@ internal class PoseSearch(
         } else {
             notes += "No patch borders lie near the corners given by hand: they were kept as they are."
         }
-        if (found.score < ACCEPT) {
+        if (found.score < ACCEPT_BY_HAND) {
             throw Refusal.of(
-                "chart_not_found.by_hand", "file" to photo.facts.name, value = found.score, threshold = ACCEPT,
+                "chart_not_found.by_hand", "file" to photo.facts.name, value = found.score,
+                threshold = ACCEPT_BY_HAND,
             )
         }
         if (found.mirrored) {
@@ -129,14 +131,9 @@ internal class PoseSearch(
     }
 
     private companion object {
-        /** Correlation with the table's colours from which a grid of patches is accepted as the chart. */
-        const val ACCEPT = 0.6
-
-        /** How far a corner may move, in pitches. */
-        const val NEAR = 0.55
-
-        /** Share of patch borders that must lie at the lattice's positions. */
-        const val LOCKED = 0.6
+        val ACCEPT_BY_HAND get() = Rules.shipped.number("pose.accept")
+        val NEAR get() = Rules.shipped.number("pose.near")
+        val LOCKED get() = Rules.shipped.number("pose.locked")
         val SPAN = DoubleArray(5) { -0.2 + it * 0.1 }
 
         /** `points` (4, 2), starting with the one at `first`. */

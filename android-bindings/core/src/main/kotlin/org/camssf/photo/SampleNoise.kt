@@ -2,6 +2,7 @@ package org.camssf.photo
 
 import kotlin.math.max
 import kotlin.math.sqrt
+import org.camssf.Rules
 
 /** A number and its standard error. */
 internal class Estimate(val value: Double, val error: Double)
@@ -64,8 +65,7 @@ internal class NeighbourNoise(patches: Int, private val cells: List<Int>, privat
     }
 
     private companion object {
-        /** Number of pairs that one independent pair counts for: the differences share samples. */
-        const val SHARED = 2.9
+        val SHARED get() = Rules.shipped.number("noise.shared")
 
         fun divisor(a: Long, b: Long): Long = if (b == 0L) a else divisor(b, a % b)
 
@@ -132,14 +132,15 @@ private class Window(val height: Int, val width: Int) {
         }
     }
 
-    /** Second difference along a row minus that of the row ACROSS below, and where all six samples are kept. */
+    /** Second difference along a row minus that of the row `across` below, and where all six samples are kept. */
     private fun differences(): Window {
         val noise = Window(height, width)
-        for (y in 0 until height - ACROSS) {
-            for (x in ALONG until width - ALONG) {
-                val both = intArrayOf(at(y, x), at(y + ACROSS, x))
-                noise.known[at(y, x)] = both.all { known[it] && known[it - ALONG] && known[it + ALONG] }
-                val (first, second) = both.map { 2 * values[it] - values[it - ALONG] - values[it + ALONG] }
+        val (along, across) = listOf("noise.along", "noise.across").map { Rules.shipped.whole(it) }
+        for (y in 0 until height - across) {
+            for (x in along until width - along) {
+                val both = intArrayOf(at(y, x), at(y + across, x))
+                noise.known[at(y, x)] = both.all { known[it] && known[it - along] && known[it + along] }
+                val (first, second) = both.map { 2 * values[it] - values[it - along] - values[it + along] }
                 noise.values[at(y, x)] = first - second
             }
         }
@@ -182,7 +183,7 @@ private class Window(val height: Int, val width: Int) {
                     }
                 }
             }
-            if (count < FEWEST || !(variances[i] > 0.0) || !(variances[j] > 0.0)) return@mapNotNull null
+            if (count < FEWEST_PAIRS || !(variances[i] > 0.0) || !(variances[j] > 0.0)) return@mapNotNull null
             val deviation = sqrt(variances[i] * variances[j])
             val weight = count / (if (dy != 0 && dx != 0) 2.0 else 1.0)
             NeighbourPairs(i == j, weight, sum.toDouble() / count / deviation, 12.0 * means[i] * means[j] / deviation)
@@ -194,12 +195,7 @@ private class Window(val height: Int, val width: Int) {
     }
 
     private companion object {
-        /** Distances of the differences that remove the chart's gradients, and the noise of rows and columns. */
-        const val ALONG = 4
-        const val ACROSS = 6
-
-        /** Smallest number of pairs of neighbours that are correlated. */
-        const val FEWEST = 16
+        val FEWEST_PAIRS get() = Rules.shipped.whole("noise.fewest_pairs")
 
         /** Neighbours (across, along) whose noise is compared. */
         val STEPS = listOf(0 to 1, 1 to 1, 1 to -1, 2 to 0)

@@ -32,7 +32,7 @@ internal object Choice {
     val CLEAR get() = Rules.shipped.number("choice.clear")
 
     /** Solutions of a smaller weight are left out of a mixture. */
-    private const val NEGLIGIBLE = 1e-6
+    private val NEGLIGIBLE get() = Rules.shipped.number("choice.negligible")
 
     /**
      * Prior odds by basis: [MAKER] if maker and model start with one of its entries in the rules' `makers`. The model
@@ -107,7 +107,7 @@ internal object Choice {
             Hypothesis(each.basis, each.logEvidence!!, likely[i])
         }
         val weights = posteriorWeights(compared)
-        val kept = answers.indices.filter { weights[it] > NEGLIGIBLE }
+        val kept = answers.indices.filter { weights[it] >= NEGLIGIBLE }
         if (kept.size == 1) return answers[kept[0]].chosen(compared)
         val mixture = Mixture(kept.map { answers[it] }, kept.map { weights[it] })
         return mixture.ssf(known, mixture.mean { it.sharedLamp }).chosen(compared)

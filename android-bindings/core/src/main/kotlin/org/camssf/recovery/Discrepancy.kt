@@ -6,12 +6,13 @@ import kotlin.math.exp
 import kotlin.math.ln
 import kotlin.math.max
 import kotlin.math.sqrt
+import org.camssf.Rules
 
 /**
  * The largest γ of each channel on the paper's basis whose residual is not above the measured noise (Morozov 1966).
  *
  * rᵀ Σ⁻¹ r ≤ Σ se² / Σ_ii, with Σ = max(se² + (τ y)², floor²) on the diagonal. The left side grows with γ; if it
- * exceeds the noise even at [SMALLEST] · γ_max, that γ is taken.
+ * exceeds the noise even at [SMALLEST_GAMMA] · γ_max, that γ is taken.
  */
 internal class Discrepancy(
     observation: Observation,
@@ -54,7 +55,7 @@ internal class Discrepancy(
         val largest = pull.maxOf { if (nonnegative) it else abs(it) }
         if (largest <= 0) return 1.0 // nothing to explain: any penalty gives the zero code
         val excess = { logGamma: Double -> excess(c, exp(logGamma), expected) }
-        val low = ln(SMALLEST * largest)
+        val low = ln(SMALLEST_GAMMA * largest)
         val high = ln(largest)
         if (expected == 0.0) return exp(low)
         val atLow = excess(low)
@@ -75,11 +76,8 @@ internal class Discrepancy(
     }
 
     companion object {
-        /** Lower limit of the search, as a share of γ_max. */
-        const val SMALLEST = 1e-5
-
-        /** Smallest standard error of a row, as a share of its white signal. */
-        const val FLOOR = 1e-4
+        val SMALLEST_GAMMA get() = Rules.shipped.number("calibration.smallest_gamma")
+        val FLOOR get() = Rules.shipped.number("covariance.floor")
         const val ATOMS = 18
         private const val WIDTH = 50.0
 

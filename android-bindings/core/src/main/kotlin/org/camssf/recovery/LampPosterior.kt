@@ -2,6 +2,7 @@ package org.camssf.recovery
 
 import org.camssf.Grid
 import org.camssf.Rules
+import org.camssf.fit.GainModes
 import org.camssf.mean
 import org.camssf.spectra.Bundled
 import org.camssf.spectra.Directions
@@ -23,9 +24,6 @@ internal class LampPosterior private constructor(
     val kelvinVariance: Double,
 ) {
     companion object {
-        /** Lower limit of the factor by which lamp modes change the light; the models have the same limit. */
-        private const val DARKEST = 0.02
-
         /** The observation with the lamps' smooth errors expressed as additional lamp modes. */
         fun byModes(observation: Observation): Observation {
             val known = observation.known
@@ -71,8 +69,9 @@ internal class LampPosterior private constructor(
             estimate: DoubleArray,
             covariance: Array<DoubleArray>,
         ): LampPosterior {
+            val darkest = GainModes.DARKEST
             val bent = DoubleArray(Grid.SIZE) { m ->
-                lamp[m] * max(1.0 + modes.indices.sumOf { estimate[it] * modes[it][m] }, DARKEST)
+                lamp[m] * max(1.0 + modes.indices.sumOf { estimate[it] * modes[it][m] }, darkest)
             }
             val level = mean(bent)
             val power = DoubleArray(Grid.SIZE) { bent[it] / level }

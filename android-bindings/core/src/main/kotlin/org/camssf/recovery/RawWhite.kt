@@ -2,6 +2,7 @@ package org.camssf.recovery
 
 import org.camssf.Grid
 import org.camssf.Rules
+import org.camssf.fit.GainModes
 import org.camssf.spectra.Bundled
 import org.camssf.spectra.Chromaticity
 import org.camssf.spectra.Directions
@@ -19,8 +20,6 @@ import kotlin.math.sqrt
 internal object RawWhite {
     /** Linearisations of the chromaticity of a lamp by its modes. */
     private const val EXPANSIONS = 3
-
-    private const val DARKEST = 0.02
 
     /**
      * The unnamed light with its kinds narrowed by the raw white; as given if the file has no usable matrix.
@@ -64,6 +63,7 @@ internal object RawWhite {
         var gain = emptyList<DoubleArray>()
         var slope = emptyList<DoubleArray>()
         var logDensity = 0.0
+        val darkest = GainModes.DARKEST
         repeat(EXPANSIONS) {
             val power = DoubleArray(Grid.SIZE) { values[it] * factor[it] }
             val at = Chromaticity.uv(xyz(power, functions))
@@ -83,7 +83,7 @@ internal object RawWhite {
             gain = slope.map { solve(it) }
             code = DoubleArray(modes.size) { gain[it][0] * off[0] + gain[it][1] * off[1] }
             factor =
-                DoubleArray(Grid.SIZE) { m -> max(1.0 + modes.indices.sumOf { code[it] * modes[it][m] }, DARKEST) }
+                DoubleArray(Grid.SIZE) { m -> max(1.0 + modes.indices.sumOf { code[it] * modes[it][m] }, darkest) }
             val solved = solve(off)
             logDensity = -0.5 * (off[0] * solved[0] + off[1] * solved[1] + ln(4.0 * PI * PI * det))
         }

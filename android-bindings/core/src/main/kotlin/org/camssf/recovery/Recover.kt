@@ -98,7 +98,7 @@ internal object Recover {
     fun stackOf(k: Int): Int = STACKS.getOrElse(k - 1) { STACK }
 
     /** Relative duality gap above which [NotConverged] is thrown. */
-    const val LARGEST_GAP = 1e-9
+    val LARGEST_GAP get() = Rules.shipped.number("calibration.largest_gap")
 
     /** The curves that explain the signals: [recover] of one problem. */
     fun recover(

@@ -185,13 +185,11 @@ internal object Bundled {
         return DoubleArray(Grid.SIZE) { 0.5 * (high[it] - low[it]) }
     }
 
-    /** ln L minus its mean over the grid; power below 0.1 % of the peak is raised to that. */
+    /** ln L minus its mean over the grid; very small power is raised. */
     private fun logarithm(power: DoubleArray): DoubleArray {
-        val least = DIMMEST * power.max()
+        val least = tolerance("dimmest") * power.max()
         val level = DoubleArray(power.size) { ln(max(power[it], least)) }
         val middle = mean(level)
         return DoubleArray(power.size) { level[it] - middle }
     }
-
-    private const val DIMMEST = 1e-3
 }

@@ -205,15 +205,12 @@ public class Lamp internal constructor(
             "fluorescent" to Regex("fl.*"),
         )
 
-        /** Temperature above which `<T>K` is no bulb, K. */
-        private const val HOTTEST_BULB = 3500.0
-
         /**
          * The kind of the lamp that a name means: of a kind itself, or of a table or formula; null if it is of none.
          */
         internal fun plainKind(name: String): String? {
             kindOf(name)?.let { return it }
-            kelvinOf(name)?.let { return if (it.toDouble() <= HOTTEST_BULB) "bulb" else null }
+            kelvinOf(name)?.let { return if (it.toDouble() <= Rules.shipped.number("lamp.hottest_bulb")) "bulb" else null }
             if (daylightOf(name) != null) return "daylight"
             val cie = cieName(name)?.lowercase() ?: return null
             return KINDS.entries.firstOrNull { it.value.matches(cie) }?.key

@@ -1,5 +1,6 @@
 package org.camssf.verdict
 
+import org.camssf.Rules
 import org.camssf.median
 import org.camssf.photo.Estimate
 import kotlin.math.abs
@@ -12,23 +13,14 @@ import kotlin.math.sqrt
  * camssf.photo.photon_noise.
  */
 internal object PhotonNoise {
-    /** Smallest number of patches of a colour whose noise is judged. */
-    private const val FEWEST = 12
-
-    /** Variance, in squared steps of the samples, below which rounding hides the noise. */
-    private const val QUIET = 0.25
+    private val FEWEST get() = Rules.shipped.whole("noise.fewest")
+    private val ROUNDS get() = Rules.shipped.whole("noise.rounds")
+    private val QUIET get() = Rules.shipped.number("noise.quiet")
+    private val FAR get() = Rules.shipped.number("noise.far")
+    private val SIGNIFICANT get() = Rules.shipped.number("noise.significant")
 
     /** Variance of rounding, in squared steps. */
     private const val ROUNDING = 1.0 / 12.0
-
-    /** Rounds of reweighting. */
-    private const val ROUNDS = 8
-
-    /** Residuals, in robust standard deviations, beyond which a patch weighs less. */
-    private const val FAR = 2.5
-
-    /** Standard errors by which a colour's noise must grow with its signal. */
-    private const val SIGNIFICANT = 2.0
     private const val ROBUST = 1.4826
 
     /**

@@ -56,7 +56,7 @@ internal class Colours(private val forms: Forms, private val photos: Photos) {
         val found = case.list("signals").mapIndexed { i, signals ->
             standardiser.colourOf(RelativeSignals(numbers(signals), numbers(errors[i])))
         }
-        val far = found.map { it.reach > SurfaceDistance.FARTHEST }
+        val far = found.map { it.reach > SurfaceDistance.REACH }
         return mapOf(
             "xyz" to found.map { it.xyz.values },
             "lab" to found.map { it.lab.values },
@@ -99,6 +99,7 @@ internal class Colours(private val forms: Forms, private val photos: Photos) {
             "lab_covariance" to found.map { it.labCovariance.values }.flatten(),
             "white" to estimator.white.values,
             "distance" to found.map { it.distance },
+            "far" to found.map { it.outsidePrior },
             "from_photo" to found.map { it.fromPhoto },
             "lamps" to estimator.lamps.map { it.names },
             "weights" to estimator.lamps.map { it.weight },
