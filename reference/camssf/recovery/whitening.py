@@ -114,12 +114,8 @@ def whitened_model(hypotheses: Hypotheses, explain: Array) -> Whitened:
         explain: () whether `errors` are wanted.
     """
     folded = fold_hypotheses(hypotheses)
-    (k, _, q, _, _), prior = folded.sizes, prior_point(folded)
-    rows = rows_at(folded, prior)
-
-    modes = modes_at_prior(folded, rows, prior)
-    scale = patch_scales(rows, modes)
-    rows = rows.scaled(scale)
+    k, _, q, _, _ = folded.sizes
+    prior, rows, modes, scale = at_prior(folded)
 
     def with_modes() -> list[Array]:
         point = first_pass(folded, rows, prior, modes)
@@ -132,16 +128,21 @@ def whitened_model(hypotheses: Hypotheses, explain: Array) -> Whitened:
     return Whitened(folded, A, b, log_det, D[..., : k * q], D[..., k * q :], lamp, ErrorSources(*errors))
 
 
+def at_prior(folded: Folded) -> tuple[Point, Rows, ModeRows, Array]:
+    """The prior means, the rows there, what modes add, and the patches' scales (h, n), which the rows have."""
+    prior = prior_point(folded)
+    rows = rows_at(folded, prior)
+    modes = modes_at_prior(folded, rows, prior)
+    scale = patch_scales(rows, modes)
+    return prior, rows.scaled(scale), modes, scale
+
+
 def linearise(folded: Folded) -> tuple[Rows, ModeRows, Point]:
     """The rows of one hypothesis, with what its modes add, at the point about which they are linear.
 
     Without modes that is the prior means, with modes the first pass's estimate, as in `whitened_model`.
     """
-    prior = prior_point(folded)
-    rows = rows_at(folded, prior)
-    modes = modes_at_prior(folded, rows, prior)
-    scale = patch_scales(rows, modes)
-    rows = rows.scaled(scale)
+    prior, rows, modes, scale = at_prior(folded)
     if not folded.has_modes:
         return rows, modes, prior
     point = first_pass(folded, rows, prior, modes)
