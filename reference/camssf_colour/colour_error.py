@@ -6,6 +6,7 @@ Both are over the 24 surfaces of a ColorChecker in daylight D65, beside a white 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -54,6 +55,7 @@ class ColourError:
         )
 
 
+@lru_cache(maxsize=1)  # page and terminal state the same result's
 def expected_error(document: Document) -> ColourError | None:
     """The colour error that the result's covariance gives; None without curves or bands, or if it cannot be computed.
 
