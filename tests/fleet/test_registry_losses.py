@@ -116,10 +116,6 @@ def restored(home: Path) -> None:
 
 LOSSES: dict[str, Loss] = {
     **{f"file {number}": gone("phones/*.parquet", number) for number in range(9)},
-    "the records of a batch": holder("kind = 'result' AND serial = 'Sc1'"),
-    "the first list": holder("kind = 'list' AND len(previous) = 0"),
-    "a list between": holder("kind = 'list' AND record IN (SELECT previous[1] FROM stored WHERE kind = 'list') "
-                             "AND len(previous) > 0"),
     "row and job, by another program": by_another_program("*", "NOT (name = 'c1')"),
     "a changed record": by_another_program(
         "* REPLACE (if(serial = 'Sc2' AND kind = 'result', 'X', serial) AS serial)"),
@@ -140,7 +136,6 @@ MOVED = ("a flipped bit", "a cut file", "a damaged list", "a strange file", "a c
 def test_a_loss_is_noticed_and_a_batch_restores_it(home: Path, loss: str, verify: Verify) -> None:
     desk = Desk(home)
     before = desk.rows(WRITTEN)
-    assert not verify()[0]["faults"]
     LOSSES[loss](home)
     said, message = verify(status=cli.PARTED)
     assert said["faults"]

@@ -76,7 +76,7 @@ if __name__ == "__main__":
     for words in (
         "demo -o out",
         "calibrate out/shots/chart.dng --lamp D55 -o again",
-        "batch two.csv -o many --workers 2",
+        "batch one.csv -o many --workers 2",
         "passport key -o keys",
         "passport sign again/result.json --key keys/passport-key.pem --photo out/shots/chart.dng -o keys/a.jws",
         "passport verify keys/a.jws --key keys/passport-key.pub.pem",
@@ -96,14 +96,14 @@ if __name__ == "__main__":
 @pytest.mark.usefixtures("strace")
 def test_commands_and_library_leave_nothing_send_nothing_and_need_no_network(places: Places) -> None:
     """In a namespace without a network, where one is to be had."""
-    (places.work / "two.csv").write_text("name,photo,lamp\na,out/shots/chart.dng,D55\nb,out/shots/chart.dng,D55\n")
+    (places.work / "one.csv").write_text("name,photo,lamp\na,out/shots/chart.dng,D55\n")
     (places.work / "everything.py").write_text(EVERYTHING)
     done, seen = places.strace("everything.py", before=away())
     assert done.returncode == 0, done.stderr
     assert seen == []
     assert places.left() == []
     assert sorted(path.name for path in places.work.iterdir()) == [
-        "again", "everything.py", "keys", "many", "out", "phones", "two.csv",
+        "again", "everything.py", "keys", "many", "one.csv", "out", "phones",
     ]  # fmt: skip
     assert sorted(path.name for path in (places.work / "keys").iterdir()) == [
         "a.jws", "passport-key.pem", "passport-key.pub.pem",
