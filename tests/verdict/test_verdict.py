@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -70,9 +71,12 @@ class Scene:
         self.lamps = [read_lamp(name) for name in lamps]
         self.rho = np.ones(WAVELENGTHS.size) if white else TABLE.values[TABLE.white]
         self.signals = normalise(self.shots, TABLE)
-        self.ssf = self.answer(self.lamps)
         self.rivals: tuple[Rival, ...] = ()
         self.neutrals: list[list[Neutral]] = []
+
+    @cached_property
+    def ssf(self) -> Ssf:
+        return self.answer(self.lamps)
 
     def each(self) -> list[Ssf]:
         """The answer to every shot alone; none for one shot."""
