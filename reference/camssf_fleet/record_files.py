@@ -43,7 +43,6 @@ MANY_FILES = 64
 """With so many smaller files, `add` and `batch` compact them."""
 ATTEMPTS = 50
 """Attempts to read while other processes compact."""
-ONE_THREAD_STREAMED = "SET preserve_insertion_order = false; SET threads = 1"
 
 DAMAGED = (
     "Move the file away, and put it back from a backup, or run the same `camssf batch` again: it writes what its "
@@ -219,12 +218,18 @@ class RecordFiles:
 
     # Reading
 
-    def ask(self, question: Callable[[Views], Answer], files: Sequence[str] | None = None) -> Answer:
+    def ask(
+        self,
+        question: Callable[[Views], Answer],
+        files: Sequence[str] | None = None,
+        settings: Mapping[str, str] | None = None,
+    ) -> Answer:
         """Call a function with a connection that has the views; again if a file was compacted meanwhile.
 
         Args:
             question: gets the connection.
             files: read these only.
+            settings: as for `connection`.
 
         Raises:
             InvalidArgument: a file is damaged, or the files cannot be read.
@@ -236,7 +241,7 @@ class RecordFiles:
                 sizes = self.sizes()
                 sizes = sizes if files is None else {path: sizes[path] for path in files if path in sizes}
                 try:
-                    with connection(self.folder, sizes) as con:
+                    with connection(self.folder, sizes, settings) as con:
                         return question(Views(con, list(sizes)))
                 except (FileNotFoundError, duckdb.Error) as error:
                     if attempt + 1 == ATTEMPTS or not sizes.keys() - self.sizes().keys():

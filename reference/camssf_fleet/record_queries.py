@@ -22,7 +22,10 @@ _CONFIG = {
     "autoinstall_known_extensions": "false",  # no network access
     "autoload_known_extensions": "false",  # no access to the home folder
     "temp_directory": "",  # no temporary files in the working folder
+    "enable_external_file_cache": "false",  # nothing stays in memory of a file that is taken away
 }
+STREAMED = {"threads": "1", "preserve_insertion_order": "false"}
+"""Settings by which the rows of a large answer are written as they are read, in any order."""
 
 
 @cache
@@ -38,17 +41,23 @@ def _database(process: int) -> Any:
 
 
 @contextmanager
-def connection(folder: Place | None = None, sizes: Mapping[str, int] | None = None) -> Iterator[Any]:
+def connection(
+    folder: Place | None = None, sizes: Mapping[str, int] | None = None, settings: Mapping[str, str] | None = None
+) -> Iterator[Any]:
     """A DuckDB connection in memory, without extensions or temporary files, that can read a folder's files.
 
     Args:
         folder: a place; None for nothing but local files.
         sizes: of the files to be read, bytes; needed in an object store.
+        settings: DuckDB's, of this connection's database alone.
     """
     import duckdb
 
     remote = folder is not None and is_remote(folder)
-    con = duckdb.connect(":memory:", config=_CONFIG) if remote else _database(os.getpid()).cursor()
+    if remote or settings:
+        con = duckdb.connect(":memory:", config=_CONFIG | dict(settings or {}))
+    else:
+        con = _database(os.getpid()).cursor()
     try:
         con.execute("SET TimeZone = 'UTC'; SET parquet_metadata_cache = true")
         if folder is not None and remote:

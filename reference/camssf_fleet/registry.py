@@ -24,8 +24,8 @@ from camssf.photo.read.unit import Unit
 from camssf.places import Place, folder_place
 from camssf.shapes import Count, Text
 from camssf_fleet.merge import CORRECT, FACTS, Added, Json, Sayings, in_words, merge
-from camssf_fleet.record_files import DAMAGED, MANY_FILES, ONE_THREAD_STREAMED, ROW_GROUP, RecordFiles
-from camssf_fleet.record_queries import csv_cell, dicts, in_utc, query_of, quoted, rows_of, stored_value
+from camssf_fleet.record_files import DAMAGED, MANY_FILES, ROW_GROUP, RecordFiles
+from camssf_fleet.record_queries import STREAMED, csv_cell, dicts, in_utc, query_of, quoted, rows_of, stored_value
 from camssf_fleet.records import (
     COLUMNS,
     DELETION,
@@ -338,10 +338,9 @@ class Registry:
         if path.suffix == ".csv":
             form = "FORMAT csv, HEADER true"
             what = ", ".join(csv_cell(name, kind) for name, kind in kinds.items() if kind != "FLOAT[]")
-        sql = f"{ONE_THREAD_STREAMED}; COPY (SELECT {what} FROM results) TO"
+        sql = f"COPY (SELECT {what} FROM results) TO"
         with write_aside(path) as aside:
-            # In any order and by one thread, rows are written as they are read.
-            self.files.ask(lambda con: con.execute(f"{sql} {quoted(str(aside))} ({form})"))
+            self.files.ask(lambda con: con.execute(f"{sql} {quoted(str(aside))} ({form})"), settings=STREAMED)
 
     def damaged(self, key: str, what: str) -> InvalidArgument:
         """The error for a damaged row, with the file that holds it; `what` describes the damage."""

@@ -76,6 +76,8 @@ def test_add_list_export(tmp_path: Path, said: Said) -> None:
     for name in ("all.parquet", "all.csv"):
         said("export", folder, "-o", tmp_path / name)
     with connection() as con:
+        set_for_export = "current_setting('threads') = 1 AND NOT current_setting('preserve_insertion_order')"
+        assert con.execute(f"SELECT {set_for_export}").fetchone() == (False,)
         sql = f"SELECT count(*) FROM '{tmp_path / 'all.parquet'}' WHERE len(red) = 69"
         assert con.execute(sql).fetchone() == (1,)
     (cells,) = csv.DictReader((tmp_path / "all.csv").read_text("utf-8").splitlines())

@@ -1,9 +1,9 @@
 package org.camssf.colour
 
 import org.camssf.LeastSquares
+import org.camssf.Rules
 import kotlin.math.max
 import kotlin.math.sqrt
-import org.camssf.Rules
 
 /** Distance of signals from those that any surface can give under the lamp. */
 internal object SurfaceDistance {

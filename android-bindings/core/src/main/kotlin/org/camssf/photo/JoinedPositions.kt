@@ -1,9 +1,9 @@
 package org.camssf.photo
 
+import org.camssf.Rules
 import kotlin.math.abs
 import kotlin.math.max
 import kotlin.math.sqrt
-import org.camssf.Rules
 
 /**
  * Combines the statistics of the CFA cell's positions into colours: lens shading is applied and the two greens are

@@ -1,8 +1,8 @@
 package org.camssf.photo
 
+import org.camssf.Rules
 import kotlin.math.max
 import kotlin.math.sqrt
-import org.camssf.Rules
 
 /** A number and its standard error. */
 internal class Estimate(val value: Double, val error: Double)

@@ -1,12 +1,12 @@
 package org.camssf.recovery
 
 import org.camssf.Grid
+import org.camssf.Rules
 import kotlin.math.abs
 import kotlin.math.exp
 import kotlin.math.ln
 import kotlin.math.max
 import kotlin.math.sqrt
-import org.camssf.Rules
 
 /**
  * The largest γ of each channel on the paper's basis whose residual is not above the measured noise (Morozov 1966).

@@ -210,7 +210,8 @@ public class Lamp internal constructor(
          */
         internal fun plainKind(name: String): String? {
             kindOf(name)?.let { return it }
-            kelvinOf(name)?.let { return if (it.toDouble() <= Rules.shipped.number("lamp.hottest_bulb")) "bulb" else null }
+            val hottest = Rules.shipped.number("lamp.hottest_bulb")
+            kelvinOf(name)?.let { return if (it.toDouble() <= hottest) "bulb" else null }
             if (daylightOf(name) != null) return "daylight"
             val cie = cieName(name)?.lowercase() ?: return null
             return KINDS.entries.firstOrNull { it.value.matches(cie) }?.key

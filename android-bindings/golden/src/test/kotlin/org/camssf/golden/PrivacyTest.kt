@@ -9,6 +9,7 @@ import org.junit.jupiter.api.Test
 import org.junit.jupiter.api.io.TempDir
 import java.io.File
 import java.io.IOException
+import java.lang.management.ManagementFactory
 import java.util.concurrent.TimeUnit
 import java.util.zip.ZipEntry
 import java.util.zip.ZipFile
@@ -121,7 +122,8 @@ class PrivacyTest {
     ): Pair<Int, String> {
         val java = File(System.getProperty("java.home"), "bin/java").path
         val places = listOf("-Duser.home=${home.path}", "-Djava.io.tmpdir=${temporary.path}")
-        val options = listOf("-XX:-UsePerfData", "-XX:+UseSerialGC", "-XX:TieredStopAtLevel=1")
+        val own = ManagementFactory.getRuntimeMXBean().inputArguments.filter { it.startsWith("-XX:") }
+        val options = own + "-XX:-UsePerfData"
         val command = watch + java + places + options + listOf("-cp", path.joinToString(File.pathSeparator)) + main
         val said = File.createTempFile("said", ".txt", folder)
         val builder = ProcessBuilder(command).directory(work).redirectErrorStream(true).redirectOutput(said)

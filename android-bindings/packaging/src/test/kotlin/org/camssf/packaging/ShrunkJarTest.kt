@@ -6,6 +6,7 @@ import org.junit.jupiter.api.Tag
 import org.junit.jupiter.api.Test
 import org.junit.jupiter.api.io.TempDir
 import java.io.File
+import java.lang.management.ManagementFactory
 import java.util.concurrent.TimeUnit
 import java.util.zip.ZipEntry
 import java.util.zip.ZipFile
@@ -21,8 +22,9 @@ class ShrunkJarTest {
     @TempDir
     lateinit var folder: File
 
-    private val java = File(System.getProperty("java.home"), "bin/java").path
-    private val short = listOf(java, "-XX:+UseSerialGC", "-XX:TieredStopAtLevel=1")
+    /** A JVM with the flags of this one, which the POM gives. */
+    private val java = listOf(File(System.getProperty("java.home"), "bin/java").path) +
+        ManagementFactory.getRuntimeMXBean().inputArguments.filter { it.startsWith("-XX:") }
     private val runtime = jar("onnxruntime-")
     private val needed = listOf("model", "core").map(Artifacts::jar) +
         listOf("kotlin-stdlib-", "kotlinx-coroutines-", "annotations-").map(::jar)
@@ -93,7 +95,7 @@ class ShrunkJarTest {
         val conf = File(folder, "rules.pro").apply { writeText((rules + mains + NO_ANDROID).joinToString("\n")) }
         val out = File(folder, "shrunk.jar")
         val program = (jars + runtime).map(::bare) + app
-        val r8 = short + listOf("-cp", jar("r8-").path, "com.android.tools.r8.R8")
+        val r8 = java + listOf("-cp", jar("r8-").path, "com.android.tools.r8.R8")
         val options = form + listOf("--release", "--lib", System.getProperty("java.home"))
         val files = listOf("--pg-conf", conf.path, "--output", out.path)
         val (status, said) = run(r8 + options + files + program.map { it.path })
@@ -162,7 +164,7 @@ class ShrunkJarTest {
     }
 
     private fun java(path: List<File>, main: List<String>): Pair<Int, String> =
-        run(short + listOf("-cp", path.joinToString(File.pathSeparator)) + main)
+        run(java + listOf("-cp", path.joinToString(File.pathSeparator)) + main)
 
     private fun run(command: List<String>): Pair<Int, String> {
         val said = File.createTempFile("said", ".txt", folder)
