@@ -2,7 +2,6 @@ package org.camssf.recovery
 
 import org.camssf.Grid
 import org.camssf.Rules
-import org.camssf.fit.GainModes
 import org.camssf.mean
 import org.camssf.spectra.Bundled
 import org.camssf.spectra.Directions
@@ -69,7 +68,7 @@ internal class LampPosterior private constructor(
             estimate: DoubleArray,
             covariance: Array<DoubleArray>,
         ): LampPosterior {
-            val darkest = GainModes.DARKEST
+            val darkest = Rules.shipped.number("gains.darkest")
             val bent = DoubleArray(Grid.SIZE) { m ->
                 lamp[m] * max(1.0 + modes.indices.sumOf { estimate[it] * modes[it][m] }, darkest)
             }

@@ -2,7 +2,6 @@ package org.camssf.recovery
 
 import org.camssf.Grid
 import org.camssf.Rules
-import org.camssf.fit.GainModes
 import org.camssf.spectra.Bundled
 import org.camssf.spectra.Chromaticity
 import org.camssf.spectra.Directions
@@ -63,7 +62,7 @@ internal object RawWhite {
         var gain = emptyList<DoubleArray>()
         var slope = emptyList<DoubleArray>()
         var logDensity = 0.0
-        val darkest = GainModes.DARKEST
+        val darkest = Rules.shipped.number("gains.darkest")
         repeat(EXPANSIONS) {
             val power = DoubleArray(Grid.SIZE) { values[it] * factor[it] }
             val at = Chromaticity.uv(xyz(power, functions))
