@@ -25,9 +25,8 @@ from threadpoolctl import threadpool_info
 cores = sorted({pool["architecture"] for pool in threadpool_info() if pool["internal_api"] == "openblas"})
 print(json.dumps({"openblas": cores, "numpy": [name for name in names if has[name]]}))
 """
-NUMERICAL = ("-m", "numerical", "--ignore", "tests/kotlin", "--ignore", "tests/golden")
-"""Nothing below tests/kotlin is: its tests need what Maven builds, which may still be at work. tests/golden runs the
-cases that the golden check makes anew."""
+NUMERICAL = ("-m", "numerical", "--ignore", "tests/kotlin")
+"""Nothing below tests/kotlin is: its tests need what Maven builds, which may still be at work."""
 COMMANDS = {
     "tests": ["-m", "pytest", "-q", "-n0", "-Werror", "-p", "no:cacheprovider", *NUMERICAL],
     "golden": ["-m", "golden.generate", "--check"],

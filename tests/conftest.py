@@ -32,7 +32,6 @@ NUMERICAL = {
     "test_dense_model",
     "test_direct",
     "test_families",
-    "test_golden",
     "test_layers",
     "test_onnx",
     "test_ssf",
@@ -42,7 +41,8 @@ NUMERICAL = {
 }
 """Files whose tests get the marker `numerical`: their last bits depend on the linear algebra underneath.
 
-Those marked `full` show the same as the others, and get it only where it stands beside `full`.
+Those marked `full` show the same as the others, and get it only where it stands beside `full`. The cases of
+test_golden.py are made anew, on the same linear algebra, by `python -m golden.generate --check`.
 """
 COMMANDS = {
     "java": ("java",),

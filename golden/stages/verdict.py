@@ -70,6 +70,7 @@ def rows() -> list[Row]:
     clean = capture(y)
     solved = {"gain_modes": [gain_modes()], "gain_own": 0.075}
     mode = {"lamp_modes": {"polynomials": [[[0.0, 0.05]]]}}
+    uneven = np.sin(7.0 * PATCH[:, None])
     wave = (1 + 0.03 * np.sin(np.arange(24.0)))[:, None]
     glare = (1 - MINOR) * y * ripple(0.08) + MINOR
     return [
@@ -99,14 +100,14 @@ def rows() -> list[Row]:
         ("tone", "A tone curve, y^0.9.", capture(y**0.9), "doubtful not_sensor_raw"),
         ("patch", "One wrong patch is named.", capture(y * spike(13, 1.4)), "doubtful chart_unfit"),
         ("gloss", "Reflections, more on some patches than on others.",
-         capture(y + 0.02 * (1 + np.sin(7.0 * PATCH[:, None]))), "doubtful glare"),
+         capture(y + 0.02 * (1 + uneven)), "doubtful glare"),
         ("clipped-below", "Green saturates at 0.6 of the white, below the file's white level.",
          capture(np.minimum(y, [1.0, 0.6, 1.0])), "refused overexposed"),
         ("two-lights", "The light turns from red to blue along the rows.",
          capture(y * (1 + 0.12 * x * np.array([-1.0, 0.0, 1.0]))), "doubtful uneven_light"),
         ("no-single-cause", "All patches off, without a pattern.", capture(y * ripple(0.1)), "doubtful chart_unfit"),
         ("other-table", "Every patch is lighter or darker: the chart is hardly the table's.",
-         capture(y * (1 + 0.2 * np.sin(7.0 * PATCH[:, None]))), "refused chart_unfit"),
+         capture(y * (1 + 0.2 * uneven)), "refused chart_unfit"),
         ("faded", "Four patches of a chart that lost a third of its colour.",
          capture(predicted(fading=0.3), used=4), "doubtful chart_unfit underexposed"),
         ("misfit-refuses", "χ² is above eight times the expected.", capture(y * ripple(0.12)), "refused chart_unfit"),
@@ -194,7 +195,7 @@ def rows() -> list[Row]:
          capture(0.7 * y + 0.3 * y[::-1], exact=True), "doubtful chart_unfit"),
         ("band-too-wide", "A band of ±0.15 of the peak.", clean | band(0.0765), "doubtful bands_too_wide"),
         ("mixed-uneven", "Two patches are dusty; green has too few samples to be judged, blue just enough.",
-         noisy(1.0 + 0.1 * np.sin(7.0 * PATCH[:, None]) + 1.5 * np.isin(PATCH, (3, 10))[:, None], (20_000, 4, 6)),
+         noisy(1.0 + 0.1 * uneven + 1.5 * np.isin(PATCH, (3, 10))[:, None], (20_000, 4, 6)),
          "accepted"),
         ("mixed-quiet", "Rounding hides the noise of half of the patches: red is judged, green is not.",
          noisy(np.array([3.2e-5, 3.7e-5, 2.8e-4]), 20_000, 1.0 / 12.0), "doubtful not_sensor_raw not_sensor_raw"),

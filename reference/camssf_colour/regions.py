@@ -22,7 +22,7 @@ from camssf.rules import rules
 from camssf.shapes import Sha256, Text
 from camssf_colour.spread import REFERENCE_TOLERANCE, Reference
 
-LIT = rules().number("colour.lit")
+SIGNAL_TO_NOISE = rules().number("colour.signal_to_noise")
 Rectangle = tuple[float, float, float, float]
 """x, y of the top left corner, width, height: pixels of the active area, in the sensor's orientation."""
 
@@ -136,7 +136,7 @@ def check_reference(white: Region, reflectance: float) -> None:
         raise InvalidArgument(
             f"The reference's reflectance must lie between 0 and 1.2; got {reflectance:g}.", "Write 18 % as 0.18."
         )
-    if not (white.raw > LIT * white.error).all():
+    if not (white.raw > SIGNAL_TO_NOISE * white.error).all():
         raise InvalidArgument("The reference is too dark.", "Choose a lit white or grey surface.")
 
 

@@ -132,7 +132,8 @@ class Views:
 
 
 _VIEW = re.compile(r"(?i)\bFROM\s+(stored|deleted|records|said|results)\b|\b(rows|jobs)\b")
-"""What a statement names; only those of users may name one elsewhere than after FROM."""
+"""The views that a statement names. Users know `rows` and `jobs`, and may name them anywhere; our own statements name
+the others after FROM alone."""
 
 
 def rows_of(condition: str) -> str:

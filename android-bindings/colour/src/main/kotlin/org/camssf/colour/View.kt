@@ -137,8 +137,9 @@ public class Reference private constructor(
 }
 
 /** Whether signals (3) are as bright as a reference needs. */
-internal fun isLit(raw: DoubleArray, standardError: DoubleArray): Boolean = (0..2).all {
-    raw[it] > Rules.shipped.number("colour.lit") * standardError[it] && raw[it].isFinite() && standardError[it] >= 0
+internal fun isLit(raw: DoubleArray, standardError: DoubleArray): Boolean {
+    val least = Rules.shipped.number("colour.signal_to_noise")
+    return (0..2).all { raw[it] > least * standardError[it] && raw[it].isFinite() && standardError[it] >= 0 }
 }
 
 /** Sources of a colour's uncertainty. */

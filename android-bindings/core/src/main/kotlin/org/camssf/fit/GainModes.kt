@@ -14,9 +14,6 @@ import kotlin.math.max
  * Python's camssf.fit.capture_fit, in its order.
  */
 internal object GainModes {
-    /** Lower limit of the factors by which gain modes and lamp modes change the light; the models have the same. */
-    val DARKEST get() = Rules.shipped.number("gains.darkest")
-
     /**
      * Gain modes (k, g, n) of a capture's patches, and the size of each channel's own part relative to them.
      *
@@ -111,9 +108,10 @@ internal object GainModes {
     fun level(gains: Gains, code: DoubleArray): DoubleArray {
         val (k, g, n) = gains.modes.shape
         if (code.isEmpty()) return DoubleArray(k * n) { 1.0 }
+        val darkest = Rules.shipped.number("gains.darkest")
         return DoubleArray(k * n) { at ->
             val (j, i) = at / n to at % n
-            max(1.0 - (0 until g).sumOf { code[j * g + it] * gains.modes.values[(j * g + it) * n + i] }, DARKEST)
+            max(1.0 - (0 until g).sumOf { code[j * g + it] * gains.modes.values[(j * g + it) * n + i] }, darkest)
         }
     }
 }
