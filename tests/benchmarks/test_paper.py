@@ -1,4 +1,4 @@
-"""The paper's page: its words agree with the numbers of the run, and the bench counts."""
+"""The paper's page: its words agree with the numbers of the run, of which no camera knew its maker."""
 
 from __future__ import annotations
 
@@ -53,14 +53,9 @@ def test_what_the_page_says_in_words_holds(found: dict[str, Any]) -> None:
 
 @pytest.mark.repository
 @pytest.mark.requirement("R-PAPER")
-def test_the_bars_hold(found: dict[str, Any]) -> None:
-    for bar in found["bars"]:
-        sign, limit = bar["limit"].split()
-        right = bar["value"] >= float(limit) if sign == "≥" else bar["value"] <= float(limit)
-        assert right == bar["met"]
-        assert bar["met"], bar["bar"]
-    assert found["every"] == 1
-    assert found["cameras"] == 54
+def test_the_run_was_whole_and_its_bars_hold(found: dict[str, Any]) -> None:
+    assert [bar["bar"] for bar in found["bars"] if not bar["met"]] == []
+    assert (found["every"], found["cameras"]) == (1, 54)
 
 
 @pytest.mark.full
@@ -76,13 +71,10 @@ def test_cameras_learn_nothing_of_their_maker() -> None:
 
 
 @pytest.mark.full
-def test_one_camera_through_fig_4() -> None:
-    fig = gathering.gather_figure_4({i: paper.run("figure_4", i) for i in (4, 30)})
+def test_one_camera_through_two_experiments() -> None:
+    """Wavelengths by QR are far off; of a lamp that is ignored the curves know, and RMSRE does not."""
+    fig = gathering.gather_figure_4({4: paper.run("figure_4", 4)})
     assert fig[f"{QR}: wavelengths, clipped"]["0.005"] > 2 * fig[PAPER]["0.005"]
-
-
-@pytest.mark.full
-def test_the_lamp_experiment_sees_what_rmsre_does_not() -> None:
-    (row,) = (gathering.gather_lamps({4: paper.run("lamps", 4)})[PAPER],)
+    row = gathering.gather_lamps({4: paper.run("lamps", 4)})[PAPER]
     assert row["ignored"]["A"]["rmse"] > 1.5 * row["known"]["A"]["rmse"]
     assert row["ignored"]["A"]["rmsre_percent"] < 3.0
