@@ -235,14 +235,6 @@ def test_a_refusal_in_unnamed_light_is_a_document_too(tmp_path: Path) -> None:
         attempt(Shot(tmp_path / "none.dng", lamp_tolerance="2%"))
 
 
-def test_a_name_with_a_stated_tolerance_is_taken_as_said() -> None:
-    assert isinstance(Shot("a.dng", "D55").light(), Called)
-    told, exact = Shot("a.dng", "D55", lamp_tolerance="2%").light(), read_lamp("D55")
-    assert isinstance(told, Lamp)
-    assert (told.values == exact.values).all()
-    assert (told.tolerance, len(told.modes)) == (exact.tolerance, 0)
-
-
 # -- combinations of lamps ----------------------------------------------------------------------------------------
 
 

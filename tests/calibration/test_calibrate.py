@@ -9,19 +9,17 @@ import numpy as np
 import pytest
 
 from camssf.calibration import attempt, calibrate, solve
-from camssf.documents import forms
 from camssf.documents.document import document_bytes
-from camssf.errors import ChartNotFound, FramesDiffer, InvalidArgument, LampUnfit
+from camssf.errors import ChartNotFound, InvalidArgument, LampUnfit
 from camssf.options import Options
 from camssf.photo.capture import Capture, measure
 from camssf.photo.shot import Shot
 from camssf.report.build import report
 from camssf.report.shots import shots_of
 from camssf.result import Result
-from camssf.spectra import CameraCurves, Lamp, read_chart, read_lamp, read_light, with_tolerance
+from camssf.spectra import CameraCurves, read_chart, read_lamp, read_light
 from camssf_lab.simulation.frames import Simulation, simulate
 from camssf_lab.simulation.scene import Scene
-from tests.support.captures import capture_in, document_of
 from tests.support.problems import toy_camera
 
 ROOT = Path(__file__).parents[2]
@@ -134,20 +132,6 @@ def test_unseen_predictions_come_from_fits_without_the_patch(capture: Capture, s
     assert np.abs(after[0, 10] - before[0, 10]).max() > 1e-6
 
 
-@pytest.mark.full
-def test_documents_pipe(capture: Capture, solved: Result) -> None:
-    again = capture_in(document_of(capture))
-    assert document_of(again) == document_of(capture)
-    data = document_bytes(solved)
-    assert document_bytes(solve(again)) == data
-    assert document_bytes(forms.read(data, Result, "it", "")) == data
-    assert report(solved).result_json == data
-    lamp = with_tolerance(read_lamp("D55"), "200K")
-    (shot,) = capture_in(document_of(replace(capture, shots=(replace(capture.shots[0], lamp=lamp),)))).shots
-    assert isinstance(shot.lamp, Lamp)
-    assert shot.lamp.tolerance_kelvin == 200.0
-
-
 def test_fallbacks_are_named(two_lamps: Simulation, camera: CameraCurves) -> None:
     result = calibrate(two_lamps.shots[0].chart, "D55", options=Options(basis="cameras"), truth=camera)
     codes = {assumption.code for assumption in result.assumptions}
@@ -162,7 +146,7 @@ def test_fallbacks_are_named(two_lamps: Simulation, camera: CameraCurves) -> Non
 
 
 @pytest.mark.requirement("R-REFUSAL")
-def test_refusals_keep_their_evidence(tmp_path: Path, two_lamps: Simulation, camera: CameraCurves) -> None:
+def test_refusals_keep_their_evidence(tmp_path: Path, two_lamps: Simulation) -> None:
     shot = two_lamps.shots[0]
     found = attempt(shot.white, "D55")
     assert isinstance(found.error, ChartNotFound)
@@ -172,19 +156,12 @@ def test_refusals_keep_their_evidence(tmp_path: Path, two_lamps: Simulation, cam
     assert last.photo is not None
     assert (last.photo.unique_model, last.pose) == ("camssf simulated camera", None)
     assert list(found.capture.hashes) == ["shot 1, chart: white-D55.dng"]
-    made = report(found, found.previews)
-    assert "data:image/jpeg" in made.html
-    assert "pixels of the active area" in made.html
-    assert document_bytes(forms.read(made.result_json, Result, "it", "")) == made.result_json
+    assert "pixels of the active area" in report(found, found.previews).html
     dark_lamp = tmp_path / "dark.csv"
     dark_lamp.write_text("400,0\n500,0\n600,0\n700,0\n")
     dark = attempt(shot.chart, str(dark_lamp))
     assert isinstance(dark.error, LampUnfit)
     assert list(dark.capture.hashes) == ["shot 1, lamp: dark.csv"]
-    other = CameraCurves("other", toy_camera(20), "a formula")
-    elsewhere = simulate(other, "A", tmp_path, scene=Scene(size=(600, 450)))
-    with pytest.raises(FramesDiffer, match="different cameras"):
-        calibrate([Shot(shot.chart, "D55"), Shot(elsewhere.shots[0].chart, "A")], options=Options(basis="cameras"))
 
 
 @pytest.mark.parametrize(
@@ -215,8 +192,6 @@ def test_bad_arguments_are_named(two_lamps: Simulation, change: dict[str, object
         ({"basis": None}, "None"),
         ({"gamma": "x"}, "gamma"),
         ({"white_reflectance": "a"}, "0.95"),
-        ({"white_reflectance": 0.9}, "no white frame"),
-        ({"white_reflectance": 95}, "0.95"),
     ],
 )
 def test_bad_options_are_named(two_lamps: Simulation, options: dict[str, Any], words: str) -> None:
@@ -257,10 +232,6 @@ def test_frames_that_do_not_go_together(two_lamps: Simulation) -> None:
     first, second = two_lamps.shots
     with pytest.raises(InvalidArgument, match="for all shots"):
         calibrate([first.shot, Shot(second.chart, "A")], options=Options(basis="cameras"))
-    with pytest.raises(InvalidArgument, match="are the same photo"):
-        attempt(Shot(first.chart, "D55", white=first.chart))
-    with pytest.raises(InvalidArgument, match="one shot"):
-        calibrate([Shot(first.chart, "D55"), Shot(second.chart, "A")], options=Options(basis="gaussian"))
 
 
 @pytest.mark.full

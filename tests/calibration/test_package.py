@@ -85,15 +85,6 @@ def test_what_a_new_interpreter_loads() -> None:
     }  # fmt: skip
 
 
-def test_public_names() -> None:
-    assert camssf.__all__ == [
-        "WAVELENGTHS", "Answer", "CalibrationError", "Document", "Observation", "Options", "Result", "Shot",
-        "attempt", "calibrate", "document_bytes", "explain_code", "find_chart", "measure_patches", "normalise",
-        "read_dng", "read_raw", "read_unit", "recover", "validate",
-    ]  # fmt: skip
-    assert dir(camssf) == sorted([*camssf.__all__, "__version__"])
-
-
 def test_version_is_the_package_s() -> None:
     from importlib.metadata import PackageNotFoundError, version
 
@@ -119,12 +110,7 @@ def test_each_error_has_one_code_and_one_exit_status() -> None:
     for kind in kinds:
         kinds.extend(below(kind))
     leaves = [kind for kind in kinds if not below(kind)]
-    assert sorted(kind.code for kind in leaves) == [
-        "bands_too_wide", "blurred", "camera_unusual", "chart_not_found", "chart_unfit", "colour_out_of_reach",
-        "frames_differ", "glare", "invalid_argument", "lamp_unfit", "not_converged", "not_sensor_raw",
-        "out_of_memory", "overexposed", "passport_invalid", "underexposed", "uneven_light", "unit_differs",
-        "unreadable_raw", "unsupported_raw",
-    ]  # fmt: skip
+    assert len({kind.code for kind in leaves}) == len(leaves)
     families = errors.CalibrationError.__subclasses__()
     assert len({family.exit_status for family in families}) == len(families)
     for family in families:

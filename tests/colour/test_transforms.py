@@ -23,9 +23,8 @@ from camssf.colorimetry import (
 )
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS
-from camssf.spectra import camera_names, colour_science, read_chart
+from camssf.spectra import colour_science, read_chart
 from camssf.spectra.bundled import observer, surfaces
-from camssf.spectra.cameras import LIBRARY
 from camssf.spectra.sampled import smooth
 from camssf_colour import View, adapt, choose, quality_of, white_of
 from tests.colour.conftest import power
@@ -171,15 +170,8 @@ def test_the_difference_is_the_library_s() -> None:
     assert (delta_e00(pairs[0], pairs[0]) == 0).all()
 
 
-def test_shipped_tables_are_the_library_s() -> None:
+def test_uneven_tables_are_smoothed_as_the_library_does_it() -> None:
     colour = colour_science()
-    table = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
-    nm = np.linspace(380, 720, 681)
-    theirs = [np.interp(nm, table.wavelengths, each) for each in np.asarray(table.values).T]
-    assert np.abs(observer("1931").T - theirs).max() < 1e-15
-    assert set(LIBRARY) == set(colour.MSDS_CAMERA_SENSITIVITIES)
-    assert set(LIBRARY) < set(camera_names())
-    uneven = np.sort(RNG.uniform(380, 720, 60))
-    values = RNG.uniform(size=60)
-    theirs = colour.CubicSplineInterpolator(uneven, values)(np.clip(nm, uneven[0], uneven[-1]))
+    uneven, values = np.sort(RNG.uniform(380, 720, 60)), RNG.uniform(size=60)
+    theirs = colour.CubicSplineInterpolator(uneven, values)(np.clip(WAVELENGTHS, uneven[0], uneven[-1]))
     assert np.abs(smooth(uneven, values) - theirs).max() < 1e-9

@@ -8,7 +8,6 @@ import json
 import math
 import os
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +17,7 @@ from benchmarks import shared as _common
 from benchmarks.__main__ import main as benchmark
 from benchmarks.claims import phones
 from benchmarks.claims.accuracy import Setting
-from benchmarks.claims.phones import APART, JUDGED, Runs, auto
+from benchmarks.claims.phones import APART, auto
 from benchmarks.devices import CAMERAS, OTHER_MAKER, OTHERS, PHONES, Device, phones_left_out
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
@@ -344,35 +343,3 @@ def test_shipped_phones_come_from_the_command(tmp_path: Path) -> None:
     assert again.source.replace(path.name, "phones.csv") == shipped.source
     assert again.mean == pytest.approx(shipped.mean, abs=1e-12)
     assert spread(again.dictionary[:, ::40]) == pytest.approx(spread(shipped.dictionary[:, ::40]), abs=1e-9)
-
-
-@cache
-def judged() -> dict[str, dict[str, Runs]]:
-    """Each phone left out, two draws."""
-    devices = phones_left_out(read_curves(Path(str(TABLE))))
-    return {setting.name: phones.measure(devices, setting, 2) for setting in JUDGED}
-
-
-@pytest.mark.full
-@needs_the_table
-def test_phones_are_better_served_by_other_phones() -> None:
-    """As docs/accuracy.md says of bands: 98 to 100 %, 96 % of the worst; 1 % less, for two draws instead of eight.
-
-    There is no bar above: bands that follow where phones err cover all of some settings.
-    """
-    for setting, bases in judged().items():
-        (rmse, coverage, worst), theirs = bases[OTHERS].row, bases[CAMERAS].row[0]
-        assert rmse < 0.8 * theirs, setting
-        assert coverage >= 0.97, setting
-        assert worst >= 0.95, setting
-        assert bases[OTHER_MAKER].row[0] < 0.9 * theirs, setting
-
-
-@pytest.mark.full
-@needs_the_table
-def test_the_evidence_chooses_phones_for_phones() -> None:
-    """Whatever the setting and draw, `cameras` is never clearly ahead; seen under two lamps, phones are."""
-    nats = phones.odds(judged(), OTHERS)
-    assert min(own.min() for own in nats.values()) > -1.0
-    assert np.median(np.concatenate(list(nats.values()))) > phones.CLEAR
-    assert nats["Ohta, D55 + A"].min() > phones.CLEAR

@@ -24,9 +24,8 @@ from camssf.recovery.sensitivity import FamilyTest, Hypothesis, Ssf, solve_on_ba
 from camssf.recovery.unfamiliar_camera import stranger_probability
 from camssf.rules import rules
 from camssf.spectra import read_chart, read_lamp
-from camssf.spectra.lights import unnamed_light
 from golden.forms import resolve
-from golden.scenes import BETWEEN, ODD, PHONE, YELLOW_PHONE
+from golden.scenes import BETWEEN, ODD, PHONE
 from tests.support.documents import document
 from tests.support.problems import theory
 from tests.verdict.test_verdict import BLACK, frame, pose
@@ -323,14 +322,3 @@ def test_a_faded_chart_is_found_and_allowed_for() -> None:
     assert recover(clean).chart_fading == 0.0
     odd = recover(observed(resolve(ODD), "D55", "A"))
     assert odd.chart_fading == 0.0  # another camera is not taken for a faded chart
-
-
-@pytest.mark.full
-@pytest.mark.requirement("R-UNUSUAL")
-def test_a_phone_with_yellow_for_green_is_a_phone() -> None:
-    """In a phone's file it is no unusual camera, and its light may be unnamed."""
-    shot = capture(resolve(YELLOW_PHONE), ["D55"], make="HUAWEI")
-    found = solve(shot)
-    assert (found.ssf.basis, found.verdict.status) == ("ryyb", "accepted")
-    unnamed = solve(replace(shot, shots=(replace(shot.shots[0], lamp=unnamed_light()),)))
-    assert (unnamed.ssf.basis, unnamed.verdict.status) == ("ryyb", "accepted")

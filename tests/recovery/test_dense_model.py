@@ -7,7 +7,8 @@ import pytest
 
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.recovery.basis import read_basis
+from camssf.recovery.basis import NODES, read_basis
+from camssf.recovery.covariance import CHART_CORRELATION, LAMP_CORRELATION, TABLE_CORRELATION, smooth_errors
 from camssf.recovery.evidence import log_evidences
 from camssf.recovery.hypotheses import recover
 from camssf.recovery.linear_rows import linear_rows
@@ -83,6 +84,13 @@ def test_public_rows_are_those_that_are_solved(seed: int) -> None:
     code = np.linalg.solve(found.A.T @ weighted + np.eye(found.A.shape[1]), weighted.T @ found.b)
     ssf = recover(observation, basis=name, settings=SolverSettings(gamma=0.0))
     assert np.abs(found.curves(code) - ssf.peak()[0]).max() <= 1e-7
+
+
+@pytest.mark.parametrize("length", [CHART_CORRELATION, LAMP_CORRELATION, TABLE_CORRELATION])
+def test_smooth_errors_have_their_kernel(length: float) -> None:
+    """exp(-½ (Δλ / ℓ)²), which points ℓ / 2 apart make."""
+    factor, kernel = smooth_errors(length), np.exp(-0.5 * ((NODES[:, None] - NODES) / length) ** 2)
+    assert norm(factor @ factor.T, kernel) <= 2e-3
 
 
 def test_public_rows_need_a_prior_and_a_code_of_their_size() -> None:

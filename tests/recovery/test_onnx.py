@@ -93,16 +93,6 @@ def of_basis(basis: str) -> dict[str, Any]:
     return seeded(SEEDED.index(basis))
 
 
-@pytest.mark.parametrize("seed", seeds(24))
-def test_seeded_problems(seed: int) -> None:
-    onnx, reference = (recovered(**seeded(seed), engine=engine) for engine in ("onnx", "reference"))
-    assert (onnx.engine, reference.engine) == ("onnx", "reference")
-    assert max(onnx.proof.gap.max(), reference.proof.gap.max()) <= 1e-9
-    assert (onnx.std is None) == (reference.std is None)
-    for name in ("values", "predicted", "lamp", *(() if onnx.std is None else ("std",))):
-        assert norm(getattr(onnx, name), getattr(reference, name)) <= 1e-10, name
-
-
 def model_inputs_of(observation: Observation, prior_scale: float = 1.0, explain: float = 0.0) -> dict[str, Floats]:
     """The model's inputs for it."""
     y = observation.signals
