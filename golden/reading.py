@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from camssf import errors
+from camssf.errors import BY_CODE
 from golden.compare import METRICS
 from golden.contract import words
 from golden.forms import ROOT, GoldenError, Json, digest, need
@@ -16,12 +16,6 @@ FORMAT = 1
 FIELDS = words("format case stage comment expect requires source inputs outputs oracle truth limits")
 CAPABILITIES = words("mosaic pose patches signals reference model verdict metadata colour finder")
 """Capabilities of a runner; format.md explains each."""
-
-
-def codes() -> set[str]:
-    """All error codes of `camssf.errors`."""
-    kinds = [kind for kind in vars(errors).values() if isinstance(kind, type)]
-    return {kind.code for kind in kinds if issubclass(kind, errors.CalibrationError)} - {errors.CalibrationError.code}
 
 
 def check(case: Json) -> Json:
@@ -39,7 +33,7 @@ def check(case: Json) -> Json:
     need(set(case["requires"]) <= set(CAPABILITIES), f"{name}: requires {case['requires']}")
     _keys(f"{name}: inputs", case["inputs"], stage.inputs, stage.optional)
     if case["expect"] != "success":
-        need(case["expect"] in codes(), f"{name}: expects {case['expect']!r}")
+        need(case["expect"] in BY_CODE, f"{name}: expects {case['expect']!r}")
         empty = case["outputs"] is None and case["oracle"] is None and case["truth"] is None and not case["limits"]
         need(empty, f"{name}: an error has no outputs, oracle, truth or limits")
         return case

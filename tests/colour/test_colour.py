@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from camssf.colorimetry import KINDS, delta_e00, signals_of
-from camssf.errors import ColourOutOfReach, InvalidArgument, LampUnfit
+from camssf.errors import InvalidArgument, LampUnfit
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery import Observation, recover
 from camssf.recovery.basis import interpolate, misfit_profile, read_basis
@@ -29,7 +29,7 @@ from camssf_colour import (
 )
 from camssf_colour.colour_error import expected_error, true_error
 from camssf_colour.light import OWN_WHITE, lamp_modes, see
-from camssf_colour.reach import MOST, REACH, check_reach
+from camssf_colour.reach import MOST
 from camssf_colour.standard import of_surfaces
 from tests.colour.conftest import blurred, exact, known, owned, power
 from tests.support.documents import document
@@ -111,30 +111,6 @@ def test_the_true_colour_error_is_least_for_the_true_curves() -> None:
     truth, other = (read_camera(name).values for name in ("Canon EOS 5D Mark II", "Nikon 5100 (NPL)"))
     own, foreign = true_error(truth, truth), true_error(other, truth)
     assert own < 1.0 < foreign
-
-
-# -- out of reach -----------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("signal", "far"),
-    [
-        ((1.0, 1.0, 1.0), False),
-        ((0.0, 0.0, 0.0), False),
-        ((0.4, 0.2, 0.1), False),
-        ((1.3, 1.3, 1.3), True),  # brighter than white
-        ((0.02, 0.9, 0.02), True),  # no surface is so green to curves that overlap
-        ((-0.2, 0.1, 0.1), True),
-    ],
-)
-def test_a_colour_that_no_surface_has_is_found_out(signal: tuple[float, ...], far: bool) -> None:
-    found = standard_colour(blurred(size=0.005), "D55", np.array(signal), 0.002)
-    assert (found.reach[0] > REACH) == far
-    if far:
-        with pytest.raises(ColourOutOfReach, match="Colour 1") as caught:
-            check_reach(found.reach)
-        assert caught.value.value == found.reach[0]
-        assert caught.value.exit_status == 9
 
 
 # -- lamps by what the reference says ---------------------------------------------------------------------------

@@ -13,6 +13,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.pages import blocks
+
 ROOT = Path(__file__).parents[2]
 BINDINGS = Path(os.environ.get("CAMSSF_BINDINGS", ROOT / "android-bindings"))
 REPOSITORY = Path(os.environ.get("CAMSSF_REPOSITORY", BINDINGS / "packaging" / "target" / "repository"))
@@ -26,10 +28,6 @@ if shutil.which("mvn") is None or shutil.which("java") is None:
     pytest.skip("there is no Java or no Maven: the recipes of the docs are not run", allow_module_level=True)
 if not (REPOSITORY / "org" / "camssf" / "camssf-bom").is_dir():
     pytest.skip("no jar (mvn -f android-bindings verify): the recipes are not run", allow_module_level=True)
-
-
-def blocks(text: str, language: str) -> list[str]:
-    return re.findall(rf"^```{language}\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
 
 
 @pytest.fixture

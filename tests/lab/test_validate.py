@@ -11,17 +11,12 @@ from camssf.errors import InvalidArgument
 from camssf.fit.scores import PatchColours, Scores, patch_colours, reflectance_srgb, rmse, rmsre, validate
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.photo.signals import Signals
-from camssf.spectra import CameraCurves, ChartTable, Lamp, colour_science, read_camera, read_chart, read_lamp
+from camssf.spectra import CameraCurves, Lamp, colour_science, read_camera, read_chart, read_lamp
+from tests.support.problems import theory
 
 TABLE = read_chart("classic24")
 LAMPS = (read_lamp("D55"), read_lamp("A"))
 CAMERA = read_camera("Nikon 5100 (NPL)")
-
-
-def theory(table: ChartTable, lamp: Lamp, curves: Floats) -> Floats:
-    """Eq. (5) without noise, (n, 3): Σ R L S dλ / Σ L S dλ with a perfect white."""
-    light = lamp.values[:, None] * curves
-    return table.values @ light / light.sum(axis=0)
 
 
 def signals(values: Floats, used: NDArray[np.bool_] | None = None) -> Signals:
@@ -38,7 +33,7 @@ def signals(values: Floats, used: NDArray[np.bool_] | None = None) -> Signals:
     )
 
 
-Y = np.stack([theory(TABLE, lamp, CAMERA.values) for lamp in LAMPS])
+Y = np.stack([theory(TABLE.values, lamp.values, CAMERA.values) for lamp in LAMPS])
 
 
 def score(predicted: Floats, **more: object) -> Scores:
@@ -138,8 +133,7 @@ def test_delta_e_and_pictures_against_colour_science() -> None:
     """For the CIE observer as a camera, whose signals are XYZ but for a scale, colours follow from spectra alone."""
     camera = np.asarray(observer_of_colour_science().values)
     faded = TABLE.with_values(TABLE.values * (0.9 + 0.2 * (WAVELENGTHS - 380) / 340))
-    y = np.stack([theory(TABLE, lamp, camera) for lamp in LAMPS])
-    guess = np.stack([theory(faded, lamp, camera) for lamp in LAMPS])
+    y, guess = (np.stack([theory(t.values, lamp.values, camera) for lamp in LAMPS]) for t in (TABLE, faded))
     unseen = np.zeros((2, 24), bool)
     unseen[0, :12] = unseen[1, 6:] = True
     scores = validate(signals(y), guess, TABLE, LAMPS, unseen=unseen)

@@ -101,9 +101,6 @@ def tagged(*, kind: int, tag: int, value: Any) -> bytes:
 
 
 REFUSED: dict[str, tuple[bytes, type[RawError], str]] = {
-    "text": (b"not a photo at all, just words", UnreadableRaw, "not a DNG"),
-    "JPEG": (b"\xff\xd8\xff\xe0\0\x10JFIF\0" + b"\0" * 90, UnreadableRaw, "not a DNG"),
-    "PNG": (b"\x89PNG\r\n\x1a\n" + b"\0" * 90, UnreadableRaw, "not a DNG"),
     "no directory": (b"II*\0" + b"\0" * 60, UnreadableRaw, "no directory"),
     "Fujifilm": (b"FUJIFILMCCD-RAW 0201" + b"\0" * 90, UnsupportedRaw, "no DNG"),
     "Canon CR2": (b"II*\0\x10\0\0\0CR\x02\0" + b"\0" * 90, UnsupportedRaw, "no DNG"),
@@ -171,14 +168,6 @@ def test_folder_missing_file_and_forbidden_names(tmp_path: Path) -> None:
         read_dng(tmp_path / "none.dng")
     with pytest.raises(UnreadableRaw):
         read_dng(f"{tmp_path}/a\0b.dng")
-
-
-@pytest.mark.parametrize("cut", [0.5, 0.999])
-@pytest.mark.parametrize("name", ["colorchart.dng", "blackmagic_ljpeg.dng"])
-def test_real_files_cut_short(tmp_path: Path, name: str, cut: float) -> None:
-    content = (REAL / name).read_bytes()
-    with pytest.raises(UnreadableRaw, match="truncated"):
-        read_dng(write(tmp_path, content[: int(cut * len(content))]))
 
 
 def test_truncated_anywhere(tmp_path: Path) -> None:
