@@ -208,20 +208,13 @@ def test_a_light_that_was_called_by_a_name_is_said_so_in_result_terminal_and_rep
 def test_patches_travel_without_a_lamp() -> None:
     given = unnamed(capture(resolve(PHONE), ["D55", "A"], make="Apple"), read_lamp("A"))
     document = document_of(given)
-    shot = document["capture"]["shots"][0]
-    assert shot["lamp"] == {"kind": "unnamed", "name": "auto"}
+    assert document["capture"]["shots"][0]["lamp"] == {"kind": "unnamed", "name": "auto"}
     back = capture_in(document)
     assert isinstance(back.shots[0].lamp, Unnamed)
     assert isinstance(back.shots[1].lamp, Lamp)
     assert document_of(back) == document
     alone = document_of(unnamed(capture(resolve(PHONE), ["D55"], make="Apple")))
     assert (solve(capture_in(alone)).ssf.values == found("D55").ssf.values).all()
-    kind = {"kind": "unnamed"}
-    wrong: list[dict[str, Any]] = [kind | {"name": "A"}, kind | {"name": "auto", "values": [1.0]}, kind]
-    for lamp in (*wrong, {"name": "auto"}, {"kind": "named", "name": "auto"}, {}):
-        shot["lamp"] = lamp
-        with pytest.raises(InvalidArgument, match=r"capture\.shots\[0\]\.lamp"):
-            capture_in(document)
 
 
 def test_a_refusal_in_unnamed_light_is_a_document_too(tmp_path: Path) -> None:

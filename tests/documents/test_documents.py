@@ -65,22 +65,8 @@ def test_what_is_written_is_read_back_and_written_to_the_same_bytes(
 # -- faults of a file; those of its content are in test_forms.py -------------------------------------------------
 
 
-def test_a_changed_digit_is_noticed() -> None:
-    data = document_bytes(document())
-    spoilt = data.replace(b"12312.0", b"12312.1", 1)
-    assert spoilt != data
-    with pytest.raises(InvalidArgument, match='take out "sha256" if the change was meant'):
-        forms.read(spoilt, Result, "x.json", ADVICE)
-    meant = json.loads(spoilt)
-    del meant["sha256"]
-    assert read(meant).capture is not None
-
-
-WHOLE = b'{"format": "camssf/2", "version": "1", '
 FILES: list[tuple[bytes, str]] = [
     (b"\xff\xfe{}", "is not valid JSON"),
-    (WHOLE + b'"capture": ' + b"[" * 900 + b"]" * 900 + b"}", "capture must be an object, is a list"),
-    (WHOLE + b'"l2": ' + b"9" * 5000 + b"}", "is not valid JSON"),
     (b'{"format": "camssf-patches/1"}', "that form was never released, so measure or calibrate the photos anew"),
     (b"II*\0" + bytes(200), "is .*, not JSON"),
 ]  # fmt: skip
