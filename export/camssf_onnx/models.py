@@ -31,7 +31,7 @@ from camssf_colour.picture import SPACES
 from camssf_colour.picture_file import profile_of
 from camssf_colour.picture_strip import StripInputs, picture_strip
 from camssf_colour.pixel_table import COVARIANCE_NODES, PAIRS, RATIO_NODES, PixelTable
-from camssf_colour.posterior import Components, LinearResponse, components_of, means_of, posterior_of
+from camssf_colour.posterior import Components, LinearResponse, components_of, exact_posteriors, posterior_of
 from camssf_colour.response import SOURCES, Viewed, response_of
 from camssf_colour.surface_prior import SurfacePrior
 from camssf_onnx.graph import Graph, info
@@ -282,13 +282,13 @@ def build_posterior() -> onnx.ModelProto:
     return traced("surfaces-posterior", COMPONENTS | {"y": ["c"], "error": ["c"]}, function)
 
 
-def build_means() -> onnx.ModelProto:
-    """The model of `means_of`: many exact signals."""
+def build_exact() -> onnx.ModelProto:
+    """The model of `exact_posteriors`: many signals without noise."""
 
     def function(inputs: dict[str, Array]) -> dict[str, Array]:
-        return {"means": means_of(_components(inputs), inputs["z"])}
+        return vars(exact_posteriors(_components(inputs), inputs["fine"], inputs["coarse"]))
 
-    return traced("surfaces-means", COMPONENTS | {"z": ["b", "m", "c"]}, function)
+    return traced("surfaces-exact", COMPONENTS | {"fine": ["b", "m", "c"], "coarse": ["k", "c"]}, function)
 
 
 def build_picture() -> onnx.ModelProto:
@@ -356,7 +356,7 @@ def files() -> dict[str, bytes]:
         "surfaces-lights": build_lights(),
         "surfaces-components": build_components(),
         "surfaces-posterior": build_posterior(),
-        "surfaces-means": build_means(),
+        "surfaces-exact": build_exact(),
         "surfaces-picture": build_picture(),
     }
     contents = {f"{name}.onnx": model.SerializeToString(deterministic=True) for name, model in models.items()}

@@ -1,8 +1,8 @@
 """Colours of many pixels in one light: a table over the ratios of their signals, and the uncertainty at its nodes.
 
-Exact signals of one ratio give one colour whatever their level, so the posterior mean (`means_of`) is tabulated over
-ln r/g and ln b/g. Cube roots, of which Lab consists, are bilinear between the nodes. So is the covariance of the
-colour, which varies less and has fewer nodes.
+Exact signals of one ratio give one colour whatever their level, so the posterior mean (`exact_posteriors`) is
+tabulated over ln r/g and ln b/g. Cube roots, of which Lab consists, are bilinear between the nodes. So is the
+covariance of the colour, which varies less and has fewer nodes.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from camssf.colorimetry import BEND, SLOPE
 from camssf.grid import Floats
 from camssf.recovery.arrays import Array, namespace
 from camssf_colour.light import Light
-from camssf_colour.posterior import components_of, exact_posteriors, means_of
+from camssf_colour.posterior import components_of, exact_posteriors
 from camssf_colour.reach import REACH, surface_distances
 from camssf_colour.response import surface_response
 from camssf_colour.spread import Reference
@@ -108,10 +108,12 @@ def tabulate(
         components = components_of(read_prior(prior), response)
         if not (components.scale > 0).all():
             raise np.linalg.LinAlgError("a surface of the prior gives no signal")
-        means.append(means_of(components, node_signals(RATIO_NODES).reshape(SQUARE)))
-        answers = exact_posteriors(components, node_signals(COVARIANCE_NODES))
-        covariances.append(np.stack([answer.covariance[3:, 3:] for answer in answers]))
-        spread = DARK**2 * np.stack([answer.signal_covariance for answer in answers])
+        exact = exact_posteriors(
+            components, node_signals(RATIO_NODES).reshape(SQUARE), node_signals(COVARIANCE_NODES)
+        )
+        means.append(exact.means)
+        covariances.append(exact.covariance)
+        spread = DARK**2 * exact.signal_covariance
         far.append(surface_distances(DARK * node_signals(COVARIANCE_NODES), spread, light))
     mean = np.tensordot(weights, np.stack(means), axes=1).reshape(-1, 3)
     coarse = np.stack(means)[:, ::STRIDE, ::STRIDE].reshape(len(means), -1, 3)

@@ -190,22 +190,8 @@ def posterior_of(components: Components, y: Array, error: Array) -> SurfacePoste
     xp, c = namespace(y), y.shape[0]
     count = xp.sum(xp.ones((c,), dtype=xp.float64))
     level = xp.maximum(xp.maximum(xp.mean(y), xp.sqrt(xp.sum(error * error)) / count), DARKEST)
-    errors = components.errors | {NOISE: _of_noise(components, (error / level) ** 2)}
-    return _posterior(components, level, y / level, errors, _spread(components, errors, c))
-
-
-def exact_posteriors(components: Components, z: Floats) -> list[SurfacePosterior]:
-    """The posteriors of exact signals z (m, c) of mean 1, as of `posterior_of`; no noise changes what they share."""
-    spread = _spread(components, components.errors, z.shape[1])
-    return [_posterior(components, np.array(1.0), one, components.errors, spread) for one in z]
-
-
-def _posterior(
-    components: Components, level: Array, z: Array, errors: Mapping[str, Array], spread: tuple[Array, Array, Array]
-) -> SurfacePosterior:
-    """The posterior of signals ℓ z, given the errors' covariances, and their `_spread`."""
-    xp, c = namespace(z), z.shape[0]
-    total, inverses, log_dets = spread
+    z, errors = y / level, components.errors | {NOISE: _of_noise(components, (error / level) ** 2)}
+    total, inverses, log_dets = _spread(components, errors, c)
     bright = xp.mean(z)
     off = z - bright * components.expected[:, :c]
     squares = xp.sum((off[:, None, :] @ inverses)[:, 0, :] * off, axis=1)
@@ -246,30 +232,70 @@ def _posterior(
     )
 
 
-def means_of(components: Components, z: Array) -> Array:
-    """Means (b, m, 3) of the last three outputs as of `posterior_of`, of exact signals (b, m, c) of mean 1."""
-    xp, c = namespace(z), z.shape[2]
+@dataclass(frozen=True)
+class ExactPosteriors:
+    """The last three outputs given exact signals of mean 1, as of `posterior_of`.
+
+    Attributes:
+        means: (b, m, 3) of the signals `fine`.
+        covariance, signal_covariance: (k, 3, 3) and (k, c, c) of the signals `coarse`.
+    """
+
+    means: Array
+    covariance: Array
+    signal_covariance: Array
+
+
+def exact_posteriors(components: Components, fine: Array, coarse: Array) -> ExactPosteriors:
+    """The posteriors of exact signals of mean 1, (b, m, c) and, with covariances, (k, c).
+
+    Without noise each surface's gain and covariances are the same for all signals: only the weights differ.
+    """
+    xp, c = namespace(fine), fine.shape[2]
     total, inverses, log_dets = _spread(components, components.errors, c)
     expected, last = components.expected, components.expected.shape[1] - 3
-    gain = _gain(components, total, inverses)[0][:, last - c :, :]
+    gain, own_slopes = (of_outputs[:, last - c :, :] for of_outputs in _gain(components, total, inverses))
     (n, p, _), seen = gain.shape, expected[:, :c, None]
     towards = (inverses @ seen)[:, :, 0]
     constant = components.log_weights - 0.5 * (log_dets + xp.sum(towards * expected[:, :c], axis=1))
     forms = xp.concat([-0.5 * xp.reshape(inverses, (n, c * c)), towards, constant[:, None]], axis=1)
     base = expected[:, last:] - (gain @ seen)[:, :, 0]
-    maps = xp.reshape(xp.concat([gain, base[:, :, None]], axis=2), (n, p * (c + 1)))
-    maps = xp.concat([maps, xp.ones((n, 1), dtype=xp.float64)], axis=1)  # the last column sums the weights
+    affine = xp.concat([gain, base[:, :, None]], axis=2)  # the means of a surface, of signals and 1
+    maps = xp.concat([xp.reshape(affine, (n, p * (c + 1))), xp.ones((n, 1), dtype=xp.float64)], axis=1)
 
-    def of_block(z: Array) -> Array:
+    def weighed(z: Array) -> tuple[Array, Array]:
+        """Signals and 1, and the weights but for their sum, which the last column of `maps` gives."""
         m = z.shape[0]
         line = xp.concat([z, xp.ones((m, 1), dtype=xp.float64)], axis=1)
         products = xp.reshape(z[:, :, None] * z[:, None, :], (m, c * c))
         logarithms = xp.concat([products, line], axis=1) @ forms.mT
-        mapped = xp.exp(logarithms - xp.max(logarithms, axis=1, keepdims=True)) @ maps
-        summed = xp.sum(xp.reshape(mapped[:, :-1], (m, p, c + 1)) * line[:, None, :], axis=2)
-        return summed / mapped[:, -1:]
+        return line, xp.exp(logarithms - xp.max(logarithms, axis=1, keepdims=True))
 
-    return each_block(of_block, z)
+    def means_of(z: Array) -> Array:
+        line, weights = weighed(z)
+        mapped = weights @ maps
+        return xp.sum(xp.reshape(mapped[:, :-1], (z.shape[0], p, c + 1)) * line[:, None, :], axis=2) / mapped[:, -1:]
+
+    (v, _, _), k = components.shared.shape, coarse.shape[0]
+    changes, crossed = (array[:, last:, :] for array in (components.changes.mT, components.crossed))
+    shared = xp.reshape(components.variances @ xp.reshape(components.shared[:, last:, last:], (v, p * p)), (n, p, p))
+    taken = components.of_level[:, last:, None] * expected[:, None, last:] + gain @ crossed.mT
+    slopes = xp.concat([-gain, own_slopes], axis=2)
+    own = shared + changes @ changes.mT - taken - taken.mT + gain @ components.crossed[:, :c, :] @ gain.mT
+    own = xp.reshape(own + slopes @ total @ slopes.mT, (n, p * p))
+    moves = xp.concat([xp.broadcast_to(eye(xp, c), (n, c, c)), seen], axis=2)
+    of_signals = xp.reshape(moves @ total[:, : c + 1, : c + 1] @ moves.mT, (n, c * c))
+
+    line, weights = weighed(coarse)
+    weights = weights / xp.sum(weights, axis=1, keepdims=True)
+    means = xp.reshape(line @ xp.reshape(affine, (n * p, c + 1)).mT, (k, n, p))
+    apart = means - xp.sum(weights[:, :, None] * means, axis=1, keepdims=True)
+    between = (apart * weights[:, :, None]).mT @ apart
+    return ExactPosteriors(
+        each_block(means_of, fine),
+        xp.reshape(weights @ own, (k, p, p)) + between,
+        xp.reshape(weights @ of_signals, (k, c, c)),
+    )
 
 
 def _spread(components: Components, errors: Mapping[str, Array], c: Any) -> tuple[Array, Array, Array]:

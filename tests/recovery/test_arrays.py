@@ -18,7 +18,7 @@ from camssf.recovery.onnx_model import onnx_runtime, run_session
 from camssf.recovery.posterior import evidence_of
 from camssf.recovery.rows import Hypotheses
 from camssf.recovery.whitening import whitened_model
-from camssf_colour.posterior import LinearResponse, components_of, means_of, posterior_of
+from camssf_colour.posterior import LinearResponse, components_of, exact_posteriors, posterior_of
 from camssf_colour.surface_prior import SurfacePrior, read_prior
 from golden.compare import norm
 from tests.recovery.test_dense_model import BASES, random_captures
@@ -127,8 +127,9 @@ def surface_arrays(seed: int) -> dict[str, Floats]:
     signals = rng.random((c, 35)) * np.exp(-0.5 * ((np.arange(35) - rng.uniform(5, 30, (c, 1))) / 4) ** 2)
     signals /= signals.sum(axis=1, keepdims=True)
     y = np.maximum(signals @ (prior["shapes"][seed] * 0.4) * (1 + 0.02 * rng.normal(size=c)), 0.01)
-    arrays = prior | {"y": y, "error": 0.01 * y, "z": np.exp(rng.normal(size=(2, 5, c))), "signals": signals}
-    arrays["z"] /= arrays["z"].mean(axis=2, keepdims=True)
+    fine = np.exp(rng.normal(size=(2, 5, c)))
+    fine /= fine.mean(axis=2, keepdims=True)
+    arrays = prior | {"y": y, "error": 0.01 * y, "fine": fine, "coarse": fine[0, :3], "signals": signals}
     arrays["outputs"] = rng.random((6 + 35 * (seed % 2), 35))
     for source, size in SOURCES.items():
         moved = np.concatenate([signals, np.ones((6, 35))])
@@ -144,7 +145,8 @@ def surface_outputs(arrays: Mapping[str, Any]) -> dict[str, Any]:
     response = LinearResponse(arrays["signals"], joint[:, :c, :], arrays["outputs"], joint[:, c:, :], sources)
     components = components_of(SurfacePrior("", *(arrays[name] for name in OF_PRIOR)), response)
     outputs: dict[str, Any] = vars(posterior_of(components, arrays["y"], arrays["error"])).copy()
-    return outputs.pop("parts") | outputs | {"means": means_of(components, arrays["z"])}
+    exact = vars(exact_posteriors(components, arrays["fine"], arrays["coarse"]))
+    return outputs.pop("parts") | outputs | {f"exact {name}": array for name, array in exact.items()}
 
 
 FORMULAS: dict[str, tuple[Callable[[int], dict[str, Floats]], Callable[[Any], dict[str, Any]], float]] = {
@@ -179,9 +181,21 @@ def test_the_surface_as_models(seed: int) -> None:
     """As many surfaces of the prior are kept as in NumPy: they differ from seed to seed."""
     arrays = surface_arrays(seed)
     arrays |= run_step("components", arrays)
-    found, known = run_step("posterior", arrays) | run_step("means", arrays), surface_outputs(arrays)
+    exact = {f"exact {name}": array for name, array in run_step("exact", arrays).items()}
+    found, known = run_step("posterior", arrays) | exact, surface_outputs(arrays)
     assert set(found) == set(known)
     assert max(apart(found, known).values()) < 1e-10
+
+
+def test_exact_signals_are_those_without_noise() -> None:
+    """The posterior of one surface leaves out unlikely surfaces of the prior, so it is close, not equal."""
+    arrays = surface_arrays(2)
+    for i, z in enumerate(arrays["coarse"]):
+        known = surface_outputs(arrays | {"y": z, "error": np.zeros(3)})
+        covariance = sum(known[name] for name in (*SOURCES, "noise", "metamers"))[-3:, -3:]
+        assert norm(known["exact means"][0, i], known["mean"][-3:]) < 1e-4
+        assert norm(known["exact covariance"][i], covariance) < 1e-4
+        assert norm(known["exact signal_covariance"][i], known["signal_covariance"]) < 1e-4
 
 
 @pytest.mark.parametrize("seed", [3, 5, 8])

@@ -5,7 +5,7 @@ internal class LampContext(val response: SurfaceResponse) {
     val posterior = SurfacePosterior(SurfacePrior.read("general"), response, reflectance = false)
 
     /** For pixels; made when it is first needed. */
-    val table: PixelTable by lazy { PixelTable(posterior, response.white) }
+    val table: PixelTable by lazy { PixelTable(exact().means, response.white) }
 
     /** The colour of signals (3). */
     fun colour(signals: RelativeSignals): StandardColour {
@@ -18,6 +18,9 @@ internal class LampContext(val response: SurfaceResponse) {
         val reach = SurfaceDistance.of(signals.values, surface.signalCovariance, response.reachable)
         return StandardColour(surface.mean.copyOf(3), Spaces.lab(relative, ones), parts, reach)
     }
+
+    /** Of signals at the nodes of a table of pixels. */
+    fun exact(): ExactOutputs = posterior.exact(PixelTable.signals, PixelTable.coarseSignals)
 
     /** The block (3, 3) of a covariance (6, 6) that begins at a row. */
     fun block(of: DoubleArray, from: Int) = DoubleArray(9) { of[(from + it / 3) * 6 + from + it % 3] }

@@ -17,10 +17,10 @@ internal class PictureTable(lights: List<LampContext>, weights: DoubleArray) {
 
     init {
         val tables = lights.map { TableOfLight(it) }
-        val means = mean(tables.map { it.means }, weights)
+        val means = mean(tables.map { it.exact.means }, weights)
         val coarse = TableOfLight.coarse
         val covariances = coarse.indices.flatMap { node ->
-            val within = mean(tables.map { it.covariances[node] }, weights)
+            val within = mean(tables.map { it.exact.covariances[node] }, weights)
             val between = covariance(tables.map { it.mean(node) }, weights)
             PAIRS.map { within[it] + between[it] }
         }
@@ -42,45 +42,27 @@ internal class PictureTable(lights: List<LampContext>, weights: DoubleArray) {
 
 /** The table of one light, before the lights are mixed. */
 private class TableOfLight(light: LampContext) {
-    /** (129², 3) XYZ over its white. */
-    val means: DoubleArray
-
-    /** (17²) of (3, 3), of XYZ over its white. */
-    val covariances: List<DoubleArray>
+    val exact: ExactOutputs = light.exact()
 
     /** (17²) of dark signals. */
-    val distances: DoubleArray
-
-    init {
-        val fine = PixelTable.NODES
-        means = light.posterior.means(Tensor(PixelTable.signals(fine), fine, fine, 3)).values
-        val still = DoubleArray(3)
-        val surfaces = coarse.map { light.posterior.of(RelativeSignals(it, still)) }
-        covariances = surfaces.map { surface ->
-            DoubleArray(9).also { sum -> for (part in surface.parts) add(sum, 1.0, light.block(part, 3)) }
-        }
-        distances = DoubleArray(coarse.size) {
-            val spread = surfaces[it].signalCovariance.times(DARK * DARK)
-            SurfaceDistance.of(coarse[it].times(DARK), spread, light.response.reachable)
-        }
+    val distances: DoubleArray = DoubleArray(coarse.size) {
+        val spread = exact.signalCovariances[it].times(DARK * DARK)
+        SurfaceDistance.of(coarse[it].times(DARK), spread, light.response.reachable)
     }
 
     /** XYZ (3) over its white at a node of the coarse grid. */
     fun mean(node: Int): DoubleArray {
-        val at = 3 * STRIDE * (node / COARSE * PixelTable.NODES + node % COARSE)
-        return means.copyOfRange(at, at + 3)
+        val at = 3 * STRIDE * (node / PixelTable.COARSE * PixelTable.NODES + node % PixelTable.COARSE)
+        return exact.means.copyOfRange(at, at + 3)
     }
 
     companion object {
-        private const val COARSE = 17
-        private const val STRIDE = (PixelTable.NODES - 1) / (COARSE - 1)
+        private const val STRIDE = (PixelTable.NODES - 1) / (PixelTable.COARSE - 1)
 
         /** Level at which the distance from all surfaces is computed: no reflectance comes near 1. */
         private const val DARK = 0.1
 
         /** (17²) of (3) signals of mean 1. */
-        val coarse: List<DoubleArray> = PixelTable.signals(COARSE).let { all ->
-            List(COARSE * COARSE) { all.copyOfRange(3 * it, 3 * it + 3) }
-        }
+        val coarse: List<DoubleArray> = PixelTable.coarseSignals.rows()
     }
 }

@@ -10,16 +10,12 @@ import kotlin.math.max
  * XYZ of pixels of one light: the posterior's means without noise at nodes of ln r/g and ln b/g. Cube roots, of which
  * Lab consists, are bilinear between them. Ratios beyond e³ count as e³.
  *
+ * @param means (NODES, NODES, 3) XYZ over its white, of [signals].
  * @property white (3) XYZ of the white that Lab is relative to.
  */
-internal class PixelTable(posterior: SurfacePosterior, private val white: DoubleArray) {
+internal class PixelTable(means: DoubleArray, private val white: DoubleArray) {
     /** (NODES, NODES, 3) cube roots of XYZ over white and over the mean of the signals; ln b/g varies faster. */
-    private val values = DoubleArray(NODES * NODES * 3)
-
-    init {
-        val means = posterior.means(Tensor(signals(NODES), NODES, NODES, 3)).values
-        for (at in values.indices) values[at] = cbrt(means[at])
-    }
+    private val values = DoubleArray(NODES * NODES * 3) { cbrt(means[it]) }
 
     /** XYZ (3) of the signals at a place, or L*, a*, b*. */
     fun colour(place: Place, lab: Boolean, into: DoubleArray) {
@@ -77,14 +73,23 @@ internal class PixelTable(posterior: SurfacePosterior, private val white: Double
     companion object {
         /** Along each ratio. */
         const val NODES = 129
+
+        /** Along each ratio, of a covariance. */
+        const val COARSE = 17
         private const val EDGE = 3.0
         private const val STEP = 2 * EDGE / (NODES - 1)
 
         /** Signals below this share of the level have ratios beyond the edge. */
         private const val SMALL = 1e-6
 
+        /** (NODES, NODES, 3) exact signals of mean 1. */
+        val signals: Tensor get() = Tensor(signalsAt(NODES), NODES, NODES, 3)
+
+        /** (COARSE², 3) exact signals of mean 1. */
+        val coarseSignals: Tensor = Tensor(signalsAt(COARSE), COARSE * COARSE, 3)
+
         /** (nodes, nodes, 3) signals of mean 1 at so many nodes of each ratio, row-major. */
-        fun signals(nodes: Int): DoubleArray {
+        private fun signalsAt(nodes: Int): DoubleArray {
             val step = 2 * EDGE / (nodes - 1)
             val z = DoubleArray(3 * nodes * nodes)
             for (at in z.indices step 3) {

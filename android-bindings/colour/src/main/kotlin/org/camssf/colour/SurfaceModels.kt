@@ -24,8 +24,8 @@ internal object SurfaceModels {
     /** The posterior of one surface. */
     val posterior: OnnxModel by model("posterior")
 
-    /** The means of many surfaces of exact signals. */
-    val means: OnnxModel by model("means")
+    /** The posteriors of many surfaces of signals without noise. */
+    val exact: OnnxModel by model("exact")
 
     /** A strip of a picture, and its uncertainty. */
     val picture: OnnxModel by model("picture")

@@ -20,6 +20,19 @@ internal class SurfaceOutputs(
 )
 
 /**
+ * XYZ over its white given exact signals of mean 1.
+ *
+ * @property means (b, m, 3) of the fine signals.
+ * @property covariances (k) of (3, 3), of the coarse signals.
+ * @property signalCovariances (k) of (c, c), of these signals by all errors.
+ */
+internal class ExactOutputs(
+    val means: DoubleArray,
+    val covariances: List<DoubleArray>,
+    val signalCovariances: List<DoubleArray>,
+)
+
+/**
  * The posterior of outputs given signals, for a prior of measured surfaces (docs/spectrum.md). The outputs are the
  * response's colours; before them the reflectance itself if it was asked for. Immutable; safe to share between threads.
  *
@@ -49,6 +62,13 @@ internal class SurfacePosterior(prior: SurfacePrior, response: SurfaceResponse, 
         )
     }
 
-    /** XYZ over its white, (b, m, 3), of exact signals (b, m, c) of mean 1. */
-    fun means(z: Tensor): Tensor = SurfaceModels.means.run(components + ("z" to z)).getValue("means")
+    /** XYZ over its white given exact signals of mean 1: (b, m, c), and with covariances (k, c). */
+    fun exact(fine: Tensor, coarse: Tensor): ExactOutputs {
+        val outputs = SurfaceModels.exact.run(components + mapOf("fine" to fine, "coarse" to coarse))
+        return ExactOutputs(
+            outputs.getValue("means").values,
+            outputs.getValue("covariance").rows(),
+            outputs.getValue("signal_covariance").rows(),
+        )
+    }
 }

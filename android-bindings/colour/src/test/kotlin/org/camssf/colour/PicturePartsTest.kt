@@ -11,13 +11,18 @@ import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertThrows
 import org.junit.jupiter.api.Assertions.assertTrue
 import org.junit.jupiter.api.Test
+import org.junit.jupiter.api.TestInstance
 import java.io.ByteArrayOutputStream
 import java.io.File
 import java.io.IOException
 import java.util.concurrent.TimeUnit
 
 /** Photos that are read in bands while their pictures are computed. */
+@TestInstance(TestInstance.Lifecycle.PER_CLASS) // one table of colours, which takes seconds, for all tests
 class PicturePartsTest {
+    private val white = RawRegion.measure(PaintedPhoto.of(40, 30) { _, _, _ -> 1.0 }, listOf(Region(0, 0, 30, 28)))
+    private val standardiser = Standardiser.read(GoldenResult.text(), Lamp.read("D55"), Reference(white.single()))
+
     /** A photo that is nowhere as a whole, and what was read of it. */
     private class Drawn(val width: Int, val height: Int, val orientation: Int) : PhotoSource {
         val asked = ArrayList<Region>()
@@ -56,7 +61,7 @@ class PicturePartsTest {
         val whole = source.read(Region(0, 0, 11, 20001))
         val (one, other) = listOf(source, PhotoSource.of(whole)).map { photo ->
             ByteArrayOutputStream().also { out ->
-                StandardPicture.read(GoldenResult.text(), Lamp.read("D55"), photo).writePng(out)
+                standardiser.picture(photo).writePng(out)
             }.toByteArray()
         }
         assertArrayEquals(other, one)
@@ -67,8 +72,7 @@ class PicturePartsTest {
         val source = Drawn(40, 30, 1)
         val broken = PhotoSource { if (it!!.width > 2) throw IOException("gone") else source.read(it) }
         val small = PhotoSource { source.read(Region(0, 0, 2, 2)) }
-        fun write(photo: PhotoSource) =
-            StandardPicture.read(GoldenResult.text(), Lamp.read("D55"), photo).writePng(ByteArrayOutputStream())
+        fun write(photo: PhotoSource) = standardiser.picture(photo).writePng(ByteArrayOutputStream())
         assertThrows(UnreadableRaw::class.java) { write(broken) }
         assertThrows(InvalidArgument::class.java) { write(small) }
     }

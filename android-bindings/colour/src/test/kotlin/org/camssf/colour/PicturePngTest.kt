@@ -11,6 +11,7 @@ import org.junit.jupiter.api.Assertions.assertNull
 import org.junit.jupiter.api.Assertions.assertThrows
 import org.junit.jupiter.api.Assertions.assertTrue
 import org.junit.jupiter.api.Test
+import org.junit.jupiter.api.TestInstance
 import org.w3c.dom.Element
 import java.awt.color.ICC_Profile
 import java.io.ByteArrayInputStream
@@ -20,6 +21,7 @@ import javax.imageio.ImageIO
 import javax.imageio.metadata.IIOMetadataNode
 
 /** PNG files of pictures, as another reader sees them. */
+@TestInstance(TestInstance.Lifecycle.PER_CLASS) // the pictures, whose tables take seconds, serve all tests
 class PicturePngTest {
     private val text = GoldenResult.text()
 
@@ -28,8 +30,9 @@ class PicturePngTest {
         if (x < 20 && y < 20) 5.0 else PaintedPhoto.varied(x, y, channel)
     }
 
-    private fun picture(space: PictureSpace) =
-        StandardPicture.read(text, Lamp.read("D55"), PhotoSource.of(photo), space)
+    private val pictures = PictureSpace.values().associateWith {
+        StandardPicture.read(text, Lamp.read("D55"), PhotoSource.of(photo), it)
+    }
 
     /** What ImageIO reads: numbers row by row, bits, and the file's own description. */
     private class Read(val numbers: IntArray, val bits: Int, val metadata: Element) {
@@ -57,8 +60,7 @@ class PicturePngTest {
     @Test
     fun `another reader finds the numbers, the profile and the texts`() {
         val words = "Colour for the record; 5 µm"
-        for (space in PictureSpace.values()) {
-            val made = picture(space)
+        for ((space, made) in pictures) {
             val pixels = ArrayList<Int>()
             val layer = ArrayList<Int>()
             made.strips { _, _, numbers, deviations ->
@@ -94,7 +96,7 @@ class PicturePngTest {
 
     @Test
     fun `8 bits are the nearest ones, for a display`() {
-        val made = picture(PictureSpace.DISPLAY_P3)
+        val made = pictures.getValue(PictureSpace.DISPLAY_P3)
         val (fine, coarse) = listOf(16, 8).map { bits ->
             read(ByteArrayOutputStream().also { made.writePng(it, bits = bits) }.toByteArray())
         }
@@ -103,7 +105,8 @@ class PicturePngTest {
         assertTrue("Description" !in coarse.texts)
         for ((space, bits) in listOf(PictureSpace.XYZ_D50 to 8, PictureSpace.SRGB to 12)) {
             val out = ByteArrayOutputStream()
-            val error = assertThrows(InvalidArgument::class.java) { picture(space).writePng(out, bits = bits) }
+            val made = pictures.getValue(space)
+            val error = assertThrows(InvalidArgument::class.java) { made.writePng(out, bits = bits) }
             assertEquals("A picture of $bits bits in ${space.word} cannot be written as .png.", error.message)
             assertEquals("Take 16 bits; 8 are for PNG in srgb or display-p3.", error.advice)
             assertEquals(0, out.size())

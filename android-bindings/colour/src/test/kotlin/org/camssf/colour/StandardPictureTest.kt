@@ -18,10 +18,12 @@ import org.junit.jupiter.api.Assertions.assertThrows
 import org.junit.jupiter.api.Assertions.assertTrue
 import org.junit.jupiter.api.Tag
 import org.junit.jupiter.api.Test
+import org.junit.jupiter.api.TestInstance
 import kotlin.math.abs
 
 /** Pictures in standard colour; the golden stage `picture` holds their numbers. */
 @Tag("R-COLOUR")
+@TestInstance(TestInstance.Lifecycle.PER_CLASS) // one table of colours, which takes seconds, for all tests
 class StandardPictureTest {
     private val text = GoldenResult.text()
     private val d55 = Lamp.read("D55")
