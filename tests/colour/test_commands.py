@@ -105,21 +105,6 @@ def test_a_signal_is_against_its_reference_and_has_the_error_of_both() -> None:
         against([left], replace(right, raw=np.ones(3), error=np.ones(3)), 0.9)
 
 
-@pytest.mark.parametrize("kind", [ColourDocument, SpectrumDocument, PictureDocument])
-def test_the_schemas_are_sound_and_say_what_everything_is(kind: type) -> None:
-    form = schema(kind)
-    jsonschema.Draft202012Validator.check_schema(form)
-
-    def walk(node: Any, where: str) -> None:
-        for name, each in node.get("properties", {}).items():
-            if isinstance(each, dict) and each:
-                assert each.get("description") or set(each) == {"const"}, f"{where}.{name}"
-                walk(each, f"{where}.{name}")
-
-    for name, part in {"": form, **form["$defs"]}.items():
-        walk(part, name)
-
-
 def test_the_command_states_true_spectra(result: tuple[str, Result], capsys: Capture, tmp_path: Path) -> None:
     path, document = result
     patches = (0, 1, 12, 14)

@@ -114,22 +114,6 @@ def test_a_wrong_name_gets_advice(read: Callable[[Any], Any], spec: str | None, 
     assert advice in caught.value.advice
 
 
-SP = """SPECT
-
-ORIGINATOR "Argyll 'spotread'"
-SPECTRAL_BANDS "71"
-SPECTRAL_NORM "1.0"
-NUMBER_OF_FIELDS 71
-BEGIN_DATA_FORMAT
-{fields}
-END_DATA_FORMAT
-NUMBER_OF_SETS 1
-BEGIN_DATA
-{values}
-END_DATA
-"""
-
-
 def test_a_short_lamp_is_held_constant_and_says_so(tmp_path: Path) -> None:
     lamp = read_lamp(write(tmp_path / "short.csv", "".join(f"{nm},{nm}\n" for nm in range(400, 701, 10))))
     assert at(lamp.values, 380) == at(lamp.values, 400)
@@ -178,10 +162,6 @@ def test_noise_below_zero_is_forgiven(tmp_path: Path) -> None:
     [
         *("", "# nothing\n", "hello world\n", "380,1\n390,x\n400,1\n", "380,1,2\n390,1,2\n"),
         lamp_file({}) + "380,1\n",
-        SP.format(fields="SPEC_380 SPEC_390", values="1 2"),
-        SP.format(fields=" ".join(f"SPEC_{w}" for w in TEN), values="1 2 3"),
-        SP.format(fields=" ".join(f"SPEC_{w}" for w in TEN), values="\n".join([" ".join(["1"] * len(TEN))] * 2)),
-        "BEGIN_DATA_FORMAT",
     ],
 )
 def test_no_table_of_a_lamp(tmp_path: Path, text: str) -> None:

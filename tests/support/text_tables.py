@@ -76,6 +76,13 @@ def one_row(values: list[str], rows: int = 1, field: str = "{}nm") -> str:
     return "\n".join([head, *[",".join(["lamp", "5503", *values])] * rows, ""])
 
 
+def cgats(*rows: list[str], before: str = "", end: str = "END_DATA\n") -> str:
+    """A lamp by its bands, as Argyll writes it."""
+    fields = " ".join(f"SPEC_{nm}" for nm in NM)
+    lines = "".join(" ".join(row) + "\n" for row in rows)
+    return f"{before}BEGIN_DATA_FORMAT\n{fields}\nEND_DATA_FORMAT\nBEGIN_DATA\n{lines}{end}"
+
+
 def chart(field: str = "{}", mark: str = ",", *, turned: bool = False, down: bool = False, scale: float = 1.0) -> str:
     """The Classic's table every 10 nm; `turned`: from 720 nm downwards; `down`: a column for each patch."""
     known = read_chart("classic24")
@@ -150,10 +157,12 @@ LAMPS = {
     "ångströms": Table("".join(f"{nm}0,1\n" for nm in NM), "from 3800 to 7300, as in ångströms"),
     "wavenumbers": Table("".join(f"{1e7 / nm:.1f},1\n" for nm in NM), "as in wavenumbers"),
     "twice": Table(table(PLAIN) + "730,5\n", "do not increase: 730 is followed by 730"),
-    "a surface": Table("MEAS_TYPE \"REFLECTIVE\"\nBEGIN_DATA_FORMAT\n" + " ".join(f"SPEC_{nm}" for nm in NM)
-                       + "\nEND_DATA_FORMAT\nBEGIN_DATA\n" + " ".join(PLAIN) + "\nEND_DATA\n", "of a surface"),
-    "cut off": Table("BEGIN_DATA_FORMAT\n" + " ".join(f"SPEC_{nm}" for nm in NM)
-                     + "\nEND_DATA_FORMAT\nBEGIN_DATA\n" + " ".join(PLAIN) + "\n", "has no END_DATA"),
+    "bands": Table(cgats(PLAIN)),
+    "a surface": Table(cgats(PLAIN, before='MEAS_TYPE "REFLECTIVE"\n'), "of a surface"),
+    "cut off": Table(cgats(PLAIN, end=""), "has no END_DATA"),
+    "a band less": Table(cgats(PLAIN[1:]), "line 5, .* has 70 cells, its header, line 1, 71"),
+    "bands of two lamps": Table(cgats(PLAIN, PLAIN), "holds 2 spectra"),
+    "no bands": Table("BEGIN_DATA_FORMAT", "has no table of spectra"),
 }  # fmt: skip
 
 CHARTS = {

@@ -16,7 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from camssf.grid import Floats
-from camssf.spectra.limits import DIMMEST
+
+DIMMEST = 1e-3
+"""Smallest power in parts of the peak; smaller values are raised to it, for finite logarithms and ratios."""
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,12 @@ internal object TextTable {
     /** Beginnings of lines that are no data; the last one is Excel's. */
     private val COMMENTS = listOf("#", "%", "//", "!", "sep=")
     private val SEPARATORS = listOf(';', '\t', ',', ' ')
+
+    /** Number of lines by which the separator is chosen. */
+    private const val SAMPLE = 1000
+
+    /** Largest length of a cell that names a wavelength. */
+    private const val LONGEST = 60
     private val BLANKS = Regex("[ \\t\\f\\u000B]+")
     private val WAVELENGTH = Regex(
         """(?:(?:spectral[ _]?(?:data)?|spec|spd|reflectance|refl|wavelength|lambda|λ|wl|w|r|s|x)[ _=:(\[-]*)?""" +
@@ -22,7 +28,7 @@ internal object TextTable {
      */
     fun rows(text: String): List<TextRow> {
         val lines = lines(text).withIndex().filter { it.value.isNotBlank() }
-        val sample = lines.takeLast(Bundled.limits.sample)
+        val sample = lines.takeLast(SAMPLE)
         val counts = SEPARATORS.associateWith { mark -> sample.count { isNumeric(cells(it.value, mark)) } }
         val best = SEPARATORS.maxBy { counts.getValue(it) }
         val mark = if (counts.getValue(best) > 0) {
@@ -69,8 +75,8 @@ internal object TextTable {
 
     /** 380 from 380, nm380, 380_NM, R380, 380 [nm], SPECTRAL_NM_380, λ=380 ...; null for anything else. */
     fun wavelength(field: String): Double? {
-        if (field.length > Bundled.limits.longestCell) return null
+        if (field.length > LONGEST) return null
         val match = WAVELENGTH.matchEntire(field.trim().lowercase()) ?: return null
-        return match.groupValues[1].replace(',', '.').toDouble().takeIf { it in Bundled.limits.named }
+        return match.groupValues[1].replace(',', '.').toDouble().takeIf { it in 200.0..2500.0 }
     }
 }
