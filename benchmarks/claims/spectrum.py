@@ -28,18 +28,7 @@ import numpy as np
 
 from benchmarks.captures import LOW
 from benchmarks.claim import Run
-from benchmarks.claims.colour import (
-    CHART,
-    INSIDE,
-    LAMPS,
-    SEED,
-    SHOTS,
-    WHITE,
-    Case,
-    calibrate,
-    case_groups,
-    drawn,
-)
+from benchmarks.claims.colour import CHART, INSIDE, LAMPS, SEED, SHOTS, WHITE, Case, calibrate, case_groups, drawn
 from benchmarks.shared import chart, lamp
 from camssf.colorimetry import delta_e00, signals_of, white_of
 from camssf.grid import BAND, WAVELENGTHS, Floats
@@ -125,19 +114,14 @@ def unnamed(case: Case, rng: np.random.Generator) -> Camera:
     y = ((power * seen) @ case.curves) / (power @ case.curves)
     error = np.hypot(LOW[0] * y, LOW[1])
     signals = (y + error * rng.normal(size=y.shape))[None]
-    guesses = []
-    for kind in FAMILIES:
-        known = read_lamp(kind)
-        guesses.append(
-            LampGuess(
-                (kind,),
-                Observation(
-                    signals, chart(), known.values[None], standard_error=error[None], chart_tolerance=CHART,
-                    white_tolerance=WHITE, lamp_tolerance=known.tolerance, lamp_modes=known.modes[None],
-                ),
-                0.0,
-            )
+
+    def observed(known: Lamp) -> Observation:
+        return Observation(
+            signals, chart(), known.values[None], standard_error=error[None], chart_tolerance=CHART,
+            white_tolerance=WHITE, lamp_tolerance=known.tolerance, lamp_modes=known.modes[None],
         )  # fmt: skip
+
+    guesses = [LampGuess((kind,), observed(read_lamp(kind)), 0.0) for kind in FAMILIES]
     answer = recover(guesses, basis=case.basis, settings=SolverSettings(engine="reference"))
     best = max(answer.choice, key=lambda each: each.probability)
     white = next(guess.observation.lamp[0] for guess in guesses if guess.kinds == best.kinds)

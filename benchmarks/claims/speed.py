@@ -1,13 +1,14 @@
-"""How long does a calibration take, and the colours of a live preview?
+"""How long does a calibration take, a picture, and the colours of a live preview?
 
 `python`: a whole calibration, from file to verdict, beside LibRaw's bare decode of the same file: a simulated chart
-of 12 megapixels as lossless JPEG, with its lamp named. `kotlin`: Kotlin's beside Python's, from the file to the
+of 12 megapixels as lossless JPEG, with its lamp named; its picture with the uncertainty of each pixel, beside that
+which LibRaw renders. `kotlin`: Kotlin's beside Python's, from the file to the
 result document as JSON, also uncompressed and with the lamp not named; their curves must agree. `colour`: a mosaic
 of 200 × 200 samples, a pixel a colour-filter cell, read and turned into Lab by Kotlin, under a lamp that is named and
 under one that is weighed among four kinds.
 
-One thread, contenders in turn; a ratio is the median of each turn's. Imports, first calls and what the JVM compiles
-are not counted. The last two parts need `mvn -f android-bindings package`.
+One thread but for pictures, contenders in turn; a ratio is the median of each turn's. Imports, first calls and what
+the JVM compiles are not counted. The last two parts need `mvn -f android-bindings package`.
 """
 
 from __future__ import annotations
@@ -23,7 +24,9 @@ from benchmarks.claim import Run
 from benchmarks.turns import Jvm, Unavailable, clocked, in_turn, ratio
 from camssf import Options, Shot, calibrate
 from camssf.documents.document import document_bytes
+from camssf.photo.read.raw import read_raw
 from camssf.spectra.cameras import DEMO_PHONE
+from camssf_colour.picture import standard_picture
 from camssf_lab.simulation.camera import Sensor
 from camssf_lab.simulation.frames import simulate
 from camssf_lab.simulation.scene import Scene
@@ -45,18 +48,32 @@ def decode(path: Path) -> int:
         return int(raw.raw_image[-1, -1])
 
 
+def rendering(path: Path) -> int:
+    """LibRaw's own picture, by its default method."""
+    with rawpy.imread(str(path)) as raw:
+        return int(raw.postprocess(output_bps=16, use_camera_wb=True).nbytes)
+
+
 def python(run: Run, folder: Path) -> None:
-    """Python's calibration over a bare decode."""
+    """Python's calibration over a bare decode, and its picture over LibRaw's."""
     sensor, options = Sensor(compression="ljpeg"), Options(basis="cameras")
     photo = simulate("Nikon 5100 (NPL)", "D55", folder, scene=LARGE, sensor=sensor).shots[0].chart
+    result = calibrate(photo, "D55", options=options)
+
+    def picture() -> int:
+        return sum(numbers.nbytes for numbers, _ in standard_picture(result, "D55", read_raw(str(photo))).strips())
+
     contenders = {
         "bare decode": clocked(lambda: decode(photo)),
         "calibrate": clocked(lambda: calibrate(photo, "D55", options=options)),
+        "LibRaw's picture": clocked(lambda: rendering(photo)),
+        "picture": clocked(picture),
     }
     taken = in_turn(contenders, run.options.runs, warm=1)
     rows = [(name, np.median(seconds)) for name, seconds in taken.items()]
     run.table("12 megapixels, lossless JPEG, Python", {"": "", "s": ".3f"}, rows)
     run.bar("calibrate over bare decode", ratio(taken["calibrate"], taken["bare decode"]), most=2.0)
+    run.bar("picture over LibRaw's", ratio(taken["picture"], taken["LibRaw's picture"]), most=3.0)
 
 
 def kotlin(run: Run, folder: Path) -> None:
@@ -98,7 +115,7 @@ def compared(jvm: Jvm, shot: Shot, folder: Path, runs: int) -> tuple[list[float]
     return taken["kotlin"], taken["python"]
 
 
-def colour(run: Run) -> None:
+def colour(run: Run, _: Path) -> None:
     """Kotlin's colours of a preview."""
     rows = []
     for name, case in COLOURS.items():
@@ -112,9 +129,6 @@ def colour(run: Run) -> None:
 def claim(run: Run) -> None:
     """A table a part."""
     with tempfile.TemporaryDirectory() as place:
-        if run.wants("python"):
-            python(run, Path(place) / "python")
-        if run.wants("kotlin"):
-            kotlin(run, Path(place))
-        if run.wants("colour"):
-            colour(run)
+        for part in (python, kotlin, colour):
+            if run.wants(part.__name__):
+                part(run, Path(place) / part.__name__)
