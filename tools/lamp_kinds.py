@@ -24,7 +24,7 @@ from camssf.colorimetry import uv
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery.unnamed_light import temperature
 from camssf.spectra.bundled import daylight, observer, planck
-from camssf.spectra.families import DIMMEST
+from camssf.spectra.limits import DIMMEST
 from tools.pages import GRID
 
 SEED = 2026

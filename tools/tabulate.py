@@ -17,10 +17,9 @@ import numpy as np
 from camssf.grid import STEP, WAVELENGTHS
 from camssf.spectra import colour_science
 from camssf.spectra.bundled import FORMAT
-from camssf.spectra.charts import MEASURED_CHART, PUBLIC_CHART
-from camssf.spectra.families import DIMMEST, FAMILIES, DrawnKind, Temperature, principal_modes
-from camssf.spectra.lamps import MEASURED_LAMP, NAMED_LAMP, NOISE_BELOW_ZERO
+from camssf.spectra.families import FAMILIES, DrawnKind, Temperature, principal_modes
 from camssf.spectra.layouts import LAYOUTS
+from camssf.spectra.limits import DIMMEST, NAMED_LAMP, limits
 from tools.lamp_kinds import drawn_kind
 from tools.pages import DATA, Json, made_files
 
@@ -53,14 +52,7 @@ def tabulate() -> Json:
         "format": FORMAT,
         "origin": origin(),
         "grid": {"start": float(WAVELENGTHS[0]), "step": STEP, "count": WAVELENGTHS.size},
-        "tolerances": {
-            "named_lamp": NAMED_LAMP,
-            "measured_lamp": MEASURED_LAMP,
-            "public_chart": PUBLIC_CHART,
-            "measured_chart": MEASURED_CHART,
-            "noise_below_zero": NOISE_BELOW_ZERO,
-            "dimmest": DIMMEST,
-        },
+        "limits": limits(),
         "lamps": {name: even(science.SDS_ILLUMINANTS[name]) for name in ILLUMINANTS},
         "kelvin": KELVIN,
         "daylight": _daylight(daylight),

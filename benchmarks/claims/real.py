@@ -37,7 +37,7 @@ from camssf.recovery.hypotheses import recover
 from camssf.recovery.observation import Observation
 from camssf.recovery.sensitivity import SolverSettings, Ssf
 from camssf.spectra import ChartTable, Lamp, read_chart
-from camssf.spectra.lamps import MEASURED_LAMP
+from camssf.spectra.limits import MEASURED_LAMP
 from camssf.verdict.goodness_of_fit import VerdictInputs
 from camssf_lab.learning.training import read_curves
 

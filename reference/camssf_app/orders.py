@@ -18,6 +18,7 @@ from camssf.files import readable
 from camssf.grid import Floats
 from camssf.shapes import Bounds, Pattern, Shape
 from camssf.spectra.lamps import AUTO
+from camssf.spectra.limits import REFERENCE
 from camssf_app.menus import CHART_MENU, lamp_menu
 
 MOST_FILES = 32
@@ -135,7 +136,7 @@ class ColourOrder:
     photo: FileNumber
     region: Rectangle
     white: Rectangle
-    reflectance: Annotated[float, Bounds(0.02, 1.2)]
+    reflectance: Annotated[float, Bounds(*REFERENCE)]
     lamp: Name = AUTO
 
 

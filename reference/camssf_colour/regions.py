@@ -20,6 +20,7 @@ from camssf.photo.samples import SHRINK
 from camssf.photo.signals import CLIPPED
 from camssf.rules import rules
 from camssf.shapes import Sha256, Text
+from camssf.spectra.limits import REFERENCE
 from camssf_colour.spread import REFERENCE_TOLERANCE, Reference
 
 SIGNAL_TO_NOISE = rules().number("colour.signal_to_noise")
@@ -132,9 +133,10 @@ def check_reference(white: Region, reflectance: float) -> None:
     Raises:
         InvalidArgument: it is too dark, or its reflectance is outside 0.02 to 1.2.
     """
-    if not 0.02 <= reflectance <= 1.2:
+    if not REFERENCE[0] <= reflectance <= REFERENCE[1]:
         raise InvalidArgument(
-            f"The reference's reflectance must lie between 0 and 1.2; got {reflectance:g}.", "Write 18 % as 0.18."
+            "The reference's reflectance must lie between {:g} and {:g}; got {:g}.".format(*REFERENCE, reflectance),
+            "Write 18 % as 0.18.",
         )
     if not (white.raw > SIGNAL_TO_NOISE * white.error).all():
         raise InvalidArgument("The reference is too dark.", "Choose a lit white or grey surface.")

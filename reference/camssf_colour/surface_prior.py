@@ -20,6 +20,7 @@ from camssf.files import local
 from camssf.grid import Floats, frozen
 from camssf.rules import rules
 from camssf.spectra.bundled import SURFACE_NODES, absorber_changes, absorbers, surface_sets
+from camssf.spectra.limits import LARGEST_REFLECTANCE, PERCENT
 from camssf.spectra.sampled import ascending, check_wavelengths
 from camssf.spectra.tables import read_spectra
 from camssf.spectra.text import looks_like_file
@@ -164,10 +165,13 @@ def _from_file(path: Path) -> Floats:
     wavelengths, columns = ascending(table.wavelengths, table.values.T)
     check_wavelengths(wavelengths, path, "invalid_argument")
     values = columns.T
-    if np.isfinite(values).all() and values.max() > 2.0:
+    if np.isfinite(values).all() and values.max() > PERCENT:
         values = values / 100.0
     if not (
-        np.isfinite(values).all() and values.min() >= 0.0 and values.max() <= 1.2 and (values.max(axis=1) > 0).all()
+        np.isfinite(values).all()
+        and values.min() >= 0.0
+        and values.max() <= LARGEST_REFLECTANCE
+        and (values.max(axis=1) > 0).all()
     ):
         raise InvalidArgument(
             f"{path} has a value that is no reflectance.", "Give all as 0 to 1, or all in percent; one row a surface."

@@ -30,6 +30,7 @@ from camssf.shapes import MOST_SHOTS, Apart, Bounds, Rgb, Sha256, Size, Text, Wh
 from camssf.spectra import ChartLike, ChartTable, Light, LightLike, read_chart
 from camssf.spectra.charts import chart_parts
 from camssf.spectra.lamps import is_lamp_name
+from camssf.spectra.limits import CARD
 from camssf.spectra.sampled import text_of
 from camssf.spectra.text import is_file
 
@@ -137,7 +138,7 @@ class Capture:
 
     shots: Annotated[tuple[MeasuredShot, ...], Bounds(0, MOST_SHOTS)]
     chart: ChartTable
-    white_reflectance: Annotated[float, Bounds(0.05, 1.2)] | None = None
+    white_reflectance: Annotated[float, Bounds(*CARD)] | None = None
     files: dict[Text, Sha256] = field(default_factory=dict)
     unfinished: UnfinishedShot | None = None
 
@@ -303,9 +304,10 @@ def check_target(share: Any, framed: bool) -> float | None:
     """
     if share is None:
         return None
-    if isinstance(share, bool) or not isinstance(share, Real) or not 0.05 <= float(share) <= 1.2:
+    if isinstance(share, bool) or not isinstance(share, Real) or not CARD[0] <= float(share) <= CARD[1]:
         raise InvalidArgument(
-            f"The white target's reflectance must lie between 0.05 and 1.2; got {share}.", "Write 95 % as 0.95."
+            "The white target's reflectance must lie between {:g} and {:g}; got {}.".format(*CARD, share),
+            "Write 95 % as 0.95.",
         )
     if not framed:
         raise InvalidArgument(

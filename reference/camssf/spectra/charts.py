@@ -22,6 +22,17 @@ from camssf.messages import fail
 from camssf.shapes import MOST_PATCHES, Bounds, Count, Reflectances, Share, Sizes, Text, Tolerances
 from camssf.spectra.bundled import bundled, reflectances
 from camssf.spectra.layouts import LAYOUTS, ChartLayout, read_layout
+from camssf.spectra.limits import (
+    AS_WHITE,
+    LARGEST_CHART_TOLERANCE,
+    LARGEST_REFLECTANCE,
+    MEASURED_CHART,
+    NEUTRAL,
+    OTHER_ORDER,
+    PERCENT,
+    PUBLIC_CHART,
+    UNEVEN,
+)
 from camssf.spectra.sampled import (
     Name,
     Pair,
@@ -71,7 +82,7 @@ class ChartTable:
         """(n, 681) reflectance on the grid, 0 to 1."""
         values = self.reflectance
         if not np.array_equal(self.wavelengths, WAVELENGTHS):
-            values = np.clip([smooth(self.wavelengths, row) for row in self.reflectance], 0.0, 1.2)
+            values = np.clip([smooth(self.wavelengths, row) for row in self.reflectance], 0.0, LARGEST_REFLECTANCE)
         return frozen(faded(values, self.fading) if self.fading else values)
 
     def with_tolerance(self, tolerance: float) -> ChartTable:
@@ -80,9 +91,10 @@ class ChartTable:
         Raises:
             InvalidArgument: no number from 0 to 0.5.
         """
-        if not 0.0 <= tolerance <= 0.5:
+        if not 0.0 <= tolerance <= LARGEST_CHART_TOLERANCE:
             raise InvalidArgument(
-                f"The chart's tolerance is {tolerance:g}; 0 to 0.5 is possible.", "Write 1 % as 1% or 0.01."
+                f"The chart's tolerance is {tolerance:g}; 0 to {LARGEST_CHART_TOLERANCE:g} is possible.",
+                "Write 1 % as 1% or 0.01.",
             )
         return replace(self, tolerance=frozen(np.full(len(self.patches), float(tolerance))))
 
@@ -119,14 +131,6 @@ ChartLike: TypeAlias = Name | ChartTable | Spectra | Mapping[str, Spectrum] | Pa
 """What `read_chart` accepts: a name or a file; a ChartTable; colour-science's MultiSpectralDistributions, or a
 mapping of patch names to SpectralDistributions; or a pair of arrays, wavelengths (w,) in nm and reflectances
 (n, w)."""
-
-
-PUBLIC_CHART = 0.03
-"""Tolerance of a public table: measured tables of the same product differ by 1 to 3 % RMS."""
-
-
-MEASURED_CHART = 0.01
-"""Tolerance of a measurement of the user's own chart: accuracy of the instrument, and fading since then."""
 
 
 _CHART_MENU = (
@@ -275,10 +279,10 @@ def _measured(
     table = columns.T
     if not np.isfinite(table).all():
         raise fail("chart_unfit.not_a_number", file=path)
-    if table.max() > 2.0:
+    if table.max() > PERCENT:
         table = table / 100.0
     worst = float(min(table.min(), 0.0) or table.max())
-    if not 0.0 <= worst <= 1.2:
+    if not 0.0 <= worst <= LARGEST_REFLECTANCE:
         raise fail("chart_unfit.reflectance", value=worst, file=path, reflectance=worst)
     order = _reading_order(names, layout)
     chart = ChartTable(
@@ -321,8 +325,10 @@ def _check_order(values: Floats, path: Path) -> None:
     orders = {"upside down": cells[::-1, ::-1], "by columns": by_columns, "by columns from below": by_columns[::-1]}
     misfit = {way: _rms(values[order.ravel()] - known) for way, order in orders.items()}
     way = min(misfit, key=lambda each: misfit[each])
-    if misfit[way] < 0.5 * _rms(values - known):
-        raise fail("chart_unfit.order", value=_rms(values - known), threshold=2 * misfit[way], file=path, order=way)
+    if misfit[way] < OTHER_ORDER * _rms(values - known):
+        raise fail(
+            "chart_unfit.order", value=_rms(values - known), threshold=misfit[way] / OTHER_ORDER, file=path, order=way
+        )
 
 
 def _rms(values: Floats) -> float:
@@ -341,12 +347,13 @@ def _white(values: Floats, names: tuple[str, ...], layout: ChartLayout, path: Pa
                 'Give its name in the table as "white" of the layout, or leave "white" out.',
             )
         return names.index(layout.white)
-    visible = values[:, (WAVELENGTHS >= 430) & (WAVELENGTHS <= 700)]
+    first, last = NEUTRAL
+    visible = values[:, (first <= WAVELENGTHS) & (last >= WAVELENGTHS)]
     level = visible.mean(axis=1)
-    brightness = np.where(visible.std(axis=1) <= 0.08 * level, level, 0.0)
+    brightness = np.where(visible.std(axis=1) <= UNEVEN * level, level, 0.0)
     if brightness.max() <= 0:
         raise fail("chart_unfit.no_neutral", file=path)
     e5 = 4 * 14 + 4
-    if layout.name == "sg140" and brightness[e5] >= 0.95 * brightness.max():
+    if layout.name == "sg140" and brightness[e5] >= AS_WHITE * brightness.max():
         return e5
     return int(np.argmax(brightness))

@@ -16,9 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from camssf.grid import Floats
-
-DIMMEST = 1e-3
-"""Smallest power in parts of the peak; smaller values are raised to it, for finite logarithms and ratios."""
+from camssf.spectra.limits import DIMMEST
 
 
 @dataclass(frozen=True)

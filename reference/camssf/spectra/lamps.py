@@ -25,6 +25,14 @@ from camssf.messages import fail
 from camssf.shapes import Modes, Power, Size, Text
 from camssf.spectra.bundled import bundled, daylight, illuminant, linear, planck
 from camssf.spectra.families import FAMILIES, DrawnKind, Temperature, principal_modes, temperature_mode
+from camssf.spectra.limits import (
+    LARGEST_KELVIN_TOLERANCE,
+    LARGEST_LAMP_TOLERANCE,
+    MEASURED_LAMP,
+    NAMED_LAMP,
+    NOISE_BELOW_ZERO,
+    TEMPERATURES,
+)
 from camssf.spectra.sampled import Name, Pair, Spectrum, ascending, check_wavelengths, held, sampled, text_of
 from camssf.spectra.tables import read_spectrum
 from camssf.spectra.text import looks_like_file, nearest, plain
@@ -113,17 +121,6 @@ LampLike: TypeAlias = Name | Lamp | Spectrum | Pair
 """What `read_lamp` accepts: a name, a formula or a file; a Lamp; colour-science's SpectralDistribution or any object
 with `wavelengths` and `values`; or a pair of arrays, wavelengths in nm and power."""
 
-
-NAMED_LAMP = 0.02
-"""Tolerance of a lamp given by name: real lamps differ from the table by batch, age, voltage, dimmer and room."""
-
-
-MEASURED_LAMP = 0.01
-"""Tolerance of a measured lamp: calibration error and noise of the spectrometer."""
-
-
-NOISE_BELOW_ZERO = 0.005
-"""Negative power down to this share of the peak is accepted as noise of a dark-corrected spectrometer."""
 
 BULB_NAME, DAYLIGHT_NAME = re.compile(r"(\d+(?:\.\d+)?) ?k"), re.compile(r"d: ?(\d+(?:\.\d+)?) ?k?")
 """Names of lamps by their temperature."""
@@ -246,14 +243,14 @@ def with_tolerance(lamp: Lamp, text: str) -> Lamp:
             raise InvalidArgument(f"{part!r} is not a lamp tolerance.", "Write 2%, 300K, or 300K,2%.")
         size = float(number[1])
         if number[2] == "%":
-            if size > 50:
+            if size > 100 * LARGEST_LAMP_TOLERANCE:
                 raise InvalidArgument(
                     f"A lamp tolerance of {size:g} % is too large.", "Name the kind of lamp, or measure its spectrum."
                 )
             lamp = replace(lamp, tolerance=size / 100.0)
             continue
         formula, kelvin = _temperature(lamp.name)
-        if not 0 < size < 0.25 * kelvin:
+        if not 0 < size < LARGEST_KELVIN_TOLERANCE * kelvin:
             raise InvalidArgument(
                 f"{size:g} K is too large a tolerance for a lamp of {kelvin:g} K.", "Give less than a quarter of it."
             )
@@ -304,16 +301,20 @@ def drawn_lamp(name: str, table: dict[str, Any], words: str) -> Lamp:
 
 
 def _planck(kelvin: float) -> Floats:
-    if not 1000.0 <= kelvin <= 20_000.0:
-        raise InvalidArgument(f"A lamp of {kelvin:g} K is not possible.", "Give 1000K to 20000K.", value=kelvin)
+    coldest, hottest = TEMPERATURES["planck"]
+    if not coldest <= kelvin <= hottest:
+        raise InvalidArgument(
+            f"A lamp of {kelvin:g} K is not possible.", f"Give {coldest:g}K to {hottest:g}K.", value=kelvin
+        )
     return planck(kelvin)
 
 
 def _daylight(kelvin: float) -> Floats:
-    if not 4000.0 <= kelvin <= 25_000.0:
+    warmest, bluest = TEMPERATURES["daylight"]
+    if not warmest <= kelvin <= bluest:
         raise InvalidArgument(
             f"CIE daylight is not defined at {kelvin:g} K.",
-            f"Give D:4000 to D:25000; for a bulb {kelvin:g}K, without D.",
+            f"Give D:{warmest:g} to D:{bluest:g}; for a bulb {kelvin:g}K, without D.",
             value=kelvin,
         )
     return daylight(kelvin)

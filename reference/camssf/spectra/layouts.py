@@ -9,18 +9,13 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from camssf.errors import InvalidArgument
+from camssf.spectra.limits import LONGEST_NAME, NARROWEST, PATCHES, SIDES
 from camssf.spectra.text import read_text
 from camssf.strict_json import parse_strict
 
 FORMAT = "camssf-layout/1"
 REQUIRED = ("format", "name", "columns", "rows", "patch", "gap")
 FIELDS = (*REQUIRED, "white", "fiducials")
-SIDES = (2, 30)
-"""Range of the number of columns and of rows."""
-PATCHES = (12, 300)
-"""Range of the number of patches."""
-NARROWEST = 0.6
-"""Smallest edge of a patch in pitches."""
 ADVICE = 'docs/tables.md shows a layout. "patch" and "gap" may be in any unit: "patch": [18, 18], "gap": [3, 3].'
 
 Point = tuple[float, float]
@@ -138,8 +133,12 @@ def layout_from(document: Any, name: str) -> ChartLayout:
     for field in REQUIRED:
         need(field in document, f'the field "{field}" is missing')
     title, columns, rows = document["name"], document["columns"], document["rows"]
-    words = isinstance(title, str) and re.fullmatch("[A-Za-z0-9][A-Za-z0-9 ._-]{0,63}", title) is not None
-    need(words, '"name" needs 1 to 64 letters, digits, spaces, dots, hyphens or underscores')
+    words = (
+        isinstance(title, str)
+        and len(title) <= LONGEST_NAME
+        and re.fullmatch("[A-Za-z0-9][A-Za-z0-9 ._-]*", title) is not None
+    )
+    need(words, f'"name" needs 1 to {LONGEST_NAME} letters, digits, spaces, dots, hyphens or underscores')
     need(title.lower() not in LAYOUTS, f'"name" is that of a shipped layout, {title}')
     for field in ("columns", "rows"):
         count = document[field]
@@ -152,9 +151,12 @@ def layout_from(document: Any, name: str) -> ChartLayout:
         edges("gap", "of at least 0", lambda edge: edge >= 0),
     )
     side = (patch[0] / (patch[0] + gap[0]), patch[1] / (patch[1] + gap[1]))
-    need(min(side) >= NARROWEST, "the gaps are too wide: a patch must take at least 60 % of the step to the next")
+    need(
+        min(side) >= NARROWEST,
+        f"the gaps are too wide: a patch must take at least {100 * NARROWEST:g} % of the step to the next",
+    )
     white = document.get("white", "")
-    need(isinstance(white, str) and len(white) <= 64, '"white" must be the name of a patch in the table')
+    need(isinstance(white, str) and len(white) <= LONGEST_NAME, '"white" must be the name of a patch in the table')
     marks = _marks(document.get("fiducials", []), patch, gap)
     what = '"fiducials" must be four points [x, y], clockwise from the top left, around the patches'
     need(marks is not None and (not marks or _surround(marks, side, columns, rows)), what)

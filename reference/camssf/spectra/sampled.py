@@ -23,6 +23,15 @@ from camssf.grid import WAVELENGTHS, Floats
 from camssf.libraries import library, prepare_matplotlib
 from camssf.messages import fail
 from camssf.spectra.bundled import sprague
+from camssf.spectra.limits import (
+    ANGSTROMS,
+    COVERED,
+    FEWEST_WAVELENGTHS,
+    NANOMETRES,
+    OTHER_UNITS,
+    SMALLEST_STEP,
+    WIDEST_STEP,
+)
 from camssf.spectra.text import path_text
 
 
@@ -140,16 +149,7 @@ def _is_pair(value: Any) -> bool:
     return first.ndim == 1 and second.ndim in (1, 2)
 
 
-# A table must cover this range without a larger gap, nm.
-_FIRST, _LAST, _GAP = 400.0, 700.0, 20.0
 _SORTED = "Sort them, in nm, each once."
-_UNITS = {
-    "micrometres": (0.1, 3.0),
-    "metres": (1e-7, 3e-6),
-    "ångströms": (2000.0, 12_000.0),
-    "wavenumbers, 1/cm": (10_000.0, 50_000.0),
-}
-"""Range of wavelengths in other units."""
 
 
 @cache
@@ -170,7 +170,7 @@ def smooth(wavelengths: Floats, values: Floats) -> Floats:
     """Interpolate to the grid, (681,): Sprague (CIE 167:2005) for even steps, else cubic spline; constant outside."""
     first, last = float(wavelengths[0]), float(wavelengths[-1])
     step = (last - first) / (len(wavelengths) - 1)
-    if np.allclose(wavelengths, first + step * np.arange(len(wavelengths)), rtol=0, atol=1e-3):
+    if np.allclose(wavelengths, first + step * np.arange(len(wavelengths)), rtol=0, atol=SMALLEST_STEP):
         return sprague(first, step, values)
     from scipy.interpolate import make_interp_spline
 
@@ -192,30 +192,32 @@ def check_wavelengths(wavelengths: Floats, path: Path, code: str, *, whole: bool
     if len(wavelengths) < 2 or not np.isfinite(wavelengths).all():
         raise InvalidArgument(f"{path} has fewer than two wavelengths, or one that is not a number.", _SORTED)
     _check_unit(float(wavelengths.min()), float(wavelengths.max()), path)
-    if steps.min() < 1e-3:
+    if steps.min() < SMALLEST_STEP:
         at = int(steps.argmin())
         raise InvalidArgument(
             f"The wavelengths in {path} do not increase: {wavelengths[at]:g} is followed by {wavelengths[at + 1]:g}.",
             _SORTED,
         )
     ends = {"file": path, "first": wavelengths[0], "last": wavelengths[-1]}
-    if whole and (wavelengths[0] > _FIRST or wavelengths[-1] < _LAST):
+    if whole and (wavelengths[0] > COVERED[0] or wavelengths[-1] < COVERED[1]):
         raise fail(f"{code}.narrow", **ends)
     inside = np.where((wavelengths[:-1] < WAVELENGTHS[-1]) & (wavelengths[1:] > WAVELENGTHS[0]), steps, 0.0)
     widest = int(inside.argmax())
-    if len(wavelengths) < 6:
+    if len(wavelengths) < FEWEST_WAVELENGTHS:
         largest = float(steps.max())
-        raise fail(f"{code}.few_wavelengths", value=largest, threshold=_GAP, **ends, count=len(wavelengths))
-    if steps[widest] > _GAP:
+        raise fail(f"{code}.few_wavelengths", value=largest, threshold=WIDEST_STEP, **ends, count=len(wavelengths))
+    if steps[widest] > WIDEST_STEP:
         gap, first, last = (float(number) for number in (steps[widest], *wavelengths[widest : widest + 2]))
-        raise fail(f"{code}.spectral_gap", value=gap, threshold=_GAP, file=path, gap=gap, first=first, last=last)
+        raise fail(
+            f"{code}.spectral_gap", value=gap, threshold=WIDEST_STEP, file=path, gap=gap, first=first, last=last
+        )
 
 
 def _check_unit(first: float, last: float, path: Path) -> None:
     """Raise if wavelengths from `first` to `last` are not in nm; name the unit that they would fit."""
-    if first >= 100 and last <= 20_000 and not (first >= 3000 and last <= 12_000):
+    if NANOMETRES[0] <= first and last <= NANOMETRES[1] and not (ANGSTROMS[0] <= first and last <= ANGSTROMS[1]):
         return
-    fits = (unit for unit, (low, high) in _UNITS.items() if low <= first and last <= high)
+    fits = (unit for unit, (low, high) in OTHER_UNITS.items() if low <= first and last <= high)
     unit = next(fits, None)
     ends = " to ".join(f"{end:.1e}" if 0 < end < 1e-3 else f"{end:g}" for end in (first, last))
     raise InvalidArgument(

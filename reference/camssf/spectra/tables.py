@@ -17,6 +17,7 @@ import numpy as np
 from camssf.errors import InvalidArgument
 from camssf.grid import Floats
 from camssf.libraries import library
+from camssf.spectra.limits import FEWEST_IN_HEADER, LARGEST_DEVIATION, LONGEST_QUOTE, PREAMBLE
 from camssf.spectra.readers import CURVES, LAMPS
 from camssf.spectra.text import (
     TextRow,
@@ -38,14 +39,6 @@ from camssf.spectra.text import (
 
 DEVIATIONS = {"std", "stdev", "sd", "sigma", "σ", "se", "err", "error", "deviation", "uncertainty"}
 """Words in a header that mark a column as a standard deviation."""
-LARGEST_DEVIATION = 0.2
-"""A third column without a header is a standard deviation if it stays below this part of the largest power."""
-
-
-_PREAMBLE = 40
-"""Number of lines in which a header is searched; instruments write a preamble."""
-_FEWEST = 10
-"""Smallest number of wavelengths by which a row is a header."""
 
 
 class SpectraTable(NamedTuple):
@@ -131,7 +124,7 @@ def _named(header: TextRow | None) -> str:
 
 def _quoted(row: TextRow) -> str:
     words = (" " if row.mark == "\t" else row.mark).join(row.fields)
-    return f"'{words[:60]}'"
+    return f"'{words[:LONGEST_QUOTE]}'"
 
 
 def _spectrum_lines(rows: list[TextRow], path: Path) -> tuple[TextRow | None, list[TextRow]]:
@@ -257,7 +250,7 @@ def _columns(fields: Sequence[str]) -> list[int]:
 
 def _curves_header(rows: list[TextRow], path: Path) -> tuple[Sequence[str], list[TextRow]]:
     """Names of the columns, and the rows below; a file of four columns of numbers needs no names."""
-    for i, row in enumerate(rows[:_PREAMBLE]):
+    for i, row in enumerate(rows[:PREAMBLE]):
         if -1 not in _columns([_word(field) for field in row.fields]):
             return row.fields, rows[i + 1 :]
     if rows and len(rows[0].fields) == 4 and _is_line(rows[0]):
@@ -328,8 +321,8 @@ def _no_chart(path: Path, why: str) -> InvalidArgument:
 
 def _header_of_wavelengths(rows: list[TextRow]) -> int | None:
     """Index of the first row with at least ten wavelengths, which may stand below a preamble; None without one."""
-    for i, row in enumerate(rows[:_PREAMBLE]):
-        if sum(wavelength_of(field) is not None for field in row.fields) >= _FEWEST:
+    for i, row in enumerate(rows[:PREAMBLE]):
+        if sum(wavelength_of(field) is not None for field in row.fields) >= FEWEST_IN_HEADER:
             return i
     return None
 
@@ -390,7 +383,7 @@ def _cgats(text: str, path: Path) -> SpectraTable:
         data, ended, _ = rest.partition("END_DATA")
         at, line = line, line + part.count("\n")
         header = tokens_of(fields)
-        if sum(wavelength_of(field) is not None for field in header) < _FEWEST:
+        if sum(wavelength_of(field) is not None for field in header) < FEWEST_IN_HEADER:
             continue
         if not ended:
             raise InvalidArgument(f"{path} ends early: its table has no END_DATA.", "Export it again.")

@@ -15,6 +15,7 @@ import numpy as np
 from camssf.errors import InvalidArgument
 from camssf.files import error_in_words, kind_of, local, read_advice
 from camssf.grid import Floats
+from camssf.spectra.limits import LARGEST_FILE, LONGEST_CELL, NAMED, NANOMETRES, ROUNDED, SAMPLE
 
 _NUMBER = re.compile(r"[+-]?(?:(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:[eE][+-]?[0-9]+)?|nan|inf|infinity)", re.IGNORECASE)
 _SEPARATED = re.compile(r"[+-]?[0-9]{1,3}(?:[.,'’ʼ´`_ \u00a0\u2007\u2009\u202f][0-9]{3})+(?:[.,][0-9]*)?")
@@ -22,7 +23,6 @@ _SEPARATED = re.compile(r"[+-]?[0-9]{1,3}(?:[.,'’ʼ´`_ \u00a0\u2007\u2009\u20
 _GROUPED = {mark: re.compile(rf"[+-]?[1-9][0-9]{{0,2}}\{mark}[0-9]{{3}}") for mark in ",."}
 """Cells in which the mark may be a decimal mark or a thousands separator, such as 9,000."""
 _WHOLE = re.compile(r"[+-]?0*[1-9][0-9]*")
-_NANOMETRES = (100.0, 20_000.0)
 
 
 class TextRow(NamedTuple):
@@ -88,7 +88,7 @@ def _check_marks(rows: Sequence[TextRow], path: Path, first: int) -> None:
     for row in rows if first else ():
         value = number_of(row.fields[0]) or 0.0
         for mark in ",.":
-            in_nm[mark] |= mark in row.fields[0] and _NANOMETRES[0] <= value <= _NANOMETRES[1]
+            in_nm[mark] |= mark in row.fields[0] and NANOMETRES[0] <= value <= NANOMETRES[1]
     for mark, other in (",.", ".,"):
         elsewhere = not in_nm[mark] and (in_nm[other] or (bool(rows) and rows[0].mark == mark))
         if not decimal[mark] and (whole or decimal[other] or elsewhere):
@@ -112,14 +112,9 @@ def not_a_number(path: Path, row: TextRow, field: str) -> InvalidArgument:
     return InvalidArgument(f"{path}, line {row.line}: {what} is not a number.", "Correct that line, or leave it out.")
 
 
-LARGEST_FILE = 20_000_000
 COMMENTS = ("#", "%", "//", "!", "sep=")
 """Beginnings of lines that are no data; the last one is Excel's."""
 _SEPARATORS = (";", "\t", ",", " ")
-_SAMPLE = 1000
-"""Number of lines by which the separator is chosen."""
-_LONGEST = 60
-"""Largest length of a cell that names a wavelength."""
 _WAVELENGTH = re.compile(
     r"(?:(?:spectral[ _]?(?:data)?|spec|spd|reflectance|refl|wavelength|lambda|λ|wl|w|r|s|x)[ _=:(\[-]*)?"
     r"(?:nm[ _=:-]*)?([0-9]{3,4}(?:[.,][0-9]+)?)[ _-]*[\[(]?(?:nm)?[\])]?"
@@ -183,7 +178,9 @@ def read_bytes(path: Path) -> bytes:
         if not path.exists():
             raise InvalidArgument(f"There is no file {path}.", "Check the path.")
         if path.stat().st_size > LARGEST_FILE:
-            raise InvalidArgument(f"{path} is larger than 20 MB.", "Tables of spectra are smaller. Check the file.")
+            raise InvalidArgument(
+                f"{path} is larger than {LARGEST_FILE / 1e6:g} MB.", "Tables of spectra are smaller. Check the file."
+            )
         return path.read_bytes()
     except (OSError, ValueError) as error:  # ValueError: a path with a zero byte
         raise InvalidArgument(f"{path} cannot be read ({error_in_words(error)}).", read_advice(error)) from None
@@ -215,7 +212,7 @@ def rows_of(text: str) -> list[TextRow]:
     The separator is the one that gives most rows of numbers, else one of the last line.
     """
     lines = [(number, line) for number, line in enumerate(lines_of(text), 1) if line.strip()]
-    sample = [line for _, line in lines[-_SAMPLE:]]
+    sample = [line for _, line in lines[-SAMPLE:]]
     rows = {mark: sum(_numeric(cells(line, mark)) for line in sample) for mark in _SEPARATORS}
     separator = max(rows, key=lambda mark: rows[mark])
     if not rows[separator]:
@@ -248,9 +245,9 @@ def _numeric(fields: list[str]) -> bool:
 
 def wavelength_of(field: str) -> float | None:
     """380 from 380, nm380, 380_NM, R380, 380 [nm], SPECTRAL_NM_380, λ=380 ...; None for anything else."""
-    match = _WAVELENGTH.fullmatch(field.strip().casefold()) if len(field) <= _LONGEST else None
+    match = _WAVELENGTH.fullmatch(field.strip().casefold()) if len(field) <= LONGEST_CELL else None
     value = float(match[1].replace(",", ".")) if match else 0.0
-    return value if 200.0 <= value <= 2500.0 else None
+    return value if NAMED[0] <= value <= NAMED[1] else None
 
 
 def tokens_of(text: str) -> list[str]:
@@ -274,10 +271,6 @@ def json_number(value: Any) -> float:
     return float(value)
 
 
-_ROUNDED = 0.51
-"""Largest rounding error, nm, of wavelengths in field names: SPEC_383 is 383.33."""
-
-
 def shows_light(text: str) -> bool:
     """Whether the file holds light; False for a reflectance or transmittance."""
     kind = re.search(r'^MEAS_TYPE\s+"?(\w+)', text, re.MULTILINE)
@@ -296,7 +289,7 @@ def exact_wavelengths(named: Floats, text: str) -> Floats:
     if bands != len(named):
         return named
     exact = np.linspace(first, last, len(named))
-    return exact if np.abs(exact - named).max() < _ROUNDED else named
+    return exact if np.abs(exact - named).max() < ROUNDED else named
 
 
 def with_plain_wavelength(row: TextRow) -> TextRow:

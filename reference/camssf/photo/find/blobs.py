@@ -17,6 +17,8 @@ LARGEST_SHARE: int = limit("largest_share")
 FULL: tuple[float, float] = limit("full")
 LONGEST_SHAPE: float = limit("longest_shape")
 MOST: int = limit("most_blobs")
+OVERLAP: float = limit("overlap")
+SAME_SIZE: float = limit("same_size")
 CELL = 16
 """Edge of the squares of the index by which blobs are looked up, px."""
 
@@ -102,7 +104,7 @@ def _shapes(mask: NDArray[np.bool_]) -> list[Blob]:
 
 def _new(blob: Blob, kept: list[Blob], cells: dict[tuple[int, int], list[int]]) -> bool:
     """True if the blob lies on no kept blob of similar size."""
-    near = 0.1 * blob.area
+    near = OVERLAP * blob.area
     reach = int(np.sqrt(near)) // CELL + 1
     row, column = int(blob.y) // CELL, int(blob.x) // CELL
     for r in range(row - reach, row + reach + 1):
@@ -110,7 +112,7 @@ def _new(blob: Blob, kept: list[Blob], cells: dict[tuple[int, int], list[int]]) 
             for index in cells.get((r, c), ()):
                 other = kept[index]
                 dx, dy = blob.x - other.x, blob.y - other.y
-                alike = 0.5 * blob.area <= other.area <= 2 * blob.area
+                alike = blob.area <= SAME_SIZE * other.area and other.area <= SAME_SIZE * blob.area
                 if alike and dx * dx + dy * dy < near:
                     return False
     return True

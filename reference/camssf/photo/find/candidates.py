@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from camssf.grid import Floats
 from camssf.photo.find.blobs import Blob, blobs_in
-from camssf.photo.find.chart_colours import ChartColours, chart_colours, limit
+from camssf.photo.find.chart_colours import CHROMA, ChartColours, chart_colours, limit
 from camssf.photo.find.lattices import BlobLattice, Matrix, fitted, inverse, lattices_of, mapped
 from camssf.photo.find.picture import SMALLEST, SearchImage
 
@@ -20,6 +20,8 @@ FLOOR: float = limit("floor")
 SPOTS: list[float] = limit("spots")
 SEEN: float = limit("seen")
 STRAY: float = limit("stray")
+STRAY_MEDIANS: float = limit("stray_medians")
+APART: float = limit("apart")
 RING: float = limit("ring")
 
 
@@ -143,7 +145,7 @@ def features(logs: Floats, channels: int) -> Floats:
     if channels == 1:
         return np.asarray(centred)
     lightness = (centred[:, :, 0] + centred[:, :, 1] + centred[:, :, 2]) / 3.0
-    chroma = 2.0 * (centred - lightness[:, :, None])
+    chroma = CHROMA * (centred - lightness[:, :, None])
     return np.concatenate([lightness[:, :, None], chroma], axis=2)
 
 
@@ -186,7 +188,7 @@ def placed(lattice: BlobLattice, placement: Placement, blobs: list[Blob]) -> tup
     for u, v, x, y in pairs:
         p, q = mapped(back, x, y)
         offs.append((p - u) * (p - u) + (q - v) * (q - v))
-    limit = max(STRAY * STRAY, 9.0 * sorted(offs)[len(offs) // 2])
+    limit = max(STRAY * STRAY, STRAY_MEDIANS * STRAY_MEDIANS * sorted(offs)[len(offs) // 2])
     straight = [pair for pair, off in zip(pairs, offs, strict=True) if off <= limit]
     if len(straight) < fewest(placement.kind):
         return None
@@ -291,8 +293,8 @@ def _apart(candidates: list[Candidate]) -> list[Candidate]:
 
 
 def _overlap(a: Candidate, b: Candidate) -> bool:
-    """True if a patch of one is nearer than half a pitch to a patch of the other."""
+    """True if a patch of one is too near to a patch of the other."""
     step = b.patches[1] - b.patches[0]
-    near = 0.25 * float(step[0] * step[0] + step[1] * step[1])
+    near = APART * APART * float(step[0] * step[0] + step[1] * step[1])
     gaps = a.patches[:, None, :] - b.patches[None, :, :]
     return bool((gaps[..., 0] * gaps[..., 0] + gaps[..., 1] * gaps[..., 1] < near).any())

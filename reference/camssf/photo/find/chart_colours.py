@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 
 from camssf.grid import Floats
+from camssf.rules import rules
 
 FORMAT = "camssf-finder/1"
 PLACE = files("camssf") / "data" / "finder.json"
+CHROMA = rules().number("pose.chroma")
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from camssf.grid import Floats
+from camssf.rules import rules
 from camssf.spectra.layouts import ChartLayout
+from camssf.spectra.limits import NARROWEST
 
 _SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
@@ -60,10 +62,18 @@ def pitch_of(corners: Floats, layout: ChartLayout) -> float:
     return float(np.sqrt(abs(area(corners)) / (layout.columns * layout.rows)))
 
 
-WINDOWS = (0.40, 0.25, 0.15, 0.10, 0.10)
-"""Search range of each round of `refine_corners` around the expected place of a border, in pitches."""
+WINDOWS_BY_HAND = tuple(
+    rules().number(f"pose.{word}_window") for word in ("first", "second", "third", "last", "last")
+)
+"""How far from its expected place a border is searched in each round, pitches, for corners given by hand."""
+WINDOWS = (0.40, *WINDOWS_BY_HAND[1:])
+"""The same for corners that a finder proposes."""
+STEP, REACH, FAVOUR = (rules().number(f"pose.{word}") for word in ("profile_step", "profile_reach", "near_favour"))
+FAR, SPREAD, IN_PLACE = (rules().number(f"pose.{word}") for word in ("fit_far", "least_spread", "in_place"))
+WIDEST = rules().number("pose.widest")
+FALL, PLACES, ROUNDS = (rules().whole(f"pose.{word}") for word in ("fall_steps", "profile_places", "fit_rounds"))
 
-_ALONG = np.linspace(-0.3, 0.3, 9)
+_ALONG = np.linspace(-REACH, REACH, PLACES)
 
 
 def refine_corners(
@@ -79,16 +89,16 @@ def refine_corners(
     them to the picture. Each round, with w of `windows`:
 
     1. For each of a patch's four borders, the mean profile along its outward normal: offsets t = -w to w
-       every 0.02 pitch, averaged over 9 places from -0.3 to 0.3 of the border's length; bilinear samples.
-    2. Its fall at t: mean of the profile over t - 0.08 to t - 0.02 minus the mean over t + 0.02 to t + 0.08
-       (gaps are darker than their patches). The border is where fall · (1 - 0.5 (t/w)²) is largest, moved by
+       every STEP, averaged over PLACES from -REACH to REACH of the border's length; bilinear samples.
+    2. Its fall at t: mean of the FALL samples of the profile before t minus that of those behind t (gaps are
+       darker than their patches). The border is where fall · (1 - FAVOUR (t/w)²) is largest, moved by
        the parabola through the three falls there. Weight: fall / (fall + median fall of all borders), 0 if
        negative or outside the picture.
     3. A correction of the lattice, linear in ten unknowns: for a vertical border found at (u, v) of patch
        column i, u + a₀ + a₁u + a₂v - u(gu + hv) = i ± sx/2; for a horizontal one of row j,
-       v + b₀ + b₁u + b₂v - v(gu + hv) = j ± sy/2. Weighted least squares, six times, each time with Tukey's
-       weights (1 - (r/5s)²)², where s is 1.4826 times the median of |r|, at least 0.01. sx, sy stay within
-       0.6 to 0.98. H ← H · correction⁻¹.
+       v + b₀ + b₁u + b₂v - v(gu + hv) = j ± sy/2. Weighted least squares, in ROUNDS, each with Tukey's
+       weights (1 - (r / FAR s)²)², where s is 1.4826 times the median of |r|, at least SPREAD. sx, sy stay
+       within NARROWEST to WIDEST. H ← H · correction⁻¹.
 
     Args:
         image: (h, w) brightness, any scale on which the patches are brighter than the gaps.
@@ -97,8 +107,8 @@ def refine_corners(
         windows: search range of each round, in pitches.
 
     Returns:
-        corners (4, 2), patch edge (sx, sy) in pitches, and the share of borders that were found within 0.05
-        pitch of the fitted lattice; 0, with the input corners, if the fit failed.
+        corners (4, 2), patch edge (sx, sy) in pitches, and the share of borders that were found within
+        IN_PLACE of the fitted lattice; 0, with the input corners, if the fit failed.
     """
     start = np.asarray(corners, dtype=np.float64)
     side = np.array(layout.side)
@@ -130,12 +140,12 @@ def _borders(
     """
     index = np.arange(layout.columns * layout.rows)
     centres = np.stack([index % layout.columns, index // layout.columns], axis=1).astype(float)
-    reach = round((window + 0.08) / 0.02)
-    offsets = 0.02 * np.arange(-reach, reach + 1)
+    reach = round((window + FALL * STEP) / STEP)
+    offsets = STEP * np.arange(-reach, reach + 1)
     seen, axes, targets, profiles = [], [], [], []
     for axis in (0, 1):
         for sign in (-1.0, 1.0):
-            spots = np.repeat(np.repeat(centres[:, None, None, :], 9, axis=1), offsets.size, axis=2)
+            spots = np.repeat(np.repeat(centres[:, None, None, :], PLACES, axis=1), offsets.size, axis=2)
             spots[..., axis] += sign * (side[axis] / 2 + offsets)
             spots[..., 1 - axis] += (_ALONG * side[1 - axis])[:, None]
             profiles.append(_sample(image, map_points(lattice, spots)).mean(axis=1))
@@ -144,17 +154,17 @@ def _borders(
             targets.append(np.stack([centres[:, axis], np.full(len(centres), sign)], axis=1))
     profile = np.concatenate(profiles)
     sums = np.cumsum(np.pad(profile, [(0, 0), (1, 0)]), axis=1)
-    middle = np.arange(4, offsets.size - 4)
-    fall = (sums[:, middle] - sums[:, middle - 4] - sums[:, middle + 5] + sums[:, middle + 1]) / 4
+    middle = np.arange(FALL, offsets.size - FALL)
+    fall = (sums[:, middle] - sums[:, middle - FALL] - sums[:, middle + FALL + 1] + sums[:, middle + 1]) / FALL
     fall = np.where(np.isfinite(fall), fall, -np.inf)
     t = offsets[middle]
-    peak = np.argmax(fall * (1 - 0.5 * (t / window) ** 2), axis=1)
+    peak = np.argmax(fall * (1 - FAVOUR * (t / window) ** 2), axis=1)
     height = fall[np.arange(len(fall)), peak]
     left, right = (fall[np.arange(len(fall)), np.clip(peak + d, 0, t.size - 1)] for d in (-1, 1))
     with np.errstate(invalid="ignore", divide="ignore"):
         bend = left - 2 * height + right
         step = np.where(np.isfinite(bend) & (bend < 0), 0.5 * (left - right) / bend, 0.0)
-    place = t[peak] + 0.02 * np.clip(step, -1, 1)
+    place = t[peak] + STEP * np.clip(step, -1, 1)
     good = np.isfinite(height) & (height > 0)
     usual = float(np.median(height[good])) if good.any() else 1.0
     weight = np.where(good, np.where(good, height, 0) / (np.where(good, height, 0) + usual), 0.0)
@@ -188,16 +198,16 @@ def _correct(
     b = target[:, 0] - along
     robust = np.ones_like(b)
     solution = np.zeros(10)
-    for _ in range(6):
+    for _ in range(ROUNDS):
         root = np.sqrt(weight * robust)
         solution = np.linalg.lstsq(A * root[:, None], b * root, rcond=None)[0]
-        solution[8:] = np.clip(solution[8:], 0.6, 0.98)
+        solution[8:] = np.clip(solution[8:], NARROWEST, WIDEST)
         residual = np.abs(A @ solution - b)
-        spread = max(0.01, 1.4826 * float(np.median(residual[weight > 0])))
-        robust = np.maximum(0, 1 - (residual / (5 * spread)) ** 2) ** 2
+        spread = max(SPREAD, 1.4826 * float(np.median(residual[weight > 0])))
+        robust = np.maximum(0, 1 - (residual / (FAR * spread)) ** 2) ** 2
     a0, a1, a2, b0, b1, b2, g, h = solution[:8]
     correction = np.array([[1 + a1, a2, a0], [b1, 1 + b2, b0], [g, h, 1.0]])
-    locked = float(np.mean((residual < 0.05) & (weight > 0)))
+    locked = float(np.mean((residual < IN_PLACE) & (weight > 0)))
     return correction, solution[8:].copy(), locked
 
 

@@ -16,12 +16,13 @@ from camssf.errors import InvalidArgument
 from camssf.grid import Floats
 from camssf.photo.find.chart_colours import limit
 from camssf.photo.read.dng import Mosaic
+from camssf.rules import rules
 from camssf.spectra.layouts import ChartLayout
 
 BAND = 64
 """Rows of the reduced picture that are made at a time."""
-PATCH = 40
-"""Largest size of a patch on the thumbnail of a chart alone, px."""
+PATCH, THINNED = (rules().whole(f"pose.{word}") for word in ("patch_pixels", "thinned"))
+BRIGHT = rules().number("pose.bright")
 
 
 @dataclass(frozen=True)
@@ -84,8 +85,8 @@ def thumbnail_around(
 
 
 def brightness(small: Thumbnail) -> Floats:
-    """(h, w) sum over channels of √(signal / its 98th percentile): even noise, and visible dark patches."""
-    tops = np.maximum(np.percentile(small.colours[::4, ::4], 98, axis=(0, 1)), 1.0)
+    """(h, w) sum over channels of √(signal / its quantile BRIGHT): even noise, and visible dark patches."""
+    tops = np.maximum(np.quantile(small.colours[::THINNED, ::THINNED], BRIGHT, axis=(0, 1)), 1.0)
     total = np.zeros(small.colours.shape[:2])
     for channel in range(3):
         total += np.sqrt(np.maximum(small.colours[:, :, channel] / tops[channel], 0))
@@ -94,8 +95,7 @@ def brightness(small: Thumbnail) -> Floats:
 
 LONGEST: int = limit("longest")
 SMALLEST: int = limit("smallest")
-TOP = 4095
-"""The largest code."""
+TOP: int = limit("largest_code")
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from camssf.errors import CalibrationError, InvalidArgument
 from camssf.grid import Floats
 from camssf.messages import fail
 from camssf.photo.find.geometry import (
+    WINDOWS_BY_HAND,
     area,
     block_corners,
     convex,
@@ -30,6 +31,7 @@ from camssf.rules import rules
 from camssf.shapes import Bounds, Quad, Quads, Text, Words
 from camssf.spectra import ChartTable
 from camssf.spectra.layouts import ChartLayout
+from camssf.spectra.limits import SMALLEST_PHOTO
 
 WIDEST_EDGE = 3.5
 """Standard deviation of the sharpest edges above which a photo is blurred, px. Simulated photos have at most 2.9
@@ -80,11 +82,8 @@ def edge_width(mosaic: Mosaic) -> float | None:
     return 2.0 * float(np.percentile(widths, 2))  # green samples are 2 px apart
 
 
-SMALLEST = 64
-"""Smallest side of a photo that can be searched, px."""
 NEAR, LOCKED, ACCEPT_BY_HAND = (rules().number(f"pose.{word}") for word in ("near", "locked", "accept"))
-WINDOWS_BY_HAND = (0.50, 0.25, 0.15, 0.10, 0.10)
-"""As `WINDOWS`, for corners given by hand: a tap may be off by half a patch; the next patch begins further away."""
+MARGIN, MARGIN_PIXELS = (rules().number(f"pose.{word}") for word in ("margin", "margin_pixels"))
 
 CORNERS = "Give four points x,y in pixels of the photo, one after the other around the block of patches."
 
@@ -141,11 +140,11 @@ def find_chart(mosaic: Mosaic, table: ChartTable, *, corners: ArrayLike | None =
             f"Give a table of {layout.columns * layout.rows} patches.",
         )
     height, width = mosaic.samples.shape
-    if min(height, width) < SMALLEST:
+    if min(height, width) < SMALLEST_PHOTO:
         raise fail(
             "chart_not_found.small_photo",
             value=float(min(height, width)),
-            threshold=float(SMALLEST),
+            threshold=float(SMALLEST_PHOTO),
             file=mosaic.path,
             width=width,
             height=height,
@@ -173,7 +172,7 @@ def find_chart(mosaic: Mosaic, table: ChartTable, *, corners: ArrayLike | None =
 
 def _by_hand(mosaic: Mosaic, layout: ChartLayout, expected: Floats, corners: Floats) -> Pose:
     """The pose from corners given by hand: oriented by the colours, moved to borders if these are nearby."""
-    small = thumbnail_around(mosaic, corners, layout, margin=0.15, extra=8)
+    small = thumbnail_around(mosaic, corners, layout, margin=MARGIN, extra=MARGIN_PIXELS)
     around = corners if area(corners) > 0 else corners[::-1]
     tries = [
         orient_corners(small, small.from_mosaic(start), layout.side, layout, expected, reach=0)
@@ -212,14 +211,14 @@ def _starts(around: Floats, layout: ChartLayout) -> list[Floats]:
 def chart_area(corners: ArrayLike) -> Area:
     """The part of a photo in which a chart with these corners is refined and measured.
 
-    The corners' bounding box, widened by 15 % and 8 px on each side; it may extend beyond the photo.
+    The corners' bounding box, widened on each side; it may extend beyond the photo.
 
     Raises:
         InvalidArgument: not four points.
     """
     points = _points(corners)
     low, high = points.min(axis=0), points.max(axis=0)
-    margin = 0.15 * (high - low) + 8.0
+    margin = MARGIN * (high - low) + MARGIN_PIXELS
     left, top = (np.clip(low - margin, 0.0, MAX_SIDE).astype(int) // 2 * 2).tolist()
     right, bottom = np.clip(high + margin, 1.0, MAX_SIDE).astype(int).tolist()
     return top, left, bottom, right

@@ -13,12 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from camssf.grid import WAVELENGTHS, Floats
+from camssf.grid import CHANNELS, WAVELENGTHS, Floats
 from camssf.photo.find.candidates import find_candidates
-from camssf.photo.find.chart_colours import ChartColours
+from camssf.photo.find.chart_colours import CHROMA, ChartColours
 from camssf.photo.find.geometry import WINDOWS, area, block_corners, convex, homography, map_points, refine_corners
 from camssf.photo.find.picture import Thumbnail, brightness, codes_of_mosaic, thumbnail, thumbnail_around
 from camssf.photo.read.dng import Mosaic
+from camssf.rules import rules
 from camssf.spectra import ChartTable
 from camssf.spectra.layouts import ChartLayout
 
@@ -88,6 +89,9 @@ REFINE = 0.3
 
 LONGEST = 1000
 """Longest side of the thumbnail on which the finder's candidates are refined, px."""
+DARKEST, FWHM, SPOT_STEP = (rules().number(f"pose.{word}") for word in ("darkest", "fwhm", "spot_step"))
+CENTRES: Floats = np.array([rules().number(f"pose.{colour}") for colour in CHANNELS])
+SPOTS = rules().whole("pose.spots")
 
 
 @dataclass(frozen=True)
@@ -158,15 +162,15 @@ def agreement(measured: Floats, expected: Floats) -> float:
     lightness, the mean over channels, and chroma, the difference from it, which has double weight.
 
     Args:
-        measured: (n, 3) DN above black; values below 0.2 % of the largest are raised to that.
+        measured: (n, 3) DN above black; values below DARKEST of the largest are raised to that.
         expected: (n, 3) predicted signals, any scale.
     """
 
     def features(c: Floats) -> Floats:
-        logs = np.log(np.maximum(c, max(2e-3 * float(c.max()), 1e-12)))
+        logs = np.log(np.maximum(c, max(DARKEST * float(c.max()), 1e-12)))
         logs = logs - logs.mean(axis=0)
         lightness = logs.mean(axis=1, keepdims=True)
-        return np.concatenate([lightness, 2 * (logs - lightness)], axis=1)
+        return np.concatenate([lightness, CHROMA * (logs - lightness)], axis=1)
 
     x, y = features(measured), features(expected)
     size = float(np.linalg.norm(x) * np.linalg.norm(y))
@@ -174,11 +178,11 @@ def agreement(measured: Floats, expected: Floats) -> float:
 
 
 def plain_signals(table: ChartTable, power: Floats | None = None) -> Floats:
-    """(n, 3) signals of a camera with Gaussian curves (600, 540, 455 nm, FWHM 90 nm) under a lamp of `power` (681,).
+    """(n, 3) signals of a camera with Gaussian curves of `pose.red` ... under a lamp of `power` (681,).
 
     Without `power`, the lamp has a flat spectrum.
     """
-    curves = np.exp(-4 * np.log(2) * ((WAVELENGTHS[:, None] - np.array([600.0, 540.0, 455.0])) / 90) ** 2)
+    curves = np.exp(-4 * np.log(2) * ((WAVELENGTHS[:, None] - CENTRES) / FWHM) ** 2)
     curves = curves if power is None else curves * power[:, None]
     return np.asarray(table.values @ (curves / curves.sum(axis=0)))
 
@@ -213,7 +217,7 @@ def orient_corners(
 
     A quarter turn is another lattice: the caller tries both. Input and output corners are px of `small`.
     """
-    span = np.arange(-0.2, 0.21, 0.1)
+    span = -(SPOTS // 2) * SPOT_STEP + np.arange(SPOTS) * SPOT_STEP
     columns = np.arange(-reach, layout.columns + reach, dtype=np.float64)
     rows = np.arange(-reach, layout.rows + reach, dtype=np.float64)
     block = block_corners(layout, side)

@@ -13,10 +13,8 @@ import numpy as np
 
 from camssf.errors import InvalidArgument
 from camssf.grid import Floats
+from camssf.spectra.limits import FEWEST_LABELLED
 from camssf.spectra.text import TextRow, number_of, numbers_in, rows_of, wavelength_of
-
-FEWEST = 6
-"""Smallest number of such lines by which the form is recognised."""
 
 _LIKELY = re.compile(r"(?:^|\r)[ \t\"]*(?:[a-zλ]|[0-9.,]+[ _-]*[\[(]?nm)", re.IGNORECASE | re.MULTILINE)
 """Beginnings of lines with letters before or behind a number; most tables have few of them."""
@@ -24,8 +22,8 @@ _LIKELY = re.compile(r"(?:^|\r)[ \t\"]*(?:[a-zλ]|[0-9.,]+[ _-]*[\[(]?nm)", re.I
 
 def claims(text: str) -> bool:
     """Whether enough lines have this form."""
-    likely = len(_LIKELY.findall(text)) >= FEWEST and "BEGIN_DATA_FORMAT" not in text
-    return likely and len(_rows(text)) >= FEWEST
+    likely = len(_LIKELY.findall(text)) >= FEWEST_LABELLED and "BEGIN_DATA_FORMAT" not in text
+    return likely and len(_rows(text)) >= FEWEST_LABELLED
 
 
 def read(text: str, path: Path) -> tuple[Floats, Floats]:

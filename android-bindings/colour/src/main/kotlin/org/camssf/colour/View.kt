@@ -4,6 +4,7 @@ import org.camssf.InvalidArgument
 import org.camssf.Rows
 import org.camssf.Rules
 import org.camssf.short
+import org.camssf.spectra.Bundled
 import kotlin.math.hypot
 import kotlin.math.sqrt
 
@@ -80,7 +81,7 @@ public class Reference private constructor(
     public val standardError: Rows get() = Rows(sharedError, 3)
 
     init {
-        if (reflectance !in 0.02..1.2) {
+        if (reflectance !in Bundled.limits.reference) {
             throw InvalidArgument("A reference of reflectance $reflectance is none.", "Write 18 % as 0.18.")
         }
         if (!(tolerance >= 0 && tolerance.isFinite())) {

@@ -3,8 +3,10 @@ package org.camssf.photo
 import org.camssf.ChartNotFound
 import org.camssf.InvalidArgument
 import org.camssf.Refusal
+import org.camssf.Rules
 import org.camssf.frozen
 import org.camssf.short
+import org.camssf.spectra.Bundled
 import org.camssf.spectra.ChartLayout
 import org.camssf.spectra.ChartTable
 import kotlin.math.max
@@ -42,7 +44,7 @@ public class ChartPose internal constructor(
     }
 
     public companion object {
-        private const val SMALLEST = 64
+        private val SMALLEST get() = Bundled.limits.smallestPhoto
 
         /**
          * Computes the pose from four rough corners (taps, a viewfinder's overlay). The patch colours determine the
@@ -93,11 +95,12 @@ public class ChartPose internal constructor(
         }
 
         /**
-         * First pixel and one past the last pixel of the corners' bounding box, widened by 15 % and 8 px on each
-         * side.
+         * First pixel and one past the last pixel of the corners' bounding box, widened on each side.
          */
         private fun reach(places: List<Double>): Pair<Int, Int> {
-            val margin = 0.15 * (places.max() - places.min()) + 8
+            val rules = Rules.shipped
+            val margin =
+                rules.number("pose.margin") * (places.max() - places.min()) + rules.number("pose.margin_pixels")
             return max(places.min() - margin, 0.0).toInt() / 2 * 2 to max(places.max() + margin, 1.0).toInt()
         }
 

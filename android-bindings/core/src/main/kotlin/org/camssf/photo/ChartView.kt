@@ -1,6 +1,7 @@
 package org.camssf.photo
 
 import org.camssf.InvalidArgument
+import org.camssf.Rules
 import kotlin.math.ceil
 import kotlin.math.floor
 import kotlin.math.ln
@@ -30,22 +31,17 @@ internal class ChartView private constructor(
         DoubleArray(points.size) { (points[it] - (step - 1) / 2.0 - if (it % 2 == 0) left else top) / step }
 
     /**
-     * (height, width) sum over channels of √(signal / its 98th percentile). The root equalises the noise and keeps
+     * (height, width) sum over channels of √(signal / its quantile `pose.bright`). The root equalises the noise and keeps
      * dark patches visible.
      */
     fun brightness(): DoubleArray {
         val total = DoubleArray(width * height)
+        val thinned = Rules.shipped.whole("pose.thinned")
         for (c in 0..2) {
-            val thin = (0 until height step 4).flatMap { y ->
-                (0 until width step 4).map {
-                    colours[
-                        3 *
-                            (y * width + it) +
-                            c,
-                    ]
-                }
+            val thin = (0 until height step thinned).flatMap { y ->
+                (0 until width step thinned).map { colours[3 * (y * width + it) + c] }
             }
-            val most = max(percentile(thin.toFloatArray(), 0.98), 1f)
+            val most = max(percentile(thin.toFloatArray(), Rules.shipped.number("pose.bright")), 1f)
             for (i in total.indices) total[i] += sqrt(max(colours[3 * i + c] / most, 0f))
         }
         return total

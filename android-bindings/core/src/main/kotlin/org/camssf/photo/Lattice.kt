@@ -1,8 +1,10 @@
 package org.camssf.photo
 
 import org.camssf.LeastSquares
+import org.camssf.Rules
 import org.camssf.flatten
 import org.camssf.median
+import org.camssf.spectra.Bundled
 import org.camssf.spectra.ChartLayout
 import kotlin.math.abs
 import kotlin.math.max
@@ -15,7 +17,7 @@ import kotlin.math.sqrt
  *
  * @property map maps lattice coordinates to px.
  * @property side patch edge (sx, sy) in pitches.
- * @property locked share of borders found within 0.05 pitch of their expected position, 0 to 1.
+ * @property locked share of borders found near their expected position, 0 to 1.
  */
 internal class Lattice(val layout: ChartLayout, val map: Homography, val side: DoubleArray, val locked: Double) {
     /** (4, 2) outer corners of the block of patches, px. */
@@ -39,7 +41,7 @@ internal class Lattice(val layout: ChartLayout, val map: Homography, val side: D
      */
     fun refine(image: DoubleArray, width: Int, height: Int): Lattice? {
         var found = this
-        for (window in WINDOWS) {
+        for (window in rules.windows) {
             found = found.step(Picture(image, width, height), window) ?: return null
             val moved = found.corners()
             if (!moved.all { it.isFinite() } || !convex(moved)) return null
@@ -54,27 +56,27 @@ internal class Lattice(val layout: ChartLayout, val map: Homography, val side: D
         val rows = Array(borders.size) { borders[it].row() }
         var solution = DoubleArray(UNKNOWNS)
         var residual = DoubleArray(borders.size)
-        repeat(6) {
+        repeat(rules.rounds) {
             val root = DoubleArray(borders.size) { sqrt(borders[it].weight * robust[it]) }
             solution = LeastSquares.solve(
                 Array(borders.size) { i -> DoubleArray(UNKNOWNS) { rows[i][it] * root[i] } },
                 DoubleArray(borders.size) { borders[it].right * root[it] },
             ) ?: return null
-            for (j in 8..9) solution[j] = solution[j].coerceIn(0.6, 0.98)
+            for (j in 8..9) solution[j] = solution[j].coerceIn(rules.narrowest, rules.widest)
             residual = DoubleArray(borders.size) { i ->
                 abs((0 until UNKNOWNS).sumOf { rows[i][it] * solution[it] } - borders[i].right)
             }
             val seen = residual.filterIndexed { i, _ -> borders[i].weight > 0 }
-            val spread = max(0.01, 1.4826 * median(seen.toDoubleArray()))
+            val spread = max(rules.leastSpread, 1.4826 * median(seen.toDoubleArray()))
             for (i in robust.indices) {
-                val part = max(0.0, 1 - (residual[i] / (5 * spread)) * (residual[i] / (5 * spread)))
+                val part = max(0.0, 1 - (residual[i] / (rules.far * spread)) * (residual[i] / (rules.far * spread)))
                 robust[i] = part * part
             }
         }
         val s = solution
         val correction = Homography(doubleArrayOf(1 + s[1], s[2], s[0], s[4], 1 + s[5], s[3], s[6], s[7], 1.0))
         val back = correction.inverse() ?: return null
-        val inPlace = residual.indices.count { residual[it] < 0.05 && borders[it].weight > 0 }
+        val inPlace = residual.indices.count { residual[it] < rules.inPlace && borders[it].weight > 0 }
         return Lattice(layout, map * back, doubleArrayOf(s[8], s[9]), inPlace.toDouble() / borders.size)
     }
 
@@ -122,8 +124,9 @@ internal class Lattice(val layout: ChartLayout, val map: Homography, val side: D
 
     /** Finds the borders of all patches: rules 1 and 2. */
     private fun borders(picture: Picture, window: Double): List<Border> {
-        val reach = Math.rint((window + 0.08) / 0.02).toInt() // halves to even, as Python rounds
-        val offsets = DoubleArray(2 * reach + 1) { 0.02 * (it - reach) }
+        val across = window + rules.fall * rules.step
+        val reach = Math.rint(across / rules.step).toInt() // halves to even, as Python rounds
+        val offsets = DoubleArray(2 * reach + 1) { rules.step * (it - reach) }
         class Found(val i: Int, val axis: Int, val sign: Int, val place: Double, val height: Double)
         val found = ArrayList<Found>()
         for (axis in 0..1) {
@@ -150,17 +153,17 @@ internal class Lattice(val layout: ChartLayout, val map: Homography, val side: D
         }
     }
 
-    /** Mean over 9 points parallel to a border of patch i, `offset` pitches outwards from it. */
+    /** Mean over points parallel to a border of patch i, `offset` pitches outwards from it. */
     private fun profile(picture: Picture, i: Int, axis: Int, sign: Int, offset: Double): Double {
         var total = 0.0
-        for (place in ALONG) {
+        for (place in rules.along) {
             val across = sign * (side[axis] / 2 + offset)
             val along = place * side[1 - axis]
             val u = i % layout.columns + if (axis == 0) across else along
             val v = i / layout.columns + if (axis == 0) along else across
             total += picture.at(map.x(u, v), map.y(u, v))
         }
-        return total / ALONG.size
+        return total / rules.along.size
     }
 
     /**
@@ -169,16 +172,16 @@ internal class Lattice(val layout: ChartLayout, val map: Homography, val side: D
     private fun border(profile: DoubleArray, offsets: DoubleArray, window: Double): Pair<Double, Double> {
         val sums = DoubleArray(profile.size + 1)
         for (i in profile.indices) sums[i + 1] = sums[i] + profile[i]
-        val fall = DoubleArray(profile.size - 8) {
-            val m = it + 4
-            val found = (sums[m] - sums[m - 4] - sums[m + 5] + sums[m + 1]) / 4
+        val fall = DoubleArray(profile.size - 2 * rules.fall) {
+            val m = it + rules.fall
+            val found = (sums[m] - sums[m - rules.fall] - sums[m + rules.fall + 1] + sums[m + 1]) / rules.fall
             if (found.isFinite()) found else Double.NEGATIVE_INFINITY
         }
         var peak = 0
         var best = Double.NEGATIVE_INFINITY
         for (k in fall.indices) {
-            val t = offsets[k + 4]
-            val value = fall[k] * (1 - 0.5 * (t / window) * (t / window))
+            val t = offsets[k + rules.fall]
+            val value = fall[k] * (1 - rules.favour * (t / window) * (t / window))
             if (value > best) {
                 best = value
                 peak = k
@@ -189,13 +192,11 @@ internal class Lattice(val layout: ChartLayout, val map: Homography, val side: D
         val right = fall[min(peak + 1, fall.size - 1)]
         val bend = left - 2 * height + right
         val step = if (bend.isFinite() && bend < 0) 0.5 * (left - right) / bend else 0.0
-        return offsets[peak + 4] + 0.02 * step.coerceIn(-1.0, 1.0) to height
+        return offsets[peak + rules.fall] + rules.step * step.coerceIn(-1.0, 1.0) to height
     }
 
     companion object {
-        /** Search distance from the expected border in each round, in pitches. */
-        private val WINDOWS = doubleArrayOf(0.50, 0.25, 0.15, 0.10, 0.10)
-        private val ALONG = DoubleArray(9) { -0.3 + 0.6 * it / 8 }
+        private val rules by lazy { BorderRules() }
         private val SQUARE = doubleArrayOf(-1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0)
         private const val UNKNOWNS = 10
 
@@ -230,4 +231,28 @@ internal class Lattice(val layout: ChartLayout, val map: Homography, val side: D
             quad[2 * i] * quad[2 * j + 1] - quad[2 * j] * quad[2 * i + 1]
         } / 2
     }
+}
+
+/** The rules of the search for printed borders, by the names of Python's `camssf.photo.find.geometry`. */
+private class BorderRules {
+    private val rules = Rules.shipped
+
+    /** Search distance from the expected border in each round, in pitches. */
+    val windows = listOf("first_window", "second_window", "third_window", "last_window", "last_window")
+        .map { rules.number("pose.$it") }
+
+    /** Places along a border, in parts of its length. */
+    val along = rules.number("pose.profile_reach").let { reach ->
+        val last = rules.whole("pose.profile_places") - 1
+        DoubleArray(last + 1) { -reach + 2 * reach * it / last }
+    }
+    val step = rules.number("pose.profile_step")
+    val fall = rules.whole("pose.fall_steps")
+    val favour = rules.number("pose.near_favour")
+    val rounds = rules.whole("pose.fit_rounds")
+    val far = rules.number("pose.fit_far")
+    val leastSpread = rules.number("pose.least_spread")
+    val narrowest = Bundled.limits.narrowest
+    val widest = rules.number("pose.widest")
+    val inPlace = rules.number("pose.in_place")
 }

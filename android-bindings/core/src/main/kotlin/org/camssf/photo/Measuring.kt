@@ -4,6 +4,7 @@ import org.camssf.InvalidArgument
 import org.camssf.ProgressReporter
 import org.camssf.Refusal
 import org.camssf.Stage
+import org.camssf.spectra.Bundled
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
 
@@ -81,8 +82,7 @@ internal class Measuring(private val capture: Capture, private val reporter: Pro
         }
 
         /**
-         * Checks that all shots or none have a white frame, and that its target's reflectance lies between 0.05 and
-         * 1.2.
+         * Checks that all shots or none have a white frame, and that its target's reflectance is possible.
          */
         private fun check(framed: List<Boolean>, card: Double?) {
             if (framed.toSet().size > 1) {
@@ -91,7 +91,7 @@ internal class Measuring(private val capture: Capture, private val reporter: Pro
                     "Give a white frame for all shots, or for none.",
                 )
             }
-            if (card != null && card !in 0.05..1.2) {
+            if (card != null && card !in Bundled.limits.card) {
                 throw InvalidArgument("a white card of reflectance $card is none.", "Write 95 % as 0.95.")
             }
             if (card != null && !framed[0]) {

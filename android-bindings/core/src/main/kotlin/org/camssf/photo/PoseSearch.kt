@@ -27,7 +27,7 @@ internal class PoseSearch(
 ) {
     private val view = ChartView.of(
         photo,
-        40 * max(layout.columns, layout.rows),
+        Rules.shipped.whole("pose.patch_pixels") * max(layout.columns, layout.rows),
         photo.facts.clipped(ChartPose.region(Corners.of(*corners))),
     )
 
@@ -134,7 +134,11 @@ internal class PoseSearch(
         val ACCEPT_BY_HAND get() = Rules.shipped.number("pose.accept")
         val NEAR get() = Rules.shipped.number("pose.near")
         val LOCKED get() = Rules.shipped.number("pose.locked")
-        val SPAN = DoubleArray(5) { -0.2 + it * 0.1 }
+        val SPAN by lazy {
+            val step = Rules.shipped.number("pose.spot_step")
+            val spots = Rules.shipped.whole("pose.spots")
+            DoubleArray(spots) { -(spots / 2) * step + it * step }
+        }
 
         /** `points` (4, 2), starting with the one at `first`. */
         fun from(points: DoubleArray, first: Int): DoubleArray = DoubleArray(8) { points[(it + 2 * first) % 8] }

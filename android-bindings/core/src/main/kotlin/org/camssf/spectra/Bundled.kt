@@ -47,7 +47,8 @@ internal object Bundled {
     /** Correlated colour temperatures of the illuminants that have one, K. */
     val kelvin: Map<String, Double> get() = file.part("kelvin").let { all -> all.mapValues { all.number(it.key) } }
 
-    fun tolerance(of: String): Double = file.part("tolerances").number(of)
+    /** Limits of what is read. */
+    val limits: ReadingLimits by lazy { ReadingLimits(file.part("limits")) }
 
     /** A tabulated CIE illuminant on the grid, (681); linear between its nodes. */
     fun illuminant(name: String): DoubleArray = linear(file.part("lamps").part(name), "values")
@@ -66,7 +67,7 @@ internal object Bundled {
         val rows = entry.list("values").map { numbers(it) }
         val names = entry.texts("patches")
         val nodes = Interpolation.nodes(entry.number("start"), entry.number("step"), rows[0].size)
-        val tolerance = DoubleArray(names.size) { tolerance("public_chart") }
+        val tolerance = DoubleArray(names.size) { limits.publicChart }
         val white = entry.whole("white")
         val source = "$table (colour-science)"
         return ChartTable(name, table, layout, names, nodes, rows.flatten(), tolerance, white, source)
@@ -187,7 +188,7 @@ internal object Bundled {
 
     /** ln L minus its mean over the grid; very small power is raised. */
     private fun logarithm(power: DoubleArray): DoubleArray {
-        val least = tolerance("dimmest") * power.max()
+        val least = limits.dimmest * power.max()
         val level = DoubleArray(power.size) { ln(max(power[it], least)) }
         val middle = mean(level)
         return DoubleArray(power.size) { level[it] - middle }

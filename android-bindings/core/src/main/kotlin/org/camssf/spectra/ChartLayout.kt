@@ -3,6 +3,7 @@ package org.camssf.spectra
 import org.camssf.InvalidArgument
 import org.camssf.json.JsonText
 import org.camssf.json.NotJson
+import org.camssf.short
 import kotlin.math.abs
 
 /**
@@ -91,6 +92,8 @@ public class ChartLayout internal constructor(
 
 /** The reader of a layout file; Python's `camssf.spectra.layouts` has the same rules and messages. */
 private class LayoutFile(private val name: String, plain: Any?) {
+    private val limits = Bundled.limits
+
     @Suppress("UNCHECKED_CAST")
     private val document = (plain as? Map<String, Any?>).orEmpty()
 
@@ -99,22 +102,24 @@ private class LayoutFile(private val name: String, plain: Any?) {
         document.keys.forEach { need(it in FIELDS) { "a layout has no field \"$it\"" } }
         REQUIRED.forEach { need(it in document) { "the field \"$it\" is missing" } }
         val title = document["name"] as? String
-        need(title != null && NAME.matches(title)) {
-            "\"name\" needs 1 to 64 letters, digits, spaces, dots, hyphens or underscores"
+        need(title != null && title.length <= limits.longestName && NAME.matches(title)) {
+            "\"name\" needs 1 to ${limits.longestName} letters, digits, spaces, dots, hyphens or underscores"
         }
         need(ChartLayout.of(title!!.lowercase()) == null) { "\"name\" is that of a shipped layout, $title" }
         val (columns, rows) = listOf(count("columns"), count("rows"))
-        need(columns * rows in PATCHES) {
-            "it has ${columns * rows} patches; ${PATCHES.first} to ${PATCHES.last} are possible"
+        need(columns * rows in limits.patches) {
+            "it has ${columns * rows} patches; ${limits.patches.first} to ${limits.patches.last} are possible"
         }
         val patch = edges("patch", "above 0") { it > 0 }
         val gap = edges("gap", "of at least 0") { it >= 0 }
         val side = DoubleArray(2) { patch[it] / (patch[it] + gap[it]) }
-        need(side.min() >= NARROWEST) {
-            "the gaps are too wide: a patch must take at least 60 % of the step to the next"
+        need(side.min() >= limits.narrowest) {
+            "the gaps are too wide: a patch must take at least ${short(100 * limits.narrowest)} % of the step to the next"
         }
         val white = document.getValue("white", "") as? String
-        need(white != null && white.length <= LONGEST) { "\"white\" must be the name of a patch in the table" }
+        need(white != null && white.length <= limits.longestName) {
+            "\"white\" must be the name of a patch in the table"
+        }
         val marks = marks(document.getValue("fiducials", emptyList<Any>()), patch, gap)
         need(marks != null && (marks.isEmpty() || surround(marks, side, columns, rows))) {
             "\"fiducials\" must be four points [x, y], clockwise from the top left, around the patches"
@@ -131,7 +136,9 @@ private class LayoutFile(private val name: String, plain: Any?) {
 
     private fun count(field: String): Int {
         val value = document[field] as? Long ?: 0
-        need(value in SIDES) { "\"$field\" must be a whole number from ${SIDES.first} to ${SIDES.last}" }
+        need(value in limits.sides) {
+            "\"$field\" must be a whole number from ${limits.sides.first} to ${limits.sides.last}"
+        }
         return value.toInt()
     }
 
@@ -179,15 +186,7 @@ private class LayoutFile(private val name: String, plain: Any?) {
         const val FORMAT = "camssf-layout/1"
         private val REQUIRED = listOf("format", "name", "columns", "rows", "patch", "gap")
         private val FIELDS = REQUIRED + listOf("white", "fiducials")
-        private val NAME = Regex("[A-Za-z0-9][A-Za-z0-9 ._-]{0,63}")
-
-        /** Ranges of the number of columns and of rows, and of patches. */
-        private val SIDES = 2L..30L
-        private val PATCHES = 12..300
-
-        /** Smallest edge of a patch in pitches. */
-        private const val NARROWEST = 0.6
-        private const val LONGEST = 64
+        private val NAME = Regex("[A-Za-z0-9][A-Za-z0-9 ._-]*")
         const val ADVICE =
             "docs/tables.md shows a layout. \"patch\" and \"gap\" may be in any unit: \"patch\": [18, 18], " +
                 "\"gap\": [3, 3]."

@@ -5,6 +5,7 @@ import org.camssf.Grid
 import org.camssf.InvalidArgument
 import org.camssf.Refusal
 import org.camssf.Rows
+import org.camssf.Rules
 import org.camssf.flatten
 import org.camssf.frozen
 import org.camssf.short
@@ -57,7 +58,9 @@ public class ChartTable internal constructor(
 
     private fun onGrid(): DoubleArray = List(this.patches.size) {
         Interpolation.smooth(wavelengths, reflectance.copyOfRange(it * wavelengths.size, (it + 1) * wavelengths.size))
-    }.flatten().also { all -> for (i in all.indices) all[i] = all[i].coerceIn(0.0, 1.2) }
+    }.flatten().also { all ->
+        for (i in all.indices) all[i] = all[i].coerceIn(0.0, Bundled.limits.largestReflectance)
+    }
 
     override fun toString(): String = "ChartTable($name, $table)"
 
@@ -65,17 +68,18 @@ public class ChartTable internal constructor(
     public val values: Rows get() = Rows(sharedValues, patches.size, Grid.SIZE)
 
     /**
-     * (n, 3) signals of a generic camera (Gaussian curves at 600, 540 and 455 nm, FWHM 90 nm) under a flat lamp,
-     * row-major, any unit; the finder compares pictures with them.
+     * (n, 3) signals of a generic camera with Gaussian curves under a flat lamp, row-major, any unit; the finder compares pictures with them.
      */
     public fun genericSignals(): DoubleArray = genericSignals(null)
 
     /** The same under a lamp of this power (681); null for a flat spectrum. */
     internal fun genericSignals(power: DoubleArray?): DoubleArray {
         val grid = Grid.wavelengths
-        val curves = listOf(600.0, 540.0, 455.0).map { centre ->
+        val fwhm = Rules.shipped.number("pose.fwhm")
+        val curves = listOf("red", "green", "blue").map { colour ->
+            val centre = Rules.shipped.number("pose.$colour")
             val curve = DoubleArray(Grid.SIZE) {
-                2.0.pow(-4 * ((grid[it] - centre) / 90).pow(2)) * (power?.get(it) ?: 1.0)
+                2.0.pow(-4 * ((grid[it] - centre) / fwhm).pow(2)) * (power?.get(it) ?: 1.0)
             }
             val total = curve.sum()
             DoubleArray(Grid.SIZE) { curve[it] / total }
@@ -95,9 +99,10 @@ public class ChartTable internal constructor(
      * @throws InvalidArgument no number from 0 to 0.5.
      */
     public fun withTolerance(tolerance: Double): ChartTable {
-        if (!(tolerance in 0.0..0.5)) {
+        val most = Bundled.limits.largestChartTolerance
+        if (!(tolerance in 0.0..most)) {
             throw InvalidArgument(
-                "The chart's tolerance is ${short(tolerance)}; 0 to 0.5 is possible.",
+                "The chart's tolerance is ${short(tolerance)}; 0 to ${short(most)} is possible.",
                 "Write 1 % as 0.01.",
             )
         }
@@ -222,7 +227,7 @@ public class ChartTable internal constructor(
                 order.map { file.names[it] },
                 file.wavelengths,
                 order.map { reflectance[it] }.flatten(),
-                DoubleArray(count) { Bundled.tolerance("measured_chart") },
+                DoubleArray(count) { Bundled.limits.measuredChart },
                 white,
                 "file $name${SpectraFile.held(file.wavelengths)}",
                 SourceFile.of(name, content),
@@ -238,10 +243,10 @@ public class ChartTable internal constructor(
                 throw Refusal.of("chart_unfit.not_a_number", "file" to name)
             }
             val most = file.values.maxOf { it.max() }
-            val scale = if (most > 2.0) 100.0 else 1.0
+            val scale = if (most > Bundled.limits.percent) 100.0 else 1.0
             val least = file.values.minOf { it.min() } / scale
             val worst = if (least < 0) least else most / scale
-            if (worst !in 0.0..1.2) {
+            if (worst !in 0.0..Bundled.limits.largestReflectance) {
                 throw Refusal.of("chart_unfit.reflectance", "file" to name, "reflectance" to worst, value = worst)
             }
             return file.values.map { row -> DoubleArray(row.size) { row[it] / scale } }
@@ -292,10 +297,11 @@ public class ChartTable internal constructor(
             )
             val found = orders.mapValues { misfit(it.value) }.minByOrNull { it.value }!!
             val here = misfit { it }
-            if (found.value < 0.5 * here) {
+            val share = Bundled.limits.otherOrder
+            if (found.value < share * here) {
                 throw Refusal.of(
                     "chart_unfit.order", "file" to name, "order" to found.key, value = here,
-                    threshold = 2 * found.value,
+                    threshold = found.value / share,
                 )
             }
         }
@@ -313,18 +319,19 @@ public class ChartTable internal constructor(
                     "Give its name in the table as \"white\" of the layout, or leave \"white\" out.",
                 )
             }
-            val visible = (0 until Grid.SIZE).filter { Grid.wavelengths[it] in 430.0..700.0 }
+            val limits = Bundled.limits
+            val visible = (0 until Grid.SIZE).filter { Grid.wavelengths[it] in limits.neutral }
             val brightness = values.map { row ->
                 val level = visible.sumOf { row[it] } / visible.size
                 val spread = sqrt(visible.sumOf { (row[it] - level) * (row[it] - level) } / visible.size)
-                if (spread <= 0.08 * level) level else 0.0
+                if (spread <= limits.uneven * level) level else 0.0
             }
             val most = brightness.max()
             if (most <= 0) {
                 throw Refusal.of("chart_unfit.no_neutral", "file" to name)
             }
             val e5 = 4 * 14 + 4
-            if (layout.name == "sg140" && brightness[e5] >= 0.95 * most) return e5
+            if (layout.name == "sg140" && brightness[e5] >= limits.asWhite * most) return e5
             return brightness.indexOf(most)
         }
     }

@@ -62,10 +62,10 @@ internal object Interpolation {
         return total
     }
 
-    /** Sprague's method if the nodes are evenly spaced to 0.001 nm; otherwise a cubic spline (not-a-knot). */
+    /** Sprague's method if the nodes are evenly spaced; otherwise a cubic spline (not-a-knot). */
     fun smooth(nodes: DoubleArray, values: DoubleArray): DoubleArray {
         val step = (nodes.last() - nodes[0]) / (nodes.size - 1)
-        val even = nodes.indices.all { abs(nodes[it] - (nodes[0] + step * it)) <= 1e-3 }
+        val even = nodes.indices.all { abs(nodes[it] - (nodes[0] + step * it)) <= Bundled.limits.smallestStep }
         return if (even) sprague(nodes[0], step, values) else spline(nodes, values)
     }
 

@@ -10,16 +10,13 @@ import kotlin.math.sign
  * value). Some files have two tables, every 5 nm and every 1 nm; other lines are left out.
  */
 internal object LabelledLines {
-    /** Smallest number of such lines by which the form is recognised. */
-    private const val FEWEST = 6
-
     /** The spectrum with the finest steps; null for another form. */
     fun read(all: List<TextRow>, name: String): Spectra? {
         val rows = all.mapNotNull { row ->
             TextTable.wavelength(row.fields[0])?.takeIf { Numerals.number(row.fields[0]) == null }
                 ?.let { row.with(listOf("$it") + row.fields.drop(1)) }
         }
-        if (rows.size < FEWEST) return null
+        if (rows.size < Bundled.limits.fewestLabelled) return null
         rows.firstOrNull { it.fields.size != 2 }?.let {
             throw InvalidArgument(
                 "$name, line ${it.line} has ${it.fields.size - 1} values at ${short(it.fields[0].toDouble())} nm.",

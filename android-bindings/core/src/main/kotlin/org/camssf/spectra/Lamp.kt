@@ -95,7 +95,7 @@ public class Lamp internal constructor(
             ?: throw InvalidArgument("'$part' is not a lamp tolerance.", "Write 2%, 300K, or 300K,2%.")
         val size = number.groupValues[1].toDouble()
         if (number.groupValues[2] == "%") {
-            if (size > 50) {
+            if (size > 100 * Bundled.limits.largestLampTolerance) {
                 throw InvalidArgument(
                     "A lamp known to ${short(size)} % is not known.",
                     "Name the kind of lamp, or measure its spectrum.",
@@ -104,7 +104,7 @@ public class Lamp internal constructor(
             return Lamp(name, sharedValues, size / 100.0, sharedModes, source, file, toleranceKelvin)
         }
         val (formula, kelvin) = temperature()
-        if (!(0 < size && size < 0.25 * kelvin)) {
+        if (!(0 < size && size < Bundled.limits.largestKelvinTolerance * kelvin)) {
             throw InvalidArgument(
                 "${short(size)} K is too large a tolerance for a lamp of ${short(kelvin)} K.",
                 "Give less than a quarter of it.",
@@ -269,7 +269,7 @@ public class Lamp internal constructor(
                 return Lamp(text, DoubleArray(Grid.SIZE) { 1.0 }, 0.0, emptyList(), "equal energy, by definition")
             }
             if (key in Bundled.families) return called(lamp(key, Bundled.family(key)))
-            val named = Bundled.tolerance("named_lamp")
+            val named = Bundled.limits.namedLamp
             kelvinOf(text)?.let {
                 val power = Bundled.scaled(planck(it.toDouble()))
                 return called(Lamp(text, power, named, emptyList(), "Planck's law, $it K"))
@@ -315,7 +315,7 @@ public class Lamp internal constructor(
             val peak = seen.max()
             if (peak <= 0) throw Refusal.of("lamp_unfit.no_power", "file" to name)
             val shares = DoubleArray(power.size) { power[it] / peak }
-            val noise = Bundled.tolerance("noise_below_zero")
+            val noise = Bundled.limits.noiseBelowZero
             val least = seen.min() / peak
             if (least < -noise) {
                 throw Refusal.of("lamp_unfit.negative", "file" to name, value = least, threshold = -noise)
@@ -327,7 +327,7 @@ public class Lamp internal constructor(
             return Lamp(
                 name,
                 Bundled.scaled(values),
-                Bundled.tolerance("measured_lamp"),
+                Bundled.limits.measuredLamp,
                 emptyList(),
                 "file $name${SpectraFile.held(all)}",
                 SourceFile.of(name, content),
@@ -335,17 +335,20 @@ public class Lamp internal constructor(
         }
 
         private fun planck(kelvin: Double): DoubleArray {
-            if (kelvin !in 1000.0..20_000.0) {
-                throw InvalidArgument("No lamp burns at ${short(kelvin)} K.", "Give 1000K to 20000K.", kelvin)
+            val possible = Bundled.limits.planck
+            if (kelvin !in possible) {
+                val ends = "${short(possible.start)}K to ${short(possible.endInclusive)}K"
+                throw InvalidArgument("No lamp burns at ${short(kelvin)} K.", "Give $ends.", kelvin)
             }
             return Bundled.planck(kelvin)
         }
 
         private fun daylight(kelvin: Double): DoubleArray {
-            if (kelvin !in 4000.0..25_000.0) {
+            val possible = Bundled.limits.daylight
+            if (kelvin !in possible) {
                 throw InvalidArgument(
                     "CIE daylight is not defined at ${short(kelvin)} K.",
-                    "Give D:4000 to D:25000; for a bulb ${short(kelvin)}K, without D.",
+                    "Give D:${short(possible.start)} to D:${short(possible.endInclusive)}; for a bulb ${short(kelvin)}K, without D.",
                     kelvin,
                 )
             }

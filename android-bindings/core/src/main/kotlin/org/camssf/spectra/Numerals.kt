@@ -14,11 +14,7 @@ internal class TextRow(val line: Int, val fields: List<String>, val mark: Char) 
 
     /** The row in a message. */
     override fun toString(): String =
-        "'${fields.joinToString(if (mark == '\t') " " else "$mark").take(LONGEST)}'"
-
-    private companion object {
-        const val LONGEST = 60
-    }
+        "'${fields.joinToString(if (mark == '\t') " " else "$mark").take(Bundled.limits.longestQuote)}'"
 }
 
 /** Reads the cells of a text table as numbers, with Python's rules (`camssf.spectra.text`) and messages. */
@@ -35,7 +31,6 @@ internal object Numerals {
     /** Cells in which the mark may be a decimal mark or a thousands separator, such as 9,000. */
     private val GROUPED = listOf(',', '.').associateWith { Regex("[+-]?[1-9][0-9]{0,2}\\$it[0-9]{3}") }
     private val WHOLE = Regex("[+-]?0*[1-9][0-9]*")
-    private val NANOMETRES = 100.0..20_000.0
 
     /** The cell as a number, or null. A comma is a decimal comma. */
     fun number(field: String): Double? {
@@ -74,7 +69,7 @@ internal object Numerals {
         val whole = values.any { WHOLE.matches(it) }
         fun decimal(mark: Char) = values.any { mark in it && !GROUPED.getValue(mark).matches(it) }
         fun inNanometres(mark: Char) =
-            first > 0 && rows.any { mark in it.fields[0] && number(it.fields[0])!! in NANOMETRES }
+            first > 0 && rows.any { mark in it.fields[0] && number(it.fields[0])!! in Bundled.limits.nanometres }
         for ((mark, other) in listOf(',' to '.', '.' to ',')) {
             val elsewhere = !inNanometres(mark) && (inNanometres(other) || rows.firstOrNull()?.mark == mark)
             if (decimal(mark) || !(whole || decimal(other) || elsewhere)) continue

@@ -10,7 +10,6 @@ import org.camssf.json.part
 internal object RawtoacesLamp {
     private val JSON = Regex("^\\s*(\\{|\\[\\s*[\\[{\"0-9-])")
     private val NM = Regex("[0-9]{1,5}(\\.[0-9]{1,9})?")
-    private const val LONGEST = 60
 
     /** Whether the text looks like JSON. */
     fun claims(text: String): Boolean = JSON.containsMatchIn(text)
@@ -21,7 +20,7 @@ internal object RawtoacesLamp {
         val (columns, table) = try {
             val document = JsonText.parse(text)
             why = if (document is Map<*, *>) {
-                "its keys are ${document.keys.joinToString().take(LONGEST)}"
+                "its keys are ${document.keys.joinToString().take(Bundled.limits.longestQuote)}"
             } else {
                 "it is a list"
             }

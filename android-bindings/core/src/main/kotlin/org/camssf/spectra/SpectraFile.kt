@@ -20,33 +20,11 @@ internal class Spectra(val names: List<String>, val wavelengths: DoubleArray, va
  * callers check the physics. Python's `camssf.spectra.tables` has the same rules and messages.
  */
 internal object SpectraFile {
-    private const val LARGEST = 20_000_000
+    private val limits get() = Bundled.limits
 
     /** Words in a header that mark a column as a standard deviation. */
     private val DEVIATIONS =
         setOf("std", "stdev", "sd", "sigma", "σ", "se", "err", "error", "deviation", "uncertainty")
-
-    /**
-     * A third column without a name counts as the power's standard deviation if it is at most this fraction of the
-     * largest power.
-     */
-    private const val LARGEST_DEVIATION = 0.2
-
-    /** Number of lines in which a header is searched; instruments write a preamble. */
-    private const val PREAMBLE = 40
-
-    /** Smallest number of wavelengths by which a row is a header. */
-    private const val FEWEST = 10
-
-    /** Largest rounding error, nm, of wavelengths in field names: SPEC_383 is 383.33. */
-    private const val ROUNDED = 0.51
-
-    private val UNITS = mapOf(
-        "micrometres" to 0.1..3.0,
-        "metres" to 1e-7..3e-6,
-        "ångströms" to 2000.0..12_000.0,
-        "wavenumbers, 1/cm" to 10_000.0..50_000.0,
-    )
 
     /**
      * Parses a single spectrum: a table of two columns, or of three with the power's standard deviation, which is
@@ -181,7 +159,7 @@ internal object SpectraFile {
         if (header.size == 3) {
             return Regex("[a-zσ]+").findAll(header[2].lowercase()).any { it.value in DEVIATIONS }
         }
-        return rows.all { it[2] >= 0 } && rows.maxOf { it[2] } <= LARGEST_DEVIATION * rows.maxOf { it[1] }
+        return rows.all { it[2] >= 0 } && rows.maxOf { it[2] } <= limits.largestDeviation * rows.maxOf { it[1] }
     }
 
     /**
@@ -215,7 +193,7 @@ internal object SpectraFile {
         }
         checkUnit(wavelengths.min(), wavelengths.max(), name)
         val least = steps.indices.minBy { steps[it] }
-        if (steps[least] < 1e-3) {
+        if (steps[least] < limits.smallestStep) {
             throw InvalidArgument(
                 "The wavelengths in $name do not increase: ${short(wavelengths[least])} is followed by " +
                     "${short(wavelengths[least + 1])}.",
@@ -225,25 +203,29 @@ internal object SpectraFile {
         val first = wavelengths.first()
         val last = wavelengths.last()
         val words = arrayOf("file" to name, "first" to first, "last" to last)
-        if (first > 400.0 || last < 700.0) throw Refusal.of("$code.narrow", *words)
-        if (wavelengths.size < 6) {
-            val count = "count" to wavelengths.size
-            throw Refusal.of("$code.few_wavelengths", *words, count, value = steps.max(), threshold = 20.0)
+        val (from, to) = limits.covered.start to limits.covered.endInclusive
+        if (first > from || last < to) throw Refusal.of("$code.narrow", *words)
+        if (wavelengths.size < limits.fewestWavelengths) {
+            throw Refusal.of(
+                "$code.few_wavelengths", *words, "count" to wavelengths.size, value = steps.max(),
+                threshold = limits.widestStep,
+            )
         }
         val inside = steps.indices.filter { wavelengths[it] < 720.0 && wavelengths[it + 1] > 380.0 }
         val widest = inside.maxBy { steps[it] }
-        if (steps[widest] > 20.0) {
+        if (steps[widest] > limits.widestStep) {
             throw Refusal.of(
                 "$code.spectral_gap", "file" to name, "gap" to steps[widest], "first" to wavelengths[widest],
-                "last" to wavelengths[widest + 1], value = steps[widest], threshold = 20.0,
+                "last" to wavelengths[widest + 1], value = steps[widest], threshold = limits.widestStep,
             )
         }
     }
 
     /** Throws if wavelengths from `first` to `last` are not in nm; names the unit that they would fit. */
     private fun checkUnit(first: Double, last: Double, name: String) {
-        if (first >= 100 && last <= 20_000 && !(first >= 3000 && last <= 12_000)) return
-        val unit = UNITS.entries.firstOrNull { (_, range) -> first in range && last in range }?.key
+        fun inside(range: ClosedFloatingPointRange<Double>) = first >= range.start && last <= range.endInclusive
+        if (inside(limits.nanometres) && !inside(limits.angstroms)) return
+        val unit = limits.otherUnits.entries.firstOrNull { inside(it.value) }?.key
         throw InvalidArgument(
             "The wavelengths in $name are not in nm: they run from ${size(first)} to ${size(last)}" +
                 (unit?.let { ", as in $it." } ?: "."),
@@ -260,8 +242,9 @@ internal object SpectraFile {
     }
 
     private fun decode(name: String, content: ByteArray): String {
-        if (content.size > LARGEST) {
-            throw InvalidArgument("$name is larger than 20 MB.", "Tables of spectra are smaller. Check the file.")
+        if (content.size > limits.largestFile) {
+            val most = "${short(limits.largestFile / 1e6)} MB"
+            throw InvalidArgument("$name is larger than $most.", "Tables of spectra are smaller. Check the file.")
         }
         val mark = content.take(2).map { it.toInt() and 0xff }
         if (mark == listOf(0xff, 0xfe) || mark == listOf(0xfe, 0xff)) return content.toString(Charsets.UTF_16)
@@ -281,7 +264,10 @@ internal object SpectraFile {
 
     /** Index of the first row with at least ten wavelengths; null without one. */
     private fun headerOfWavelengths(rows: List<TextRow>): Int? =
-        rows.take(PREAMBLE).indexOfFirst { row -> row.fields.count { TextTable.wavelength(it) != null } >= FEWEST }
+        rows.take(limits.preamble).indexOfFirst { row ->
+            row.fields.count { TextTable.wavelength(it) != null } >=
+                limits.fewestInHeader
+        }
             .takeIf { it >= 0 }
 
     private fun csv(text: String, name: String): Spectra {
@@ -347,7 +333,7 @@ internal object SpectraFile {
             val rest = part.substringAfter("END_DATA_FORMAT", "")
             val data = rest.substringAfter("BEGIN_DATA", "")
             val header = tokens(fields)
-            if (header.count { TextTable.wavelength(it) != null } < FEWEST) continue
+            if (header.count { TextTable.wavelength(it) != null } < limits.fewestInHeader) continue
             if ("END_DATA" !in data) {
                 throw InvalidArgument("$name ends early: its table has no END_DATA.", "Export it again.")
             }
@@ -380,7 +366,7 @@ internal object SpectraFile {
         if (bands != named.size.toDouble()) return named
         val step = (last - first) / (named.size - 1)
         val exact = DoubleArray(named.size) { if (it == named.size - 1) last else first + it * step }
-        return if (named.indices.all { abs(exact[it] - named[it]) < ROUNDED }) exact else named
+        return if (named.indices.all { abs(exact[it] - named[it]) < limits.rounded }) exact else named
     }
 
     private fun tokens(text: String): List<String> =

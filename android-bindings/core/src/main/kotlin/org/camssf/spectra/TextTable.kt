@@ -5,12 +5,6 @@ internal object TextTable {
     /** Beginnings of lines that are no data; the last one is Excel's. */
     private val COMMENTS = listOf("#", "%", "//", "!", "sep=")
     private val SEPARATORS = listOf(';', '\t', ',', ' ')
-
-    /** Number of lines by which the separator is chosen. */
-    private const val SAMPLE = 1000
-
-    /** Largest length of a cell that names a wavelength. */
-    private const val LONGEST = 60
     private val BLANKS = Regex("[ \\t\\f\\u000B]+")
     private val WAVELENGTH = Regex(
         """(?:(?:spectral[ _]?(?:data)?|spec|spd|reflectance|refl|wavelength|lambda|λ|wl|w|r|s|x)[ _=:(\[-]*)?""" +
@@ -28,7 +22,7 @@ internal object TextTable {
      */
     fun rows(text: String): List<TextRow> {
         val lines = lines(text).withIndex().filter { it.value.isNotBlank() }
-        val sample = lines.takeLast(SAMPLE)
+        val sample = lines.takeLast(Bundled.limits.sample)
         val counts = SEPARATORS.associateWith { mark -> sample.count { isNumeric(cells(it.value, mark)) } }
         val best = SEPARATORS.maxBy { counts.getValue(it) }
         val mark = if (counts.getValue(best) > 0) {
@@ -75,8 +69,8 @@ internal object TextTable {
 
     /** 380 from 380, nm380, 380_NM, R380, 380 [nm], SPECTRAL_NM_380, λ=380 ...; null for anything else. */
     fun wavelength(field: String): Double? {
-        if (field.length > LONGEST) return null
+        if (field.length > Bundled.limits.longestCell) return null
         val match = WAVELENGTH.matchEntire(field.trim().lowercase()) ?: return null
-        return match.groupValues[1].replace(',', '.').toDouble().takeIf { it in 200.0..2500.0 }
+        return match.groupValues[1].replace(',', '.').toDouble().takeIf { it in Bundled.limits.named }
     }
 }

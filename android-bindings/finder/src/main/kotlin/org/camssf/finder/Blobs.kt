@@ -159,7 +159,7 @@ internal class Blobs {
 
     /** True if a blob of area a, centred at (px, py), lies on a kept blob of similar size. */
     private fun known(px: Double, py: Double, a: Double, columns: Int, lines: Int): Boolean {
-        val near = 0.1 * a
+        val near = limits.overlap * a
         val reach = sqrt(near).toInt() / CELL + 1
         val row = py.toInt() / CELL
         val column = px.toInt() / CELL
@@ -169,7 +169,8 @@ internal class Blobs {
                 while (i >= 0) {
                     val dx = px - x[i]
                     val dy = py - y[i]
-                    if (0.5 * a <= area[i] && area[i] <= 2 * a && dx * dx + dy * dy < near) return true
+                    val alike = a <= limits.sameSize * area[i] && area[i] <= limits.sameSize * a
+                    if (alike && dx * dx + dy * dy < near) return true
                     i = next[i]
                 }
             }

@@ -97,11 +97,11 @@ public class ChartFinder private constructor(private val kinds: List<ChartKind>)
         return kept
     }
 
-    /** True if a patch of one is nearer than half a pitch to a patch of the other. */
+    /** True if a patch of one is too near to a patch of the other. */
     private fun overlap(a: Candidate, b: Candidate): Boolean {
         val stepX = b.patches[1].x - b.patches[0].x
         val stepY = b.patches[1].y - b.patches[0].y
-        val near = 0.25 * (stepX * stepX + stepY * stepY)
+        val near = limits.apart * limits.apart * (stepX * stepX + stepY * stepY)
         return a.patches.any { p ->
             b.patches.any { q -> (p.x - q.x) * (p.x - q.x) + (p.y - q.y) * (p.y - q.y) < near }
         }

@@ -196,20 +196,19 @@ internal class Codes {
     /** Converts light to codes: each colour relative to its largest value. */
     private fun roots() {
         val size = width * height
+        val largest = FinderFile.limits.largestCode
         for (c in 0 until channels) {
             var most = 0.0
             for (i in c * size until (c + 1) * size) if (light[i].isFinite()) most = max(most, light[i])
             if (most <= 0.0) continue
             for (i in c * size until (c + 1) * size) {
                 val share = (if (light[i].isFinite()) light[i] else 0.0) / most
-                values[i] = floor(TOP * sqrt(max(share, 0.0))).toInt()
+                values[i] = floor(largest * sqrt(max(share, 0.0))).toInt()
             }
         }
     }
 
     companion object {
-        private const val TOP = 4095
-
         /** Side of the blocks of pixels that are combined, px. */
         private fun factor(height: Int, width: Int): Int {
             val longest = FinderFile.limits.longest

@@ -32,6 +32,7 @@ internal object FinderFile {
     class Limits internal constructor(private val json: Members) {
         val longest = whole("longest")
         val smallest = whole("smallest")
+        val largestCode = whole("largest_code")
         val passes = json.part("passes").list("value").map { pass ->
             numbers(pass).let { values -> IntArray(values.size) { values[it].toInt() } }
         }
@@ -39,6 +40,8 @@ internal object FinderFile {
         val smallestArea = whole("smallest_area")
         val largestShare = whole("largest_share")
         val full = numbers("full")
+        val overlap = number("overlap")
+        val sameSize = number("same_size")
         val longestShape = number("longest_shape")
         val neighbour = numbers("neighbour")
         val mostNeighbours = whole("most_neighbours")
@@ -57,6 +60,8 @@ internal object FinderFile {
         val spots = numbers("spots")
         val seen = number("seen")
         val stray = number("stray")
+        val strayMedians = number("stray_medians")
+        val apart = number("apart")
         val ring = number("ring")
         val accept = number("accept")
         val acceptLuma = number("accept_luma")

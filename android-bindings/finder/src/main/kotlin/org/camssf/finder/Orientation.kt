@@ -1,6 +1,8 @@
 package org.camssf.finder
 
+import org.camssf.photo.Agreement
 import org.camssf.photo.Homography
+import org.camssf.spectra.Bundled
 import kotlin.math.ceil
 import kotlin.math.floor
 import kotlin.math.ln
@@ -27,20 +29,22 @@ internal class Placement(
 /** Orients lattices by their colours: which part of a lattice is a chart, and which corner is its first patch. */
 internal class Orientation(private val blobs: Blobs) {
     private val limits = FinderFile.limits
+    private val chroma = Agreement.chroma
+    private val mostPatches = Bundled.limits.patches.last
 
-    /** [Agreement.features][org.camssf.photo.Agreement.features] of every place, or ln of its level. */
+    /** [Agreement.features] of every place, or ln of its level. */
     private var features = DoubleArray(0)
     private var inside = BooleanArray(0)
     private var member = BooleanArray(0)
 
     /** Integral image of [member] but for its first row, which cancels: number of blobs left of and above a place. */
     private var sums = IntArray(0)
-    private val pairs = DoubleArray(4 * MOST_PATCHES)
-    private val offs = DoubleArray(MOST_PATCHES)
-    private val sorted = DoubleArray(MOST_PATCHES)
+    private val pairs = DoubleArray(4 * mostPatches)
+    private val offs = DoubleArray(mostPatches)
+    private val sorted = DoubleArray(mostPatches)
     private val totals = IntArray(3)
-    private val stepU = IntArray(MOST_PATCHES)
-    private val stepV = IntArray(MOST_PATCHES)
+    private val stepU = IntArray(mostPatches)
+    private val stepV = IntArray(mostPatches)
     private var left = 0
     private var top = 0
     private var columns = 0
@@ -123,7 +127,7 @@ internal class Orientation(private val blobs: Blobs) {
             sorted[i] = offs[i]
         }
         sorted.sort(0, count)
-        val limit = max(limits.stray * limits.stray, 9.0 * sorted[count / 2])
+        val limit = max(limits.stray * limits.stray, limits.strayMedians * limits.strayMedians * sorted[count / 2])
         var straight = 0
         for (i in 0 until count) {
             if (offs[i] > limit) continue
@@ -169,9 +173,9 @@ internal class Orientation(private val blobs: Blobs) {
             val b = log(totals[2])
             val lightness = (r + g + b) / 3.0
             features[4 * place] = lightness
-            features[4 * place + 1] = 2.0 * (r - lightness)
-            features[4 * place + 2] = 2.0 * (g - lightness)
-            features[4 * place + 3] = 2.0 * (b - lightness)
+            features[4 * place + 1] = chroma * (r - lightness)
+            features[4 * place + 2] = chroma * (g - lightness)
+            features[4 * place + 3] = chroma * (b - lightness)
         }
     }
 
@@ -252,9 +256,4 @@ internal class Orientation(private val blobs: Blobs) {
     }
 
     private fun fewest(kind: ChartKind): Int = ceil(limits.seen * (kind.columns * kind.rows)).toInt()
-
-    private companion object {
-        /** Largest number of patches of a chart. */
-        const val MOST_PATCHES = 300
-    }
 }
