@@ -351,17 +351,20 @@ def _csv(text: str, path: Path) -> SpectraTable:
 
 
 def _under_wavelengths(header: TextRow, body: list[TextRow], path: Path) -> SpectraTable:
-    """Read rows of patches under a header with wavelengths and other fields."""
+    """Read rows of patches, or of one lamp, under a header with wavelengths and other fields."""
     nm = {i: w for i, field in enumerate(header.fields) if (w := wavelength_of(field)) is not None}
     width = len(header.fields)
     odd = next((row for row in body if len(row.fields) != width), None)
     if odd is not None:
-        raise _no_chart(
-            path,
-            f"line {odd.line}, {_quoted(odd)}, has {len(odd.fields)} cells, its header, line {header.line}, {width}.",
+        raise InvalidArgument(
+            f"{path}, line {odd.line}: {_quoted(odd)} has {len(odd.fields)} cells, its header, line {header.line}, "
+            f"{width}.",
+            "Correct that line, or leave it out.",
         )
     if not body:
-        raise _no_chart(path, f"nothing stands below its header, line {header.line}.")
+        raise InvalidArgument(
+            f"{path} has no line below its header, line {header.line}.", "Write one for a spectrum."
+        )
     values = numbers_in([row._replace(fields=[row.fields[i] for i in nm]) for row in body], path, wavelengths=False)
     words = [re.sub(r"[^a-z]", "", field.casefold()) for field in header.fields]
     known = ("sampleloc", "samplename", "patchname", "patch", "name", "sampleid", "id")

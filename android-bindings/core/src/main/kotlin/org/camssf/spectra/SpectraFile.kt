@@ -300,12 +300,14 @@ internal object SpectraFile {
         val at = header.fields.indices.filter { TextTable.wavelength(header.fields[it]) != null }
         val width = header.fields.size
         body.firstOrNull { it.fields.size != width }?.let {
-            throw noChart(
-                name,
-                "line ${it.line}, $it, has ${it.fields.size} cells, its header, line ${header.line}, $width.",
+            throw InvalidArgument(
+                "$name, line ${it.line}: $it has ${it.fields.size} cells, its header, line ${header.line}, $width.",
+                "Correct that line, or leave it out.",
             )
         }
-        if (body.isEmpty()) throw noChart(name, "nothing stands below its header, line ${header.line}.")
+        if (body.isEmpty()) {
+            throw InvalidArgument("$name has no line below its header, line ${header.line}.", "Write one for a spectrum.")
+        }
         val values = Numerals.of(body.map { row -> row.with(at.map { row.fields[it] }) }, name, wavelengths = false)
         val words = header.fields.map { it.lowercase().replace(Regex("[^a-z]"), "") }
         val known = listOf("sampleloc", "samplename", "patchname", "patch", "name", "sampleid", "id")
