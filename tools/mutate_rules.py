@@ -32,6 +32,7 @@ EQUIVALENT = {
     "not lost in noise",
     "calibration.largest_gap": "the gap of an answer is below 1e-10",
     "choice.negligible": "an answer of such a weight changes the mean by less than the cases allow",
+    "colour.level": "the distance is the same at every level at which no reflectance comes near 1",
     "pose.darkest": "no printed patch gives so small a signal",
     "pose.patch_pixels": "pictures are reduced by whole numbers, which a pixel more or less changes in few photos",
     "surfaces.narrowest": "no two surfaces of the shipped priors are nearer; it is for a file of one's own",

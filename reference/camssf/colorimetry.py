@@ -30,6 +30,8 @@ CAT02: Floats = np.array([[0.7328, 0.4296, -0.1624], [-0.7036, 1.6975, 0.0061], 
 """XYZ to the cone signals of CIECAM02 (CIE 159:2004)."""
 SRGB: Floats = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]])
 """XYZ under D65 to linear sRGB (IEC 61966-2-1)."""
+STRAIGHT, SLOPE_OF_DARK, OFFSET, GAMMA = 0.0031308, 12.92, 0.055, 2.4
+"""The curve of sRGB (IEC 61966-2-1): end of its straight part, the slope there, offset and exponent of the rest."""
 for _table in (D65, CAT02, SRGB):
     _table.setflags(write=False)
 BEND, SLOPE = 216.0 / 24389.0, 24389.0 / 27.0
@@ -51,9 +53,13 @@ def under_d65(xyz: Floats, white: Floats) -> Floats:
 
 def srgb(xyz: Floats) -> Floats:
     """sRGB (..., 3) of XYZ (..., 3) under D65; 0 to 1 inside the display's gamut."""
-    linear = np.asarray(xyz) @ SRGB.T
-    curved = 1.055 * np.maximum(linear, 0.0031308) ** (1.0 / 2.4) - 0.055
-    return np.where(linear <= 0.0031308, 12.92 * linear, curved)
+    return np.asarray(encoded(np.asarray(xyz) @ SRGB.T))
+
+
+def encoded(linear: Any, xp: Any = np) -> Any:
+    """Numbers by the curve of sRGB (IEC 61966-2-1), in the array library xp."""
+    power = (1.0 + OFFSET) * xp.exp(xp.log(xp.maximum(linear, STRAIGHT)) / GAMMA) - OFFSET
+    return xp.where(linear > STRAIGHT, power, SLOPE_OF_DARK * linear)
 
 
 def delta_e00(one: Floats, other: Floats) -> Floats:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from camssf.colorimetry import encoded
 from camssf.recovery.arrays import Array, constant, namespace
 from camssf_colour.demosaic import PLACES, demosaic, interleaved, noise_shares
 from camssf_colour.pixel_table import PAIRS, PixelTable, lab_variances, out_of_reach, places_of, xyz_of
@@ -13,8 +14,6 @@ CLIPPED, OUT_OF_REACH = FULL, FULL - 1.0
 """In the layer of uncertainty: a clipped sample, and a colour that no surface has under this light."""
 PER_UNIT = 100.0
 """Steps of the layer of uncertainty in one unit of L*, a* or b*."""
-STRAIGHT, GAMMA = 0.0031308, 2.4
-"""End of the straight part of the curve of sRGB, and the exponent of the rest (IEC 61966-2-1)."""
 
 
 @dataclass(frozen=True)
@@ -80,8 +79,7 @@ def _curved(linear: Array, curved: Array) -> Array:
     """Numbers from 0 to 1, by the curve of sRGB if `curved` is 1; what is beyond is cut off."""
     xp = namespace(linear)
     linear = xp.minimum(xp.maximum(linear, 0.0), 1.0)
-    power = 1.055 * xp.exp(xp.log(xp.maximum(linear, STRAIGHT)) / GAMMA) - 0.055
-    return xp.where(curved > 0.5, xp.where(linear > STRAIGHT, power, 12.92 * linear), linear)
+    return xp.where(curved > 0.5, encoded(linear, xp), linear)
 
 
 def _reached(clipped: Array) -> Array:

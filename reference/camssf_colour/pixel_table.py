@@ -16,6 +16,7 @@ import numpy as np
 from camssf.colorimetry import BEND, SLOPE
 from camssf.grid import Floats
 from camssf.recovery.arrays import Array, namespace
+from camssf.rules import rules
 from camssf_colour.light import Light
 from camssf_colour.posterior import components_of, exact_posteriors
 from camssf_colour.reach import REACH, surface_distances
@@ -30,8 +31,7 @@ RATIO_NODES, COVARIANCE_NODES = 129, 17
 """Along each ratio."""
 STRIDE = (RATIO_NODES - 1) // (COVARIANCE_NODES - 1)
 SQUARE = (RATIO_NODES, RATIO_NODES, 3)
-DARK = 0.1
-"""Level at which the distance from all surfaces is computed: no reflectance comes near 1."""
+LEVEL = rules().number("colour.level")
 SURE = 2.0
 """Standard deviations of their noise by which signals must be out of reach."""
 SMALL = 1e-6
@@ -113,8 +113,8 @@ def tabulate(
         )
         means.append(exact.means)
         covariances.append(exact.covariance)
-        spread = DARK**2 * exact.signal_covariance
-        far.append(surface_distances(DARK * node_signals(COVARIANCE_NODES), spread, light))
+        spread = LEVEL**2 * exact.signal_covariance
+        far.append(surface_distances(LEVEL * node_signals(COVARIANCE_NODES), spread, light))
     mean = np.tensordot(weights, np.stack(means), axes=1).reshape(-1, 3)
     coarse = np.stack(means)[:, ::STRIDE, ::STRIDE].reshape(len(means), -1, 3)
     apart = coarse - np.tensordot(weights, coarse, axes=1)

@@ -14,6 +14,7 @@ from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery.arrays import Array, eye, namespace
 from camssf.recovery.basis import NODES as BASIS_NODES
 from camssf.recovery.covariance import CHART_CORRELATION, smooth_errors
+from camssf.rules import rules
 from camssf.spectra import read_lamp
 from camssf.spectra.bundled import SURFACE_NODES, observer
 from camssf_colour.light import ConditionedLight, Light
@@ -21,7 +22,7 @@ from camssf_colour.posterior import LinearResponse
 from camssf_colour.spread import Reference
 from camssf_colour.view import View
 
-LEAST = 1e-4
+LEAST = rules().number("colour.least_errors")
 """The smallest errors are left out up to this share of the variance of all."""
 NODES = SURFACE_NODES.size
 SOURCES = ("curves", "lamp", "reference")

@@ -14,7 +14,7 @@ from camssf.recovery.rows import anchor
 from camssf.rules import rules
 
 BAND_CORRELATION = rules().number("colour.band_correlation")
-LEAST = 1e-6
+LEAST = rules().number("colour.least_mode")
 """Modes with less than this share of the largest mode's variance are left out."""
 
 

@@ -8,6 +8,7 @@ from datetime import datetime
 
 import numpy as np
 
+from camssf.colorimetry import GAMMA, OFFSET, SLOPE_OF_DARK
 from camssf.exports.curves import ExportedCurves
 from camssf.exports.matrices import D50, Matrices
 from camssf.grid import Floats
@@ -23,13 +24,8 @@ def icc(curves: ExportedCurves, matrices: Matrices, created: datetime) -> bytes:
 
 LINEAR = b"curv" + bytes(4) + struct.pack(">I", 0)
 """Curve of the identity."""
-SRGB_CURVE = (
-    b"para"
-    + bytes(4)
-    + struct.pack(
-        ">HH5i", 3, 0, *(round(value * 65536) for value in (2.4, 1.0 / 1.055, 0.055 / 1.055, 1.0 / 12.92, 0.04045))
-    )
-)
+_NUMBERS = (GAMMA, 1.0 / (1.0 + OFFSET), OFFSET / (1.0 + OFFSET), 1.0 / SLOPE_OF_DARK, 0.04045)
+SRGB_CURVE = b"para" + bytes(4) + struct.pack(">HH5i", 3, 0, *(round(value * 65536) for value in _NUMBERS))
 """The curve of sRGB (IEC 61966-2-1)."""
 
 

@@ -28,7 +28,7 @@ RIGHT = _NUMBER("lamp.matrix_right")
 """Prior probability that a file's colour matrices give the white's chromaticity."""
 AREA = _NUMBER("lamp.white_area")
 """Area of u'v' over which the white of a wrong matrix is spread."""
-EXPANSIONS = 3
+EXPANSIONS = rules().whole("lamp.expansions")
 """Linearisations of the chromaticity of a lamp by its modes."""
 
 

@@ -265,7 +265,7 @@ internal class ColourCamera private constructor(
         private val BAND_CORRELATION get() = Rules.shipped.number("colour.band_correlation")
 
         /** Modes with less than this fraction of the largest one's variance are left out. */
-        private const val LEAST = 1e-6
+        private val LEAST get() = Rules.shipped.number("colour.least_mode")
     }
 }
 

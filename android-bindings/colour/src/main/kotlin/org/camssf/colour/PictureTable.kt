@@ -1,5 +1,6 @@
 package org.camssf.colour
 
+import org.camssf.Rules
 import org.camssf.recovery.Tensor
 import kotlin.math.cbrt
 
@@ -46,8 +47,8 @@ private class TableOfLight(light: LampContext) {
 
     /** (17²) of dark signals. */
     val distances: DoubleArray = DoubleArray(coarse.size) {
-        val spread = exact.signalCovariances[it].times(DARK * DARK)
-        SurfaceDistance.of(coarse[it].times(DARK), spread, light.response.reachable)
+        val spread = exact.signalCovariances[it].times(LEVEL * LEVEL)
+        SurfaceDistance.of(coarse[it].times(LEVEL), spread, light.response.reachable)
     }
 
     /** XYZ (3) over its white at a node of the coarse grid. */
@@ -58,9 +59,7 @@ private class TableOfLight(light: LampContext) {
 
     companion object {
         private const val STRIDE = (PixelTable.NODES - 1) / (PixelTable.COARSE - 1)
-
-        /** Level at which the distance from all surfaces is computed: no reflectance comes near 1. */
-        private const val DARK = 0.1
+        private val LEVEL get() = Rules.shipped.number("colour.level")
 
         /** (17²) of (3) signals of mean 1. */
         val coarse: List<DoubleArray> = PixelTable.coarseSignals.rows()

@@ -142,6 +142,6 @@ internal class SurfaceResponse private constructor(
         private const val MOVES = "moves by "
 
         /** The smallest errors are left out up to this share of the variance of all. */
-        private const val LEAST = 1e-4
+        private val LEAST get() = Rules.shipped.number("colour.least_errors")
     }
 }

@@ -18,7 +18,7 @@ import kotlin.math.sqrt
  */
 internal object RawWhite {
     /** Linearisations of the chromaticity of a lamp by its modes. */
-    private const val EXPANSIONS = 3
+    private val EXPANSIONS get() = Rules.shipped.whole("lamp.expansions")
 
     /**
      * The unnamed light with its kinds narrowed by the raw white; as given if the file has no usable matrix.
