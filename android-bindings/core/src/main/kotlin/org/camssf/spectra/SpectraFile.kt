@@ -306,7 +306,10 @@ internal object SpectraFile {
             )
         }
         if (body.isEmpty()) {
-            throw InvalidArgument("$name has no line below its header, line ${header.line}.", "Write one for a spectrum.")
+            throw InvalidArgument(
+                "$name has no line below its header, line ${header.line}.",
+                "Write one for a spectrum.",
+            )
         }
         val values = Numerals.of(body.map { row -> row.with(at.map { row.fields[it] }) }, name, wavelengths = false)
         val words = header.fields.map { it.lowercase().replace(Regex("[^a-z]"), "") }
