@@ -247,55 +247,79 @@ class ExactPosteriors:
 
 
 def exact_posteriors(components: Components, fine: Array, coarse: Array) -> ExactPosteriors:
-    """The posteriors of exact signals of mean 1, (b, m, c) and, with covariances, (k, c).
-
-    Without noise each surface's gain and covariances are the same for all signals: only the weights differ.
-    """
-    xp, c = namespace(fine), fine.shape[2]
-    total, inverses, log_dets = _spread(components, components.errors, c)
-    expected, last = components.expected, components.expected.shape[1] - 3
-    gain, own_slopes = (of_outputs[:, last - c :, :] for of_outputs in _gain(components, total, inverses))
-    (n, p, _), seen = gain.shape, expected[:, :c, None]
-    towards = (inverses @ seen)[:, :, 0]
-    constant = components.log_weights - 0.5 * (log_dets + xp.sum(towards * expected[:, :c], axis=1))
-    forms = xp.concat([-0.5 * xp.reshape(inverses, (n, c * c)), towards, constant[:, None]], axis=1)
-    base = expected[:, last:] - (gain @ seen)[:, :, 0]
-    affine = xp.concat([gain, base[:, :, None]], axis=2)  # the means of a surface, of signals and 1
-    maps = xp.concat([xp.reshape(affine, (n, p * (c + 1))), xp.ones((n, 1), dtype=xp.float64)], axis=1)
-
-    def weighed(z: Array) -> tuple[Array, Array]:
-        """Signals and 1, and the weights but for their sum, which the last column of `maps` gives."""
-        m = z.shape[0]
-        line = xp.concat([z, xp.ones((m, 1), dtype=xp.float64)], axis=1)
-        products = xp.reshape(z[:, :, None] * z[:, None, :], (m, c * c))
-        logarithms = xp.concat([products, line], axis=1) @ forms.mT
-        return line, xp.exp(logarithms - xp.max(logarithms, axis=1, keepdims=True))
+    """The posteriors of exact signals of mean 1, (b, m, c) and, with covariances, (k, c)."""
+    xp, k, c = namespace(fine), coarse.shape[0], fine.shape[2]
+    surfaces = _exact_surfaces(components, c)
+    (n, p, _), lines = surfaces.affine.shape, _with_one(coarse)
+    maps = xp.concat([xp.reshape(surfaces.affine, (n, p * (c + 1))), xp.ones((n, 1), dtype=xp.float64)], axis=1)
 
     def means_of(z: Array) -> Array:
-        line, weights = weighed(z)
-        mapped = weights @ maps
+        mapped, line = _unscaled_weights(surfaces, z) @ maps, _with_one(z)  # the last column sums the weights
         return xp.sum(xp.reshape(mapped[:, :-1], (z.shape[0], p, c + 1)) * line[:, None, :], axis=2) / mapped[:, -1:]
 
-    (v, _, _), k = components.shared.shape, coarse.shape[0]
-    changes, crossed = (array[:, last:, :] for array in (components.changes.mT, components.crossed))
-    shared = xp.reshape(components.variances @ xp.reshape(components.shared[:, last:, last:], (v, p * p)), (n, p, p))
-    taken = components.of_level[:, last:, None] * expected[:, None, last:] + gain @ crossed.mT
-    slopes = xp.concat([-gain, own_slopes], axis=2)
-    own = shared + changes @ changes.mT - taken - taken.mT + gain @ components.crossed[:, :c, :] @ gain.mT
-    own = xp.reshape(own + slopes @ total @ slopes.mT, (n, p * p))
-    moves = xp.concat([xp.broadcast_to(eye(xp, c), (n, c, c)), seen], axis=2)
-    of_signals = xp.reshape(moves @ total[:, : c + 1, : c + 1] @ moves.mT, (n, c * c))
-
-    line, weights = weighed(coarse)
+    weights = _unscaled_weights(surfaces, coarse)
     weights = weights / xp.sum(weights, axis=1, keepdims=True)
-    means = xp.reshape(line @ xp.reshape(affine, (n * p, c + 1)).mT, (k, n, p))
+    means = xp.reshape(lines @ xp.reshape(surfaces.affine, (n * p, c + 1)).mT, (k, n, p))
     apart = means - xp.sum(weights[:, :, None] * means, axis=1, keepdims=True)
     between = (apart * weights[:, :, None]).mT @ apart
     return ExactPosteriors(
         each_block(means_of, fine),
-        xp.reshape(weights @ own, (k, p, p)) + between,
-        xp.reshape(weights @ of_signals, (k, c, c)),
+        xp.reshape(weights @ surfaces.covariance, (k, p, p)) + between,
+        xp.reshape(weights @ surfaces.signal_covariance, (k, c, c)),
     )
+
+
+@dataclass(frozen=True)
+class _ExactSurfaces:
+    """What the prior's N surfaces say of any exact signals z (c,): without noise only their weights differ.
+
+    Attributes:
+        forms: (N, c² + c + 1) products with z zᵀ, z and 1 that make ln w_i.
+        affine: (N, 3, c + 1) means of the last three outputs, of z and 1.
+        covariance, signal_covariance: (N, 9) and (N, c²), row-major.
+    """
+
+    forms: Array
+    affine: Array
+    covariance: Array
+    signal_covariance: Array
+
+
+def _exact_surfaces(components: Components, c: Any) -> _ExactSurfaces:
+    total, inverses, log_dets = _spread(components, components.errors, c)
+    expected, last = components.expected, components.expected.shape[1] - 3
+    xp, (n, _), v, seen = namespace(expected), expected.shape, components.shared.shape[0], expected[:, :c, None]
+    towards = (inverses @ seen)[:, :, 0]
+    constant = components.log_weights - 0.5 * (log_dets + xp.sum(towards * expected[:, :c], axis=1))
+    forms = xp.concat([-0.5 * xp.reshape(inverses, (n, c * c)), towards, constant[:, None]], axis=1)
+
+    gain, own_slopes = (of_outputs[:, last - c :, :] for of_outputs in _gain(components, total, inverses))
+    base = expected[:, last:] - (gain @ seen)[:, :, 0]
+    changes, crossed = (array[:, last:, :] for array in (components.changes.mT, components.crossed))
+    shared = xp.reshape(components.variances @ xp.reshape(components.shared[:, last:, last:], (v, 9)), (n, 3, 3))
+    taken = components.of_level[:, last:, None] * expected[:, None, last:] + gain @ crossed.mT
+    slopes = xp.concat([-gain, own_slopes], axis=2)
+    covariance = shared + changes @ changes.mT - taken - taken.mT + gain @ components.crossed[:, :c, :] @ gain.mT
+    moves = xp.concat([xp.broadcast_to(eye(xp, c), (n, c, c)), seen], axis=2)
+    return _ExactSurfaces(
+        forms,
+        xp.concat([gain, base[:, :, None]], axis=2),
+        xp.reshape(covariance + slopes @ total @ slopes.mT, (n, 9)),
+        xp.reshape(moves @ total[:, : c + 1, : c + 1] @ moves.mT, (n, c * c)),
+    )
+
+
+def _with_one(z: Array) -> Array:
+    xp = namespace(z)
+    return xp.concat([z, xp.ones((z.shape[0], 1), dtype=xp.float64)], axis=1)
+
+
+def _unscaled_weights(surfaces: _ExactSurfaces, z: Array) -> Array:
+    """(m, N) weights of the surfaces given signals (m, c), the largest 1."""
+    xp, (m, c) = namespace(z), z.shape
+    products = xp.reshape(z[:, :, None] * z[:, None, :], (m, c * c))
+    logarithms = xp.concat([products, _with_one(z)], axis=1) @ surfaces.forms.mT
+    return xp.exp(logarithms - xp.max(logarithms, axis=1, keepdims=True))
 
 
 def _spread(components: Components, errors: Mapping[str, Array], c: Any) -> tuple[Array, Array, Array]:
