@@ -211,7 +211,6 @@ def noticed(rows: Sequence[Later]) -> dict[str, float]:
 
 def claim(run: Run) -> None:
     """Unchanged units, the torch's spectrum, and changed units."""
-    run.phones  # noqa: B018 - nothing without them
     kept: dict[str, list[Later]] = {}
     for population in populations(run, BY_OTHERS, BY_OTHER_MAKER):
         changes = tuple(CHANGES) if population.key == OTHERS else (SAME,)

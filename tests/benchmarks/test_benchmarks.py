@@ -101,7 +101,8 @@ def test_speed_ends_with_1_where_its_bar_is_missed(
     ratio: float, status: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(speed, "LARGE", Scene(size=(240, 180)))
-    monkeypatch.setattr(speed, "in_turn", lambda *_, **__: {"bare decode": [1.0], "calibrate": [ratio]})
+    seconds = {"bare decode": [1.0], "calibrate": [ratio], "LibRaw's picture": [1.0], "picture": [1.0]}
+    monkeypatch.setattr(speed, "in_turn", lambda *_, **__: seconds)
     assert main(["speed", "--only", "python"]) == status
     assert ("MISSED" in capsys.readouterr().out) == bool(status)
 
