@@ -1,6 +1,7 @@
 package org.camssf
 
 import org.camssf.model.Models
+import org.camssf.photo.Agreement
 import org.camssf.recovery.Choice
 import org.camssf.spectra.Lamp
 import org.camssf.verdict.Light
@@ -28,6 +29,12 @@ class RulesTest {
         assertEquals(1.0 / 3.0, rules.number("covariance.absolute"))
         assertEquals("glare.veil", rules.ground("veil").message)
         assertEquals(listOf("explanation", "misfit_refuses"), rules.ground("veil").limits)
+    }
+
+    @Test
+    fun `what a preview's first frame needs is the file's`() {
+        assertEquals(Rules.shipped.number("pose.chroma"), Agreement.CHROMA)
+        assertEquals(Rules.shipped.number("pose.darkest"), Agreement.DARKEST)
     }
 
     @Test

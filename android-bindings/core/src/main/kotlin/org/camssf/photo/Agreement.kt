@@ -1,14 +1,16 @@
 package org.camssf.photo
 
-import org.camssf.Rules
 import kotlin.math.ln
 import kotlin.math.max
 import kotlin.math.sqrt
 
 /** Correlation of measured patch colours with those that a chart table predicts. */
 internal object Agreement {
-    /** Weight of chroma, relative to lightness. */
-    val chroma: Double get() = Rules.shipped.number("pose.chroma")
+    /** The rule `pose.chroma`, which a test holds to it: the first frame of a preview reads no rules, to save memory. */
+    const val CHROMA: Double = 2.0
+
+    /** The rule `pose.darkest`, likewise. */
+    const val DARKEST: Double = 0.002
 
     /**
      * Correlation of patch colours with the table's prediction, -1 to 1, independent of colour cast and exposure.
@@ -16,7 +18,7 @@ internal object Agreement {
      * Each channel's mean over the patches is subtracted from ln c (a free gain per channel). The rest is split into
      * lightness, the mean over channels, and chroma, the difference from it; chroma counts double.
      *
-     * @param measured (n, 3) DN above black; values below `pose.darkest` of the largest are raised to that.
+     * @param measured (n, 3) DN above black; values below [DARKEST] of the largest are raised to that.
      * @param expected (n, 3) predicted signals, any scale.
      */
     fun of(measured: DoubleArray, expected: DoubleArray): Double {
@@ -28,21 +30,20 @@ internal object Agreement {
 
     /**
      * (n, 4) lightness and doubled chroma of ln c, each channel from its mean, of colours (n, 3); values below
-     * `pose.darkest` of the largest are raised to that.
+     * [DARKEST] of the largest are raised to that.
      */
     fun features(colours: DoubleArray): DoubleArray {
-        val least = max(Rules.shipped.number("pose.darkest") * colours.max(), 1e-12)
+        val least = max(DARKEST * colours.max(), 1e-12)
         val logs = DoubleArray(colours.size) { ln(max(colours[it], least)) }
         val n = logs.size / 3
         for (c in 0..2) {
             val middle = (0 until n).sumOf { logs[3 * it + c] } / n
             for (i in 0 until n) logs[3 * i + c] -= middle
         }
-        val weight = chroma
         return DoubleArray(4 * n) {
             val i = it / 4
             val lightness = (logs[3 * i] + logs[3 * i + 1] + logs[3 * i + 2]) / 3
-            if (it % 4 == 0) lightness else weight * (logs[3 * i + it % 4 - 1] - lightness)
+            if (it % 4 == 0) lightness else CHROMA * (logs[3 * i + it % 4 - 1] - lightness)
         }
     }
 }

@@ -2,7 +2,6 @@ package org.camssf.finder
 
 import org.camssf.photo.Agreement
 import org.camssf.photo.Homography
-import org.camssf.spectra.Bundled
 import kotlin.math.ceil
 import kotlin.math.floor
 import kotlin.math.ln
@@ -29,8 +28,6 @@ internal class Placement(
 /** Orients lattices by their colours: which part of a lattice is a chart, and which corner is its first patch. */
 internal class Orientation(private val blobs: Blobs) {
     private val limits = FinderFile.limits
-    private val chroma = Agreement.chroma
-    private val mostPatches = Bundled.limits.patches.last
 
     /** [Agreement.features] of every place, or ln of its level. */
     private var features = DoubleArray(0)
@@ -39,12 +36,12 @@ internal class Orientation(private val blobs: Blobs) {
 
     /** Integral image of [member] but for its first row, which cancels: number of blobs left of and above a place. */
     private var sums = IntArray(0)
-    private val pairs = DoubleArray(4 * mostPatches)
-    private val offs = DoubleArray(mostPatches)
-    private val sorted = DoubleArray(mostPatches)
+    private var pairs = DoubleArray(0)
+    private var offs = DoubleArray(0)
+    private var sorted = DoubleArray(0)
     private val totals = IntArray(3)
-    private val stepU = IntArray(mostPatches)
-    private val stepV = IntArray(mostPatches)
+    private var stepU = IntArray(0)
+    private var stepV = IntArray(0)
     private var left = 0
     private var top = 0
     private var columns = 0
@@ -52,6 +49,7 @@ internal class Orientation(private val blobs: Blobs) {
 
     /** The placement that agrees best with the chart's colours; null if no part of the lattice can be the chart. */
     fun orient(codes: Codes, lattice: BlobLattice, kind: ChartKind): Placement? {
+        reserve(kind.columns * kind.rows)
         val span = max(kind.columns, kind.rows) - 1
         left = lattice.u.min() - span
         top = lattice.v.min() - span
@@ -107,6 +105,7 @@ internal class Orientation(private val blobs: Blobs) {
      */
     fun fit(lattice: BlobLattice, placement: Placement): Pair<Homography, Int>? {
         val kind = placement.kind
+        reserve(kind.columns * kind.rows)
         var count = 0
         for (i in 0 until lattice.size) {
             val k = placement.u.indices.indexOfFirst {
@@ -136,6 +135,16 @@ internal class Orientation(private val blobs: Blobs) {
         }
         if (straight < fewest(kind)) return null
         return Homography.fit(pairs, straight)?.to(straight)
+    }
+
+    /** Makes room for so many patches; what is stored is not kept. */
+    private fun reserve(patches: Int) {
+        if (offs.size >= patches) return
+        pairs = DoubleArray(4 * patches)
+        offs = DoubleArray(patches)
+        sorted = DoubleArray(patches)
+        stepU = IntArray(patches)
+        stepV = IntArray(patches)
     }
 
     /** Computes [sums], the numbers of the lattice's blobs. */
@@ -173,9 +182,9 @@ internal class Orientation(private val blobs: Blobs) {
             val b = log(totals[2])
             val lightness = (r + g + b) / 3.0
             features[4 * place] = lightness
-            features[4 * place + 1] = chroma * (r - lightness)
-            features[4 * place + 2] = chroma * (g - lightness)
-            features[4 * place + 3] = chroma * (b - lightness)
+            features[4 * place + 1] = Agreement.CHROMA * (r - lightness)
+            features[4 * place + 2] = Agreement.CHROMA * (g - lightness)
+            features[4 * place + 3] = Agreement.CHROMA * (b - lightness)
         }
     }
 
