@@ -111,7 +111,7 @@ def foreign_cameras(path: Path) -> list[Device]:
 def populations(run: Run, *titles: str) -> Iterator[Population]:
     """Those of the titles whose table is in reach and that the run asks for; of cameras every sixth."""
     phones: list[Device] = []
-    if {*titles} == {BY_OTHERS, BY_OTHER_MAKER}:
+    if {*titles} <= {BY_OTHERS, BY_OTHER_MAKER}:
         run.phones  # noqa: B018 - nothing without them
     for title in filter(run.wants, titles):
         if title in (BY_OTHERS, BY_OTHER_MAKER) and run.options.phones is not None:

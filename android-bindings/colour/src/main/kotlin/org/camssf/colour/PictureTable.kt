@@ -46,9 +46,10 @@ private class TableOfLight(light: LampContext) {
     val exact: ExactOutputs = light.exact()
 
     /** (17²) of dark signals. */
-    val distances: DoubleArray = DoubleArray(coarse.size) {
-        val spread = exact.signalCovariances[it].times(LEVEL * LEVEL)
-        SurfaceDistance.of(coarse[it].times(LEVEL), spread, light.response.reachable)
+    val distances: DoubleArray = distances(light.response.reachable, Rules.shipped.number("colour.level"))
+
+    private fun distances(reachable: List<DoubleArray>, level: Double) = DoubleArray(coarse.size) {
+        SurfaceDistance.of(coarse[it].times(level), exact.signalCovariances[it].times(level * level), reachable)
     }
 
     /** XYZ (3) over its white at a node of the coarse grid. */
@@ -59,7 +60,6 @@ private class TableOfLight(light: LampContext) {
 
     companion object {
         private const val STRIDE = (PixelTable.NODES - 1) / (PixelTable.COARSE - 1)
-        private val LEVEL get() = Rules.shipped.number("colour.level")
 
         /** (17²) of (3) signals of mean 1. */
         val coarse: List<DoubleArray> = PixelTable.coarseSignals.rows()

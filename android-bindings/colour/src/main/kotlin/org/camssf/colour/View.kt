@@ -3,6 +3,7 @@ package org.camssf.colour
 import org.camssf.InvalidArgument
 import org.camssf.Rows
 import org.camssf.Rules
+import org.camssf.json.range
 import org.camssf.short
 import org.camssf.spectra.Bundled
 import kotlin.math.hypot
@@ -81,7 +82,7 @@ public class Reference private constructor(
     public val standardError: Rows get() = Rows(sharedError, 3)
 
     init {
-        if (reflectance !in Bundled.limits.reference) {
+        if (reflectance !in Bundled.limits.range("reference")) {
             throw InvalidArgument("A reference of reflectance $reflectance is none.", "Write 18 % as 0.18.")
         }
         if (!(tolerance >= 0 && tolerance.isFinite())) {

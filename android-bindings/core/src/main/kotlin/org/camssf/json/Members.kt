@@ -21,6 +21,10 @@ internal fun Members.whole(name: String): Int = (getValue(name) as Long).toInt()
 
 internal fun Members.numbers(name: String): DoubleArray = numbers(getValue(name))
 
+/** From the first to the second of two numbers. */
+internal fun Members.range(name: String): ClosedFloatingPointRange<Double> =
+    numbers(name).let { (least, most) -> least..most }
+
 /** A list of numbers. */
 internal fun numbers(value: Any?): DoubleArray =
     (value as List<*>).let { list -> DoubleArray(list.size) { (list[it] as Number).toDouble() } }

@@ -5,6 +5,7 @@ import org.camssf.InvalidArgument
 import org.camssf.Refusal
 import org.camssf.Rules
 import org.camssf.frozen
+import org.camssf.json.whole
 import org.camssf.short
 import org.camssf.spectra.Bundled
 import org.camssf.spectra.ChartLayout
@@ -44,8 +45,6 @@ public class ChartPose internal constructor(
     }
 
     public companion object {
-        private val SMALLEST get() = Bundled.limits.smallestPhoto
-
         /**
          * Computes the pose from four rough corners (taps, a viewfinder's overlay). The patch colours determine the
          * orientation. The corners are moved to the printed borders if these are found nearby; if not, the corners
@@ -74,11 +73,12 @@ public class ChartPose internal constructor(
                     "Give a table of ${layout.columns * layout.rows} patches.",
                 )
             }
-            if (min(facts.width, facts.height) < SMALLEST) {
+            val smallest = Bundled.limits.whole("smallest_photo")
+            if (min(facts.width, facts.height) < smallest) {
                 throw Refusal.of(
                     "chart_not_found.small_photo", "file" to facts.name, "width" to facts.width,
                     "height" to facts.height, value = min(facts.width, facts.height).toDouble(),
-                    threshold = SMALLEST.toDouble(),
+                    threshold = smallest.toDouble(),
                 )
             }
             val rough = corners.toArray()

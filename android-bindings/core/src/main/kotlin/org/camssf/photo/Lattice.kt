@@ -3,6 +3,7 @@ package org.camssf.photo
 import org.camssf.LeastSquares
 import org.camssf.Rules
 import org.camssf.flatten
+import org.camssf.json.number
 import org.camssf.median
 import org.camssf.spectra.Bundled
 import org.camssf.spectra.ChartLayout
@@ -41,7 +42,7 @@ internal class Lattice(val layout: ChartLayout, val map: Homography, val side: D
      */
     fun refine(image: DoubleArray, width: Int, height: Int): Lattice? {
         var found = this
-        for (window in rules.windows) {
+        for (window in BorderRules.windows) {
             found = found.step(Picture(image, width, height), window) ?: return null
             val moved = found.corners()
             if (!moved.all { it.isFinite() } || !convex(moved)) return null
@@ -56,27 +57,32 @@ internal class Lattice(val layout: ChartLayout, val map: Homography, val side: D
         val rows = Array(borders.size) { borders[it].row() }
         var solution = DoubleArray(UNKNOWNS)
         var residual = DoubleArray(borders.size)
-        repeat(rules.rounds) {
+        val narrowest = Bundled.limits.number("narrowest")
+        val widest = BorderRules.number("widest")
+        val far = BorderRules.number("fit_far")
+        val leastSpread = BorderRules.number("least_spread")
+        repeat(BorderRules.whole("fit_rounds")) {
             val root = DoubleArray(borders.size) { sqrt(borders[it].weight * robust[it]) }
             solution = LeastSquares.solve(
                 Array(borders.size) { i -> DoubleArray(UNKNOWNS) { rows[i][it] * root[i] } },
                 DoubleArray(borders.size) { borders[it].right * root[it] },
             ) ?: return null
-            for (j in 8..9) solution[j] = solution[j].coerceIn(rules.narrowest, rules.widest)
+            for (j in 8..9) solution[j] = solution[j].coerceIn(narrowest, widest)
             residual = DoubleArray(borders.size) { i ->
                 abs((0 until UNKNOWNS).sumOf { rows[i][it] * solution[it] } - borders[i].right)
             }
             val seen = residual.filterIndexed { i, _ -> borders[i].weight > 0 }
-            val spread = max(rules.leastSpread, 1.4826 * median(seen.toDoubleArray()))
+            val spread = max(leastSpread, 1.4826 * median(seen.toDoubleArray()))
             for (i in robust.indices) {
-                val part = max(0.0, 1 - (residual[i] / (rules.far * spread)) * (residual[i] / (rules.far * spread)))
+                val part = max(0.0, 1 - (residual[i] / (far * spread)) * (residual[i] / (far * spread)))
                 robust[i] = part * part
             }
         }
         val s = solution
         val correction = Homography(doubleArrayOf(1 + s[1], s[2], s[0], s[4], 1 + s[5], s[3], s[6], s[7], 1.0))
         val back = correction.inverse() ?: return null
-        val inPlace = residual.indices.count { residual[it] < rules.inPlace && borders[it].weight > 0 }
+        val near = BorderRules.number("in_place")
+        val inPlace = residual.indices.count { residual[it] < near && borders[it].weight > 0 }
         return Lattice(layout, map * back, doubleArrayOf(s[8], s[9]), inPlace.toDouble() / borders.size)
     }
 
@@ -124,9 +130,9 @@ internal class Lattice(val layout: ChartLayout, val map: Homography, val side: D
 
     /** Finds the borders of all patches: rules 1 and 2. */
     private fun borders(picture: Picture, window: Double): List<Border> {
-        val across = window + rules.fall * rules.step
-        val reach = Math.rint(across / rules.step).toInt() // halves to even, as Python rounds
-        val offsets = DoubleArray(2 * reach + 1) { rules.step * (it - reach) }
+        val across = window + BorderRules.fall * BorderRules.step
+        val reach = Math.rint(across / BorderRules.step).toInt() // halves to even, as Python rounds
+        val offsets = DoubleArray(2 * reach + 1) { BorderRules.step * (it - reach) }
         class Found(val i: Int, val axis: Int, val sign: Int, val place: Double, val height: Double)
         val found = ArrayList<Found>()
         for (axis in 0..1) {
@@ -156,14 +162,14 @@ internal class Lattice(val layout: ChartLayout, val map: Homography, val side: D
     /** Mean over points parallel to a border of patch i, `offset` pitches outwards from it. */
     private fun profile(picture: Picture, i: Int, axis: Int, sign: Int, offset: Double): Double {
         var total = 0.0
-        for (place in rules.along) {
+        for (place in BorderRules.along) {
             val across = sign * (side[axis] / 2 + offset)
             val along = place * side[1 - axis]
             val u = i % layout.columns + if (axis == 0) across else along
             val v = i / layout.columns + if (axis == 0) along else across
             total += picture.at(map.x(u, v), map.y(u, v))
         }
-        return total / rules.along.size
+        return total / BorderRules.along.size
     }
 
     /**
@@ -172,16 +178,18 @@ internal class Lattice(val layout: ChartLayout, val map: Homography, val side: D
     private fun border(profile: DoubleArray, offsets: DoubleArray, window: Double): Pair<Double, Double> {
         val sums = DoubleArray(profile.size + 1)
         for (i in profile.indices) sums[i + 1] = sums[i] + profile[i]
-        val fall = DoubleArray(profile.size - 2 * rules.fall) {
-            val m = it + rules.fall
-            val found = (sums[m] - sums[m - rules.fall] - sums[m + rules.fall + 1] + sums[m + 1]) / rules.fall
+        val span = BorderRules.fall
+        val favour = BorderRules.number("near_favour")
+        val fall = DoubleArray(profile.size - 2 * span) {
+            val m = it + span
+            val found = (sums[m] - sums[m - span] - sums[m + span + 1] + sums[m + 1]) / span
             if (found.isFinite()) found else Double.NEGATIVE_INFINITY
         }
         var peak = 0
         var best = Double.NEGATIVE_INFINITY
         for (k in fall.indices) {
-            val t = offsets[k + rules.fall]
-            val value = fall[k] * (1 - rules.favour * (t / window) * (t / window))
+            val t = offsets[k + span]
+            val value = fall[k] * (1 - favour * (t / window) * (t / window))
             if (value > best) {
                 best = value
                 peak = k
@@ -192,11 +200,10 @@ internal class Lattice(val layout: ChartLayout, val map: Homography, val side: D
         val right = fall[min(peak + 1, fall.size - 1)]
         val bend = left - 2 * height + right
         val step = if (bend.isFinite() && bend < 0) 0.5 * (left - right) / bend else 0.0
-        return offsets[peak + rules.fall] + rules.step * step.coerceIn(-1.0, 1.0) to height
+        return offsets[peak + span] + BorderRules.step * step.coerceIn(-1.0, 1.0) to height
     }
 
     companion object {
-        private val rules by lazy { BorderRules() }
         private val SQUARE = doubleArrayOf(-1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0)
         private const val UNKNOWNS = 10
 
@@ -234,25 +241,19 @@ internal class Lattice(val layout: ChartLayout, val map: Homography, val side: D
 }
 
 /** The rules of the search for printed borders, by the names of Python's `camssf.photo.find.geometry`. */
-private class BorderRules {
-    private val rules = Rules.shipped
+private object BorderRules {
+    fun number(name: String) = Rules.shipped.number("pose.$name")
+
+    fun whole(name: String) = Rules.shipped.whole("pose.$name")
 
     /** Search distance from the expected border in each round, in pitches. */
-    val windows = listOf("first_window", "second_window", "third_window", "last_window", "last_window")
-        .map { rules.number("pose.$it") }
+    val windows = listOf("first", "second", "third", "last", "last").map { number("${it}_window") }
 
     /** Places along a border, in parts of its length. */
-    val along = rules.number("pose.profile_reach").let { reach ->
-        val last = rules.whole("pose.profile_places") - 1
-        DoubleArray(last + 1) { -reach + 2 * reach * it / last }
+    val along = DoubleArray(whole("profile_places")).also { places ->
+        val reach = number("profile_reach")
+        for (i in places.indices) places[i] = -reach + 2 * reach * i / places.lastIndex
     }
-    val step = rules.number("pose.profile_step")
-    val fall = rules.whole("pose.fall_steps")
-    val favour = rules.number("pose.near_favour")
-    val rounds = rules.whole("pose.fit_rounds")
-    val far = rules.number("pose.fit_far")
-    val leastSpread = rules.number("pose.least_spread")
-    val narrowest = Bundled.limits.narrowest
-    val widest = rules.number("pose.widest")
-    val inPlace = rules.number("pose.in_place")
+    val step = number("profile_step")
+    val fall = whole("fall_steps")
 }

@@ -4,6 +4,7 @@ import org.camssf.InvalidArgument
 import org.camssf.ProgressReporter
 import org.camssf.Refusal
 import org.camssf.Stage
+import org.camssf.json.range
 import org.camssf.spectra.Bundled
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
@@ -91,7 +92,7 @@ internal class Measuring(private val capture: Capture, private val reporter: Pro
                     "Give a white frame for all shots, or for none.",
                 )
             }
-            if (card != null && card !in Bundled.limits.card) {
+            if (card != null && card !in Bundled.limits.range("card")) {
                 throw InvalidArgument("a white card of reflectance $card is none.", "Write 95 % as 0.95.")
             }
             if (card != null && !framed[0]) {

@@ -134,10 +134,9 @@ internal class PoseSearch(
         val ACCEPT_BY_HAND get() = Rules.shipped.number("pose.accept")
         val NEAR get() = Rules.shipped.number("pose.near")
         val LOCKED get() = Rules.shipped.number("pose.locked")
-        val SPAN by lazy {
+        val SPAN = DoubleArray(Rules.shipped.whole("pose.spots")).also { places ->
             val step = Rules.shipped.number("pose.spot_step")
-            val spots = Rules.shipped.whole("pose.spots")
-            DoubleArray(spots) { -(spots / 2) * step + it * step }
+            for (i in places.indices) places[i] = -(places.size / 2) * step + i * step
         }
 
         /** `points` (4, 2), starting with the one at `first`. */

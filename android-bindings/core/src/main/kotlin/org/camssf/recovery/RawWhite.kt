@@ -17,9 +17,6 @@ import kotlin.math.sqrt
  * Python's camssf.recovery.raw_white.
  */
 internal object RawWhite {
-    /** Linearisations of the chromaticity of a lamp by its modes. */
-    private val EXPANSIONS get() = Rules.shipped.whole("lamp.expansions")
-
     /**
      * The unnamed light with its kinds narrowed by the raw white; as given if the file has no usable matrix.
      *
@@ -63,7 +60,7 @@ internal object RawWhite {
         var slope = emptyList<DoubleArray>()
         var logDensity = 0.0
         val darkest = Rules.shipped.number("gains.darkest")
-        repeat(EXPANSIONS) {
+        repeat(Rules.shipped.whole("lamp.expansions")) {
             val power = DoubleArray(Grid.SIZE) { values[it] * factor[it] }
             val at = Chromaticity.uv(xyz(power, functions))
             slope = modes.map { mode -> slope(power, functions) { values[it] * mode[it] } }

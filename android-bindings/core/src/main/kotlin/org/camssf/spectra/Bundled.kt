@@ -47,8 +47,8 @@ internal object Bundled {
     /** Correlated colour temperatures of the illuminants that have one, K. */
     val kelvin: Map<String, Double> get() = file.part("kelvin").let { all -> all.mapValues { all.number(it.key) } }
 
-    /** Limits of what is read. */
-    val limits: ReadingLimits by lazy { ReadingLimits(file.part("limits")) }
+    /** Limits of what is read, by their names in Python's `camssf.spectra.limits`, which says what they mean. */
+    val limits: Members get() = file.part("limits")
 
     /** A tabulated CIE illuminant on the grid, (681); linear between its nodes. */
     fun illuminant(name: String): DoubleArray = linear(file.part("lamps").part(name), "values")
@@ -67,7 +67,8 @@ internal object Bundled {
         val rows = entry.list("values").map { numbers(it) }
         val names = entry.texts("patches")
         val nodes = Interpolation.nodes(entry.number("start"), entry.number("step"), rows[0].size)
-        val tolerance = DoubleArray(names.size) { limits.publicChart }
+        val public = limits.number("public_chart")
+        val tolerance = DoubleArray(names.size) { public }
         val white = entry.whole("white")
         val source = "$table (colour-science)"
         return ChartTable(name, table, layout, names, nodes, rows.flatten(), tolerance, white, source)
@@ -188,7 +189,7 @@ internal object Bundled {
 
     /** ln L minus its mean over the grid; very small power is raised. */
     private fun logarithm(power: DoubleArray): DoubleArray {
-        val least = limits.dimmest * power.max()
+        val least = limits.number("dimmest") * power.max()
         val level = DoubleArray(power.size) { ln(max(power[it], least)) }
         val middle = mean(level)
         return DoubleArray(power.size) { level[it] - middle }

@@ -3,6 +3,9 @@ package org.camssf.spectra
 import org.camssf.InvalidArgument
 import org.camssf.json.JsonText
 import org.camssf.json.NotJson
+import org.camssf.json.number
+import org.camssf.json.numbers
+import org.camssf.json.whole
 import org.camssf.short
 import kotlin.math.abs
 
@@ -102,22 +105,25 @@ private class LayoutFile(private val name: String, plain: Any?) {
         document.keys.forEach { need(it in FIELDS) { "a layout has no field \"$it\"" } }
         REQUIRED.forEach { need(it in document) { "the field \"$it\" is missing" } }
         val title = document["name"] as? String
-        need(title != null && title.length <= limits.longestName && NAME.matches(title)) {
-            "\"name\" needs 1 to ${limits.longestName} letters, digits, spaces, dots, hyphens or underscores"
+        val longest = limits.whole("longest_name")
+        need(title != null && title.length <= longest && NAME.matches(title)) {
+            "\"name\" needs 1 to $longest letters, digits, spaces, dots, hyphens or underscores"
         }
         need(ChartLayout.of(title!!.lowercase()) == null) { "\"name\" is that of a shipped layout, $title" }
         val (columns, rows) = listOf(count("columns"), count("rows"))
-        need(columns * rows in limits.patches) {
-            "it has ${columns * rows} patches; ${limits.patches.first} to ${limits.patches.last} are possible"
+        val possible = wholes("patches")
+        need(columns * rows in possible) {
+            "it has ${columns * rows} patches; ${possible.first} to ${possible.last} are possible"
         }
         val patch = edges("patch", "above 0") { it > 0 }
         val gap = edges("gap", "of at least 0") { it >= 0 }
         val side = DoubleArray(2) { patch[it] / (patch[it] + gap[it]) }
-        need(side.min() >= limits.narrowest) {
-            "the gaps are too wide: a patch must take at least ${short(100 * limits.narrowest)} % of the step to the next"
+        val narrowest = limits.number("narrowest")
+        need(side.min() >= narrowest) {
+            "the gaps are too wide: a patch must take at least ${short(100 * narrowest)} % of the step to the next"
         }
         val white = document.getValue("white", "") as? String
-        need(white != null && white.length <= limits.longestName) {
+        need(white != null && white.length <= longest) {
             "\"white\" must be the name of a patch in the table"
         }
         val marks = marks(document.getValue("fiducials", emptyList<Any>()), patch, gap)
@@ -134,10 +140,15 @@ private class LayoutFile(private val name: String, plain: Any?) {
         if (!right) throw InvalidArgument("$name: ${what()}.", ADVICE)
     }
 
+    private fun wholes(name: String): IntRange = limits.numbers(name).let { (least, most) ->
+        least.toInt()..most.toInt()
+    }
+
     private fun count(field: String): Int {
         val value = document[field] as? Long ?: 0
-        need(value in limits.sides) {
-            "\"$field\" must be a whole number from ${limits.sides.first} to ${limits.sides.last}"
+        val possible = wholes("sides")
+        need(value in possible) {
+            "\"$field\" must be a whole number from ${possible.first} to ${possible.last}"
         }
         return value.toInt()
     }

@@ -8,6 +8,8 @@ import org.camssf.Rows
 import org.camssf.Rules
 import org.camssf.flatten
 import org.camssf.frozen
+import org.camssf.json.number
+import org.camssf.json.range
 import org.camssf.short
 import kotlin.math.pow
 import kotlin.math.sqrt
@@ -59,7 +61,8 @@ public class ChartTable internal constructor(
     private fun onGrid(): DoubleArray = List(this.patches.size) {
         Interpolation.smooth(wavelengths, reflectance.copyOfRange(it * wavelengths.size, (it + 1) * wavelengths.size))
     }.flatten().also { all ->
-        for (i in all.indices) all[i] = all[i].coerceIn(0.0, Bundled.limits.largestReflectance)
+        val most = Bundled.limits.number("largest_reflectance")
+        for (i in all.indices) all[i] = all[i].coerceIn(0.0, most)
     }
 
     override fun toString(): String = "ChartTable($name, $table)"
@@ -99,7 +102,7 @@ public class ChartTable internal constructor(
      * @throws InvalidArgument no number from 0 to 0.5.
      */
     public fun withTolerance(tolerance: Double): ChartTable {
-        val most = Bundled.limits.largestChartTolerance
+        val most = Bundled.limits.number("largest_chart_tolerance")
         if (!(tolerance in 0.0..most)) {
             throw InvalidArgument(
                 "The chart's tolerance is ${short(tolerance)}; 0 to ${short(most)} is possible.",
@@ -220,6 +223,7 @@ public class ChartTable internal constructor(
             SpectraFile.checkWavelengths(file.wavelengths, name, "chart_unfit")
             val order = readingOrder(file.names, layout)
             val reflectance = shares(file, name)
+            val tolerance = Bundled.limits.number("measured_chart")
             fun table(white: Int) = ChartTable(
                 if (given == null) name else "${given.name}:$name",
                 name,
@@ -227,7 +231,7 @@ public class ChartTable internal constructor(
                 order.map { file.names[it] },
                 file.wavelengths,
                 order.map { reflectance[it] }.flatten(),
-                DoubleArray(count) { Bundled.limits.measuredChart },
+                DoubleArray(count) { tolerance },
                 white,
                 "file $name${SpectraFile.held(file.wavelengths)}",
                 SourceFile.of(name, content),
@@ -243,10 +247,10 @@ public class ChartTable internal constructor(
                 throw Refusal.of("chart_unfit.not_a_number", "file" to name)
             }
             val most = file.values.maxOf { it.max() }
-            val scale = if (most > Bundled.limits.percent) 100.0 else 1.0
+            val scale = if (most > Bundled.limits.number("percent")) 100.0 else 1.0
             val least = file.values.minOf { it.min() } / scale
             val worst = if (least < 0) least else most / scale
-            if (worst !in 0.0..Bundled.limits.largestReflectance) {
+            if (worst !in 0.0..Bundled.limits.number("largest_reflectance")) {
                 throw Refusal.of("chart_unfit.reflectance", "file" to name, "reflectance" to worst, value = worst)
             }
             return file.values.map { row -> DoubleArray(row.size) { row[it] / scale } }
@@ -297,7 +301,7 @@ public class ChartTable internal constructor(
             )
             val found = orders.mapValues { misfit(it.value) }.minByOrNull { it.value }!!
             val here = misfit { it }
-            val share = Bundled.limits.otherOrder
+            val share = Bundled.limits.number("other_order")
             if (found.value < share * here) {
                 throw Refusal.of(
                     "chart_unfit.order", "file" to name, "order" to found.key, value = here,
@@ -320,18 +324,19 @@ public class ChartTable internal constructor(
                 )
             }
             val limits = Bundled.limits
-            val visible = (0 until Grid.SIZE).filter { Grid.wavelengths[it] in limits.neutral }
+            val neutral = limits.range("neutral")
+            val visible = (0 until Grid.SIZE).filter { Grid.wavelengths[it] in neutral }
             val brightness = values.map { row ->
                 val level = visible.sumOf { row[it] } / visible.size
                 val spread = sqrt(visible.sumOf { (row[it] - level) * (row[it] - level) } / visible.size)
-                if (spread <= limits.uneven * level) level else 0.0
+                if (spread <= limits.number("uneven") * level) level else 0.0
             }
             val most = brightness.max()
             if (most <= 0) {
                 throw Refusal.of("chart_unfit.no_neutral", "file" to name)
             }
             val e5 = 4 * 14 + 4
-            if (layout.name == "sg140" && brightness[e5] >= limits.asWhite * most) return e5
+            if (layout.name == "sg140" && brightness[e5] >= limits.number("as_white") * most) return e5
             return brightness.indexOf(most)
         }
     }

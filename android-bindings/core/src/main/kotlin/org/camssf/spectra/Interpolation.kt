@@ -1,6 +1,7 @@
 package org.camssf.spectra
 
 import org.camssf.Grid
+import org.camssf.json.number
 import kotlin.math.abs
 import kotlin.math.max
 import kotlin.math.min
@@ -65,7 +66,8 @@ internal object Interpolation {
     /** Sprague's method if the nodes are evenly spaced; otherwise a cubic spline (not-a-knot). */
     fun smooth(nodes: DoubleArray, values: DoubleArray): DoubleArray {
         val step = (nodes.last() - nodes[0]) / (nodes.size - 1)
-        val even = nodes.indices.all { abs(nodes[it] - (nodes[0] + step * it)) <= Bundled.limits.smallestStep }
+        val least = Bundled.limits.number("smallest_step")
+        val even = nodes.indices.all { abs(nodes[it] - (nodes[0] + step * it)) <= least }
         return if (even) sprague(nodes[0], step, values) else spline(nodes, values)
     }
 

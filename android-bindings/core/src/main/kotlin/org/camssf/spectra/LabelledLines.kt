@@ -1,6 +1,7 @@
 package org.camssf.spectra
 
 import org.camssf.InvalidArgument
+import org.camssf.json.whole
 import org.camssf.short
 import kotlin.math.abs
 import kotlin.math.sign
@@ -16,7 +17,7 @@ internal object LabelledLines {
             TextTable.wavelength(row.fields[0])?.takeIf { Numerals.number(row.fields[0]) == null }
                 ?.let { row.with(listOf("$it") + row.fields.drop(1)) }
         }
-        if (rows.size < Bundled.limits.fewestLabelled) return null
+        if (rows.size < Bundled.limits.whole("fewest_labelled")) return null
         rows.firstOrNull { it.fields.size != 2 }?.let {
             throw InvalidArgument(
                 "$name, line ${it.line} has ${it.fields.size - 1} values at ${short(it.fields[0].toDouble())} nm.",

@@ -7,6 +7,9 @@ import org.camssf.LampUnfit
 import org.camssf.Refusal
 import org.camssf.Rules
 import org.camssf.frozen
+import org.camssf.json.number
+import org.camssf.json.part
+import org.camssf.json.range
 import org.camssf.short
 import kotlin.math.hypot
 import kotlin.math.ln
@@ -95,7 +98,7 @@ public class Lamp internal constructor(
             ?: throw InvalidArgument("'$part' is not a lamp tolerance.", "Write 2%, 300K, or 300K,2%.")
         val size = number.groupValues[1].toDouble()
         if (number.groupValues[2] == "%") {
-            if (size > 100 * Bundled.limits.largestLampTolerance) {
+            if (size > 100 * Bundled.limits.number("largest_lamp_tolerance")) {
                 throw InvalidArgument(
                     "A lamp known to ${short(size)} % is not known.",
                     "Name the kind of lamp, or measure its spectrum.",
@@ -104,7 +107,7 @@ public class Lamp internal constructor(
             return Lamp(name, sharedValues, size / 100.0, sharedModes, source, file, toleranceKelvin)
         }
         val (formula, kelvin) = temperature()
-        if (!(0 < size && size < Bundled.limits.largestKelvinTolerance * kelvin)) {
+        if (!(0 < size && size < Bundled.limits.number("largest_kelvin_tolerance") * kelvin)) {
             throw InvalidArgument(
                 "${short(size)} K is too large a tolerance for a lamp of ${short(kelvin)} K.",
                 "Give less than a quarter of it.",
@@ -269,7 +272,7 @@ public class Lamp internal constructor(
                 return Lamp(text, DoubleArray(Grid.SIZE) { 1.0 }, 0.0, emptyList(), "equal energy, by definition")
             }
             if (key in Bundled.families) return called(lamp(key, Bundled.family(key)))
-            val named = Bundled.limits.namedLamp
+            val named = Bundled.limits.number("named_lamp")
             kelvinOf(text)?.let {
                 val power = Bundled.scaled(planck(it.toDouble()))
                 return called(Lamp(text, power, named, emptyList(), "Planck's law, $it K"))
@@ -315,7 +318,7 @@ public class Lamp internal constructor(
             val peak = seen.max()
             if (peak <= 0) throw Refusal.of("lamp_unfit.no_power", "file" to name)
             val shares = DoubleArray(power.size) { power[it] / peak }
-            val noise = Bundled.limits.noiseBelowZero
+            val noise = Bundled.limits.number("noise_below_zero")
             val least = seen.min() / peak
             if (least < -noise) {
                 throw Refusal.of("lamp_unfit.negative", "file" to name, value = least, threshold = -noise)
@@ -327,7 +330,7 @@ public class Lamp internal constructor(
             return Lamp(
                 name,
                 Bundled.scaled(values),
-                Bundled.limits.measuredLamp,
+                Bundled.limits.number("measured_lamp"),
                 emptyList(),
                 "file $name${SpectraFile.held(all)}",
                 SourceFile.of(name, content),
@@ -335,7 +338,7 @@ public class Lamp internal constructor(
         }
 
         private fun planck(kelvin: Double): DoubleArray {
-            val possible = Bundled.limits.planck
+            val possible = Bundled.limits.part("temperatures").range("planck")
             if (kelvin !in possible) {
                 val ends = "${short(possible.start)}K to ${short(possible.endInclusive)}K"
                 throw InvalidArgument("No lamp burns at ${short(kelvin)} K.", "Give $ends.", kelvin)
@@ -344,7 +347,7 @@ public class Lamp internal constructor(
         }
 
         private fun daylight(kelvin: Double): DoubleArray {
-            val possible = Bundled.limits.daylight
+            val possible = Bundled.limits.part("temperatures").range("daylight")
             if (kelvin !in possible) {
                 throw InvalidArgument(
                     "CIE daylight is not defined at ${short(kelvin)} K.",

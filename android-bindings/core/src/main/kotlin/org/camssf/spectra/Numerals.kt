@@ -1,6 +1,8 @@
 package org.camssf.spectra
 
 import org.camssf.InvalidArgument
+import org.camssf.json.range
+import org.camssf.json.whole
 
 /**
  * One line of a text table.
@@ -14,7 +16,7 @@ internal class TextRow(val line: Int, val fields: List<String>, val mark: Char) 
 
     /** The row in a message. */
     override fun toString(): String =
-        "'${fields.joinToString(if (mark == '\t') " " else "$mark").take(Bundled.limits.longestQuote)}'"
+        "'${fields.joinToString(if (mark == '\t') " " else "$mark").take(Bundled.limits.whole("longest_quote"))}'"
 }
 
 /** Reads the cells of a text table as numbers, with Python's rules (`camssf.spectra.text`) and messages. */
@@ -68,8 +70,9 @@ internal object Numerals {
         val values = rows.flatMap { it.fields.drop(first) }
         val whole = values.any { WHOLE.matches(it) }
         fun decimal(mark: Char) = values.any { mark in it && !GROUPED.getValue(mark).matches(it) }
+        val nanometres = Bundled.limits.range("nanometres")
         fun inNanometres(mark: Char) =
-            first > 0 && rows.any { mark in it.fields[0] && number(it.fields[0])!! in Bundled.limits.nanometres }
+            first > 0 && rows.any { mark in it.fields[0] && number(it.fields[0])!! in nanometres }
         for ((mark, other) in listOf(',' to '.', '.' to ',')) {
             val elsewhere = !inNanometres(mark) && (inNanometres(other) || rows.firstOrNull()?.mark == mark)
             if (decimal(mark) || !(whole || decimal(other) || elsewhere)) continue

@@ -5,6 +5,7 @@ import org.camssf.json.JsonText
 import org.camssf.json.list
 import org.camssf.json.members
 import org.camssf.json.part
+import org.camssf.json.whole
 
 /** Parses rawtoaces' JSON of an illuminant: `spectral_data.data.main` by wavelength, one column in `index.main`. */
 internal object RawtoacesLamp {
@@ -20,7 +21,7 @@ internal object RawtoacesLamp {
         val (columns, table) = try {
             val document = JsonText.parse(text)
             why = if (document is Map<*, *>) {
-                "its keys are ${document.keys.joinToString().take(Bundled.limits.longestQuote)}"
+                "its keys are ${document.keys.joinToString().take(Bundled.limits.whole("longest_quote"))}"
             } else {
                 "it is a list"
             }

@@ -2,6 +2,11 @@ package org.camssf.spectra
 
 import org.camssf.InvalidArgument
 import org.camssf.Refusal
+import org.camssf.json.number
+import org.camssf.json.numbers
+import org.camssf.json.part
+import org.camssf.json.range
+import org.camssf.json.whole
 import org.camssf.scientific
 import org.camssf.short
 import kotlin.math.abs
@@ -159,7 +164,8 @@ internal object SpectraFile {
         if (header.size == 3) {
             return Regex("[a-zσ]+").findAll(header[2].lowercase()).any { it.value in DEVIATIONS }
         }
-        return rows.all { it[2] >= 0 } && rows.maxOf { it[2] } <= limits.largestDeviation * rows.maxOf { it[1] }
+        return rows.all { it[2] >= 0 } &&
+            rows.maxOf { it[2] } <= limits.number("largest_deviation") * rows.maxOf { it[1] }
     }
 
     /**
@@ -193,7 +199,7 @@ internal object SpectraFile {
         }
         checkUnit(wavelengths.min(), wavelengths.max(), name)
         val least = steps.indices.minBy { steps[it] }
-        if (steps[least] < limits.smallestStep) {
+        if (steps[least] < limits.number("smallest_step")) {
             throw InvalidArgument(
                 "The wavelengths in $name do not increase: ${short(wavelengths[least])} is followed by " +
                     "${short(wavelengths[least + 1])}.",
@@ -203,20 +209,21 @@ internal object SpectraFile {
         val first = wavelengths.first()
         val last = wavelengths.last()
         val words = arrayOf("file" to name, "first" to first, "last" to last)
-        val (from, to) = limits.covered.start to limits.covered.endInclusive
+        val (from, to) = limits.numbers("covered")
         if (first > from || last < to) throw Refusal.of("$code.narrow", *words)
-        if (wavelengths.size < limits.fewestWavelengths) {
+        val step = limits.number("widest_step")
+        if (wavelengths.size < limits.whole("fewest_wavelengths")) {
             throw Refusal.of(
                 "$code.few_wavelengths", *words, "count" to wavelengths.size, value = steps.max(),
-                threshold = limits.widestStep,
+                threshold = step,
             )
         }
         val inside = steps.indices.filter { wavelengths[it] < 720.0 && wavelengths[it + 1] > 380.0 }
         val widest = inside.maxBy { steps[it] }
-        if (steps[widest] > limits.widestStep) {
+        if (steps[widest] > step) {
             throw Refusal.of(
                 "$code.spectral_gap", "file" to name, "gap" to steps[widest], "first" to wavelengths[widest],
-                "last" to wavelengths[widest + 1], value = steps[widest], threshold = limits.widestStep,
+                "last" to wavelengths[widest + 1], value = steps[widest], threshold = step,
             )
         }
     }
@@ -224,8 +231,8 @@ internal object SpectraFile {
     /** Throws if wavelengths from `first` to `last` are not in nm; names the unit that they would fit. */
     private fun checkUnit(first: Double, last: Double, name: String) {
         fun inside(range: ClosedFloatingPointRange<Double>) = first >= range.start && last <= range.endInclusive
-        if (inside(limits.nanometres) && !inside(limits.angstroms)) return
-        val unit = limits.otherUnits.entries.firstOrNull { inside(it.value) }?.key
+        if (inside(limits.range("nanometres")) && !inside(limits.range("angstroms"))) return
+        val unit = limits.part("other_units").let { units -> units.keys.firstOrNull { inside(units.range(it)) } }
         throw InvalidArgument(
             "The wavelengths in $name are not in nm: they run from ${size(first)} to ${size(last)}" +
                 (unit?.let { ", as in $it." } ?: "."),
@@ -242,8 +249,9 @@ internal object SpectraFile {
     }
 
     private fun decode(name: String, content: ByteArray): String {
-        if (content.size > limits.largestFile) {
-            val most = "${short(limits.largestFile / 1e6)} MB"
+        val largest = limits.whole("largest_file")
+        if (content.size > largest) {
+            val most = "${short(largest / 1e6)} MB"
             throw InvalidArgument("$name is larger than $most.", "Tables of spectra are smaller. Check the file.")
         }
         val mark = content.take(2).map { it.toInt() and 0xff }
@@ -264,11 +272,10 @@ internal object SpectraFile {
 
     /** Index of the first row with at least ten wavelengths; null without one. */
     private fun headerOfWavelengths(rows: List<TextRow>): Int? =
-        rows.take(limits.preamble).indexOfFirst { row ->
-            row.fields.count { TextTable.wavelength(it) != null } >=
-                limits.fewestInHeader
-        }
-            .takeIf { it >= 0 }
+        rows.take(limits.whole("preamble")).indexOfFirst { hasWavelengths(it.fields) }.takeIf { it >= 0 }
+
+    private fun hasWavelengths(fields: List<String>): Boolean =
+        fields.count { TextTable.wavelength(it) != null } >= limits.whole("fewest_in_header")
 
     private fun csv(text: String, name: String): Spectra {
         val rows = TextTable.rows(text)
@@ -338,7 +345,7 @@ internal object SpectraFile {
             val rest = part.substringAfter("END_DATA_FORMAT", "")
             val data = rest.substringAfter("BEGIN_DATA", "")
             val header = tokens(fields)
-            if (header.count { TextTable.wavelength(it) != null } < limits.fewestInHeader) continue
+            if (!hasWavelengths(header)) continue
             if ("END_DATA" !in data) {
                 throw InvalidArgument("$name ends early: its table has no END_DATA.", "Export it again.")
             }
@@ -371,7 +378,8 @@ internal object SpectraFile {
         if (bands != named.size.toDouble()) return named
         val step = (last - first) / (named.size - 1)
         val exact = DoubleArray(named.size) { if (it == named.size - 1) last else first + it * step }
-        return if (named.indices.all { abs(exact[it] - named[it]) < limits.rounded }) exact else named
+        val rounded = limits.number("rounded")
+        return if (named.indices.all { abs(exact[it] - named[it]) < rounded }) exact else named
     }
 
     private fun tokens(text: String): List<String> =

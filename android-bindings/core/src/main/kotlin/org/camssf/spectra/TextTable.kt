@@ -1,5 +1,8 @@
 package org.camssf.spectra
 
+import org.camssf.json.range
+import org.camssf.json.whole
+
 /** Splits texts into rows, with the rules of Python's `camssf.spectra.text`. */
 internal object TextTable {
     /** Beginnings of lines that are no data; the last one is Excel's. */
@@ -22,7 +25,7 @@ internal object TextTable {
      */
     fun rows(text: String): List<TextRow> {
         val lines = lines(text).withIndex().filter { it.value.isNotBlank() }
-        val sample = lines.takeLast(Bundled.limits.sample)
+        val sample = lines.takeLast(Bundled.limits.whole("sample"))
         val counts = SEPARATORS.associateWith { mark -> sample.count { isNumeric(cells(it.value, mark)) } }
         val best = SEPARATORS.maxBy { counts.getValue(it) }
         val mark = if (counts.getValue(best) > 0) {
@@ -69,8 +72,8 @@ internal object TextTable {
 
     /** 380 from 380, nm380, 380_NM, R380, 380 [nm], SPECTRAL_NM_380, λ=380 ...; null for anything else. */
     fun wavelength(field: String): Double? {
-        if (field.length > Bundled.limits.longestCell) return null
+        if (field.length > Bundled.limits.whole("longest_cell")) return null
         val match = WAVELENGTH.matchEntire(field.trim().lowercase()) ?: return null
-        return match.groupValues[1].replace(',', '.').toDouble().takeIf { it in Bundled.limits.named }
+        return match.groupValues[1].replace(',', '.').toDouble().takeIf { it in Bundled.limits.range("named") }
     }
 }
