@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from camssf.errors import ChartUnfit, InvalidArgument, LampUnfit
+from camssf.errors import CalibrationError, ChartUnfit, InvalidArgument
 from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.spectra import (
     camera_names,
@@ -21,6 +21,8 @@ from camssf.spectra import (
 from camssf.spectra.bundled import bundled
 from camssf.spectra.cameras import DEMO_PHONE
 from camssf.spectra.families import FAMILIES, DrawnKind, LampKind
+from tests.support.text_tables import PLAIN
+from tests.support.text_tables import table as text_table
 from tools import demo_phone
 
 DATA = Path(__file__).parents[2] / "data"
@@ -133,40 +135,8 @@ def test_a_narrow_line_between_grid_points_keeps_its_power(tmp_path: Path) -> No
     assert np.flatnonzero(lamp.values > 2 * base).tolist() == [int(np.flatnonzero(WAVELENGTHS == 546)[0])]
 
 
-def lamp_file(change: dict[int, object], nm: range = range(380, 721, 10)) -> str:
-    return "".join(f"{w},{change.get(w, 1)}\n" for w in nm)
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        (lamp_file({500: -0.1}), "negative"),
-        (lamp_file({500: "nan"}), "not a number"),
-        (lamp_file(dict.fromkeys(range(380, 721, 10), 0)), "no power"),
-        (lamp_file({}, range(420, 721, 10)), "covers only 420 to 720 nm"),
-        ("380,1\n550,1\n720,1\n", "only 3 wavelengths"),
-    ],
-)
-def test_an_unfit_lamp_is_refused(tmp_path: Path, text: str, words: str) -> None:
-    path = write(tmp_path / "lamp.csv", text)
-    with pytest.raises(LampUnfit, match=words):
-        read_lamp(path)
-
-
 def test_noise_below_zero_is_forgiven(tmp_path: Path) -> None:
-    assert at(read_lamp(write(tmp_path / "n.csv", lamp_file({500: -0.004}))).values, 500) == 0
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        *("", "# nothing\n", "hello world\n", "380,1\n390,x\n400,1\n", "380,1,2\n390,1,2\n"),
-        lamp_file({}) + "380,1\n",
-    ],
-)
-def test_no_table_of_a_lamp(tmp_path: Path, text: str) -> None:
-    with pytest.raises(InvalidArgument):
-        read_lamp(write(tmp_path / "lamp.txt", text))
+    assert at(read_lamp(write(tmp_path / "n.csv", text_table(["-1", *PLAIN[1:]]))).values, 380) == 0
 
 
 # Charts
@@ -204,45 +174,19 @@ def babel() -> tuple[list[str], Floats]:
     return list(table), np.array([sd.values for sd in table.values()])
 
 
-def columns(names: list[str], rows: Floats, field: str = "{}", mark: str = ",") -> str:
+def columns(names: list[str], rows: Floats) -> str:
     """A CSV with the wavelengths as its first line."""
-    head = mark.join(["name", *(field.format(nm) for nm in TEN)])
-    return "\n".join([head, *(mark.join([n, *map(repr, row)]) for n, row in zip(names, rows.tolist(), strict=True))])
-
-
-def cgats(names: list[str], rows: Floats, field: str, mark: str, key: str = "SAMPLE_NAME") -> str:
-    head = mark.join(["SAMPLE_ID", key, "LAB_L", *(field.format(nm) for nm in TEN)])
-    body = [
-        mark.join([str(i), f'"{name}"', "50", *map(repr, row)])
-        for i, (name, row) in enumerate(zip(names, rows.tolist(), strict=True), 1)
-    ]
-    before = ["CGATS.17", 'ORIGINATOR "test"', "BEGIN_DATA_FORMAT", head, "END_DATA_FORMAT"]
-    return "\n".join([*before, f"NUMBER_OF_SETS {len(names)}", "BEGIN_DATA", *body, "END_DATA", ""])
-
-
-def chart_formats() -> dict[str, str]:
-    names, rows = babel()
-    return {
-        "columns.csv": columns(names, rows),
-        "preamble.csv": "My instrument,v1\n\n# a note\n" + columns(names, rows, "R_{}"),
-        "cgats.txt": cgats(names, rows, "SPECTRAL_NM{}", "\t"),
-        "argyll.ti3": cgats(names, 100 * rows, "SPEC_{}", " "),
-    }
-
-
-@pytest.mark.parametrize("name", list(chart_formats()))
-def test_chart_files(tmp_path: Path, name: str) -> None:
-    table = read_chart(write(tmp_path / name, chart_formats()[name]))
-    known = read_chart("classic24")
-    np.testing.assert_allclose(table.values, known.values, atol=1e-12)
-    assert (table.layout.name, table.white, table.table) == ("classic24", 18, name)
-    assert table.patches == known.patches
-    np.testing.assert_array_equal(table.tolerance, 0.01)
-    assert table.source == f"file {name}"
+    lines = [["name", *map(str, TEN)], *([n, *map(repr, row)] for n, row in zip(names, rows.tolist(), strict=True))]
+    return "\n".join(map(",".join, lines))
 
 
 def test_a_file_can_name_its_layout(tmp_path: Path) -> None:
-    path = write(tmp_path / "mine.csv", chart_formats()["columns.csv"])
+    path = write(tmp_path / "mine.csv", columns(*babel()))
+    named, known = read_chart(path), read_chart("classic24")
+    np.testing.assert_allclose(named.values, known.values, atol=1e-12)
+    assert (named.layout.name, named.white, named.table) == ("classic24", 18, "mine.csv")
+    assert (named.patches, named.source) == (known.patches, "file mine.csv")
+    np.testing.assert_array_equal(named.tolerance, 0.01)
     assert read_chart(f"nano24:{path}").layout.name == "nano24"
     with pytest.raises(InvalidArgument, match="holds 24 patches, sg140 has 140"):
         read_chart(f"sg140:{path}")
@@ -298,44 +242,38 @@ def test_positions_order_24_patches(tmp_path: Path, by: str) -> None:
     assert table.patches == tuple(names)
 
 
-@pytest.mark.parametrize(
-    ("order", "words"),
-    [
-        (np.arange(24)[::-1], "upside down"),
-        (np.arange(24).reshape(4, 6).T.ravel(), "by columns"),
-        (np.arange(24).reshape(4, 6)[::-1].T.ravel(), "by columns from below"),
-    ],
-)
-def test_another_order_is_refused(tmp_path: Path, order: Floats, words: str) -> None:
+def changed(value: float) -> str:
     names, rows = babel()
-    with pytest.raises(ChartUnfit, match=f"run {words}\\."):
-        read_chart(write(tmp_path / "c.csv", columns([names[i] for i in order], rows[order])))
-
-
-def changed(row: int, column: int, value: float) -> str:
-    names, rows = babel()
-    rows[row, column] = value
+    rows[2, 5] = value
     return columns(names, rows)
 
 
+def in_order(order: Any) -> str:
+    names, rows = babel()
+    return columns([names[i] for i in order], rows[order])
+
+
+NUMBERS = np.arange(24).reshape(4, 6)
+
+
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "kind", "words"),
     [
-        (changed(2, 5, np.nan), "not a number"),
-        (changed(2, 5, -0.2), "reflectance of -0.2"),
-        (changed(2, 5, 1.4), "reflectance of 1.4"),
-        (columns([str(i) for i in range(24)], np.tile(TEN / 800, (24, 1))), "no neutral patch"),
+        (in_order(NUMBERS.ravel()[::-1]), ChartUnfit, r"run upside down\."),
+        (in_order(NUMBERS.T.ravel()), ChartUnfit, r"run by columns\."),
+        (in_order(NUMBERS[::-1].T.ravel()), ChartUnfit, r"run by columns from below\."),
+        (changed(np.nan), ChartUnfit, "not a number"),
+        (changed(-0.2), ChartUnfit, "reflectance of -0.2"),
+        (changed(1.4), ChartUnfit, "reflectance of 1.4"),
+        (columns([*map(str, range(24))], np.tile(TEN / 800, (24, 1))), ChartUnfit, "no neutral patch"),
+        (columns(["0"], np.full((1, 36), 0.5)), InvalidArgument, "holds 1 patches"),
+        (columns([*map(str, range(25))], np.full((25, 36), 0.5)), InvalidArgument, "holds 25 patches"),
     ],
 )
-def test_an_unfit_chart_is_refused(tmp_path: Path, text: str, words: str) -> None:
-    with pytest.raises(ChartUnfit, match=words):
-        read_chart(write(tmp_path / "c.csv", text))
-
-
-@pytest.mark.parametrize("count", [1, 25])
-def test_another_number_of_patches(tmp_path: Path, count: int) -> None:
-    text = columns([str(i) for i in range(count)], np.full((count, 36), 0.5))
-    with pytest.raises(InvalidArgument, match=f"holds {count} patches"):
+def test_a_table_that_is_not_of_the_chart_is_refused(
+    text: str, kind: type[CalibrationError], words: str, tmp_path: Path
+) -> None:
+    with pytest.raises(kind, match=words):
         read_chart(write(tmp_path / "c.csv", text))
 
 
@@ -376,39 +314,12 @@ def test_shipped_cameras_are_those_of_rawtoaces() -> None:
         np.testing.assert_allclose(camera.values[::10], nodes, atol=1e-12)
         whole = read_camera(f"{table}:{name}").values[::10]
         np.testing.assert_allclose(nodes, whole / whole.max(axis=0), atol=1e-12)
+    with pytest.raises(InvalidArgument, match="has 52 cameras") as caught:
+        read_camera(str(table))
+    assert "rawtoaces.csv:NAME" in caught.value.advice
+    with pytest.raises(InvalidArgument, match="none called 'Canon 5D'"):
+        read_camera(f"{table}:Canon 5D")
     assert read_camera("nikon d5100").source == "Nikon D5100 (rawtoaces-data 1.1.0, Apache-2.0)"
-
-
-@pytest.mark.parametrize("header", ["wavelength_nm,red,green,blue", "Wavelength, R, G, B", "nm;r;g;b"])
-def test_camera_files_round_trip(tmp_path: Path, header: str) -> None:
-    known = read_camera("Nikon 5100 (NPL)").values
-    mark = ";" if ";" in header else ","
-    body = "\n".join(
-        mark.join(map(repr, [nm, *row])) for nm, row in zip(WAVELENGTHS.tolist(), known.tolist(), strict=True)
-    )
-    camera = read_camera(write(tmp_path / "truth.csv", f"{header}\n{body}\n"))
-    np.testing.assert_allclose(camera.values, known, atol=1e-12)
-    assert camera.name == "truth"
-
-
-MANY = "camera,wavelength_nm,R,G,B\n" + "".join(
-    f"{name},{nm},{scale * nm},{scale},{scale}\n"
-    for name, scale in (("Canon EOS 5D", 1), ("Canon EOS 5D Mark II", 2))
-    for nm in range(380, 721, 10)
-)
-
-
-def test_one_camera_of_many(tmp_path: Path) -> None:
-    path = write(tmp_path / "many.csv", MANY)
-    camera = read_camera(f"{path}:canon eos 5d mark ii")
-    assert camera.name == "Canon EOS 5D Mark II"
-    assert camera.values[0].tolist() == pytest.approx([760, 2, 2])
-    with pytest.raises(InvalidArgument, match="has 2 cameras") as caught:
-        read_camera(path)
-    assert "many.csv:NAME" in caught.value.advice
-    with pytest.raises(InvalidArgument, match="none called 'Canon 5D'") as caught:
-        read_camera(f"{path}:Canon 5D")
-    assert "Did you mean Canon EOS 5D" in caught.value.advice
 
 
 HEAD = "wavelength_nm,red,green,blue\n"

@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 
 from camssf.errors import CalibrationError, InvalidArgument
-from camssf.grid import WAVELENGTHS
+from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import read_camera, read_chart, read_lamp
 from camssf_lab.direct.columns import read_columns
 from tests.support.text_tables import COMMAS, COUNTS, NM, QUOTED, SHARES, TABLES, english, table
+
+UNFIT = [f"lamp, {name}" for name in ("noise inside", "negative", "not a number", "no power", "from 420 nm",
+                                       "three lines")]  # fmt: skip
+"""Tables that are read, but not of a lamp's values."""
 
 
 @pytest.mark.parametrize("name", TABLES)
@@ -19,8 +23,9 @@ def test_a_text_table_is_read_or_refused_with_its_place(name: str, tmp_path: Pat
     path.write_bytes(text.encode())
     read = read_lamp if kind == "lamp" else read_chart
     if words is not None:
-        with pytest.raises(CalibrationError, match=words):
+        with pytest.raises(CalibrationError, match=words) as caught:
             read(str(path))
+        assert caught.value.code == ("lamp_unfit" if name in UNFIT else "invalid_argument")
         return
     values = read(str(path)).values
     if kind == "chart":
@@ -51,37 +56,28 @@ CURVES = {
 
 
 @pytest.mark.parametrize("name", CURVES)
-@pytest.mark.parametrize("head", ["wavelength_nm,red,green,blue", "Wavelength (nm),R,G,B", "Meter 5\nnm,r,g,b"])
-def test_a_camera_s_table(name: str, head: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "head",
+    ["wavelength_nm,red,green,blue", "Wavelength (nm), R, G, B", "Meter 5\nnm,r,g,b", "wavelength_nm,power"],
+)
+def test_a_table_of_a_camera_or_of_a_sweep(name: str, head: str, tmp_path: Path) -> None:
     values, mark, words = CURVES[name]
+    camera = "power" not in head
     nm = NM[::-1] if name == "descending" else NM
-    rows = [mark.join([str(w), v, v, v]) for w, v in zip(nm, values, strict=True)]
-    path = tmp_path / "camera.csv"
-    path.write_text("\n".join([head.replace(",", mark), *rows]))
+    rows = [mark.join([str(w), *[v] * (3 if camera else 1)]) for w, v in zip(nm, values, strict=True)]
+    path = tmp_path / "table.csv"
+    path.write_text("\n".join([head.replace(",", mark), *rows]), "utf-8" if camera else "utf-16")
+
+    def read() -> Floats:
+        return read_camera(str(path)).values[::10, 0] if camera else read_columns(path, ("wavelength_nm", "power"))[1]
+
     if words is None:
-        found = read_camera(str(path)).values
-        np.testing.assert_allclose(found[::10, 0], (np.array(COUNTS) / 1e4)[: found[::10].shape[0]], rtol=1e-6)
+        np.testing.assert_allclose(read(), (np.array(COUNTS) / 1e4)[: len(read())], rtol=1e-6)
         return
     if "\n" in head:
         words = words.replace("line 9", "line 10").replace("line 2", "line 3")
     with pytest.raises(InvalidArgument, match=words):
-        read_camera(str(path))
-
-
-@pytest.mark.parametrize("name", CURVES)
-def test_a_direct_measurement_s_table(name: str, tmp_path: Path) -> None:
-    values, mark, words = CURVES[name]
-    nm = NM[::-1] if name == "descending" else NM
-    rows = [mark.join([str(w), v]) for w, v in zip(nm, values, strict=True)]
-    path = tmp_path / "sweep.csv"
-    path.write_text("\n".join([f"wavelength_nm{mark}power", *rows]), "utf-16")
-    if words is not None:
-        with pytest.raises(InvalidArgument, match=words):
-            read_columns(path, ("wavelength_nm", "power"))
-        return
-    first, power = read_columns(path, ("wavelength_nm", "power"))
-    np.testing.assert_array_equal(first, NM)
-    np.testing.assert_allclose(power, np.array(COUNTS) / 1e4)
+        read()
 
 
 def test_a_workbook_is_no_text(tmp_path: Path) -> None:

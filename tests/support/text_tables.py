@@ -5,6 +5,7 @@ Python (test_text_tables.py) and Kotlin (test_kotlin.py) read the same ones.
 
 import json
 import re
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -57,6 +58,11 @@ SEPARATOR = r"line 8: '.*' has a thousands separator"
 BLOCK = table(PLAIN, head="nm,counts\n")
 
 
+def third(values: Iterable[float], mark: str = ",", head: str = "") -> str:
+    """The lamp with another number beside each of its own."""
+    return table([f"{count}{mark}{value!r}" for count, value in zip(COUNTS, values, strict=True)], mark, head=head)
+
+
 def pixels(outside: float, inside: float = 0.0) -> str:
     """A spectrometer's 2048 pixels, 339 to 1025 nm: the counts, with noise outside and inside 380 to 720 nm."""
     nm = np.linspace(339.5, 1025.0, 2048)
@@ -94,6 +100,17 @@ def chart(field: str = "{}", mark: str = ",", *, turned: bool = False, down: boo
     if down:
         lines = [list(line) for line in zip(*lines, strict=True)]
     return "\n".join(mark.join(line) for line in lines) + "\n"
+
+
+def chart_in_cgats(field: str, mark: str, scale: float = 1.0) -> str:
+    """The same with a number, a quoted name and L* before each patch's bands."""
+    head, *rows = (line.partition(mark) for line in chart(field, mark, scale=scale).splitlines())
+    lines = [f'{i}{mark}"{name}"{mark}50{mark}{bands}\n' for i, (name, _, bands) in enumerate(rows, 1)]
+    fields = mark.join(["SAMPLE_ID", "SAMPLE_NAME", "LAB_L", head[2]])
+    return (
+        f'CGATS.17\nORIGINATOR "test"\nBEGIN_DATA_FORMAT\n{fields}\nEND_DATA_FORMAT\n'
+        f"NUMBER_OF_SETS 24\nBEGIN_DATA\n{''.join(lines)}END_DATA\n"
+    )
 
 
 LAMPS = {
@@ -135,6 +152,11 @@ LAMPS = {
     "several columns": Table(table(PLAIN, ";", head="Wave;Sample;Dark;Reference\n", end=";100;90\n"),
                              "line 2 has 4 numbers; its header, line 1, reads 'Wave;Sample;Dark;Reference'"),
     "two lamps": Table(table(PLAIN, head="nm,lamp A,lamp B\n", end=",5\n"), "line 1, reads 'nm,lamp A,lamp B'"),
+    "two lamps, unnamed": Table(third(reversed(COUNTS)), "no standard deviation"),
+    "a deviation": Table(third(value / 100 for value in COUNTS)),
+    "a deviation, named": Table(third((value / 100 for value in COUNTS), "\t", "nm\tW/m2\tpower_sigma\n")),
+    "a deviation below 0": Table(third(-value / 100 for value in COUNTS), "no standard deviation"),
+    "a deviation of no number": Table(third(np.nan * value for value in COUNTS), "no standard deviation"),
     "no wavelengths": Table("\n".join(PLAIN), "no line has a wavelength and a number; line 1 reads '100'"),
     # forms
     "descending": Table("".join(reversed(table(SHARES).splitlines(keepends=True)))),
@@ -146,6 +168,8 @@ LAMPS = {
         "".join(f"{nm}nm\t1\n" for nm in NM[::2]) + table(PLAIN, "\t", "{}nm", head="CCT\t5503\n")
     ),
     "meter, no number": Table(table(["x", *PLAIN[1:]], nm="{}nm"), "line 1: 'x' is not a number"),
+    "meter, two numbers": Table(table([f"{value},2" for value in PLAIN], nm="{}nm"), "line 1 has 2 values at 380 nm"),
+    "meter, nothing": Table(table([""] * len(NM), "\t", "{}nm"), "line 1 has 0 values at 380 nm"),
     "meter, five lines": Table("".join(f"{nm}nm,1\n" for nm in NM[:5]), "line 1 reads '380nm,1'"),
     "rawtoaces": Table(rawtoaces()),
     "rawtoaces' camera": Table(rawtoaces(("R", "G", "B")), "not an illuminant of rawtoaces: its columns are r, g, b"),
@@ -158,11 +182,21 @@ LAMPS = {
     "wavenumbers": Table("".join(f"{1e7 / nm:.1f},1\n" for nm in NM), "as in wavenumbers"),
     "twice": Table(table(PLAIN) + "730,5\n", "do not increase: 730 is followed by 730"),
     "bands": Table(cgats(PLAIN)),
-    "a surface": Table(cgats(PLAIN, before='MEAS_TYPE "REFLECTIVE"\n'), "of a surface"),
+    "a surface": Table(cgats(PLAIN, before='MEAS_TYPE "REFLECTIVE"\n'), "of a surface, not of light"),
+    "a film": Table(cgats(PLAIN, before='MEAS_TYPE "TRANSMISSIVE"\n'), "of a surface, not of light"),
     "cut off": Table(cgats(PLAIN, end=""), "has no END_DATA"),
+    "cut off in a number": Table(cgats(PLAIN, end="")[:-3], "has no END_DATA"),
     "a band less": Table(cgats(PLAIN[1:]), "line 5: .* has 70 cells, its header, line 1, 71"),
     "bands of two lamps": Table(cgats(PLAIN, PLAIN), "holds 2 spectra"),
     "no bands": Table("BEGIN_DATA_FORMAT", "has no table of spectra"),
+    # values
+    "negative": Table(table(["-900", *PLAIN[1:]]), "negative"),
+    "not a number": Table(table(["nan", *PLAIN[1:]]), "not a number"),
+    "no power": Table(table(["0"] * len(NM)), "no power"),
+    "from 420 nm": Table("".join(f"{nm},1\n" for nm in NM[8:]), "covers only 420 to 730 nm"),
+    "three lines": Table("380,1\n550,1\n720,1\n", "only 3 wavelengths"),
+    "nothing": Table("", "no line has a wavelength and a number"),
+    "a remark alone": Table("# nothing\n", "no line has a wavelength and a number"),
 }  # fmt: skip
 
 CHARTS = {
@@ -172,6 +206,9 @@ CHARTS = {
     "descending rows": (chart(turned=True, down=True), None),
     "rows": (chart(down=True), None),
     "percent": (chart(scale=100.0), None),
+    "behind a preamble": ("My instrument,v1\n\n# a note\n" + chart("R_{}"), None),
+    "CGATS": (chart_in_cgats("SPECTRAL_NM{}", "\t"), None),
+    "CGATS of percent": (chart_in_cgats("SPEC_{}", " ", 100.0), None),
     "German": (chart("{} nm", ";").replace(".", ","), None),
     "a short line": (chart().replace("B2,", "", 1), "line 9: .* has 35 cells, its header, line 1, 36"),
     "a remark behind": (chart() + "measured by hand\n", "line 26: .* has 1 cells"),
