@@ -122,14 +122,6 @@ def test_a_photo_too_blurred_to_search_is_called_blurred() -> None:
         find_chart(photo, table())
 
 
-def test_grid_with_other_colours_is_no_chart() -> None:
-    """A perfect grid of 24 patches, in another order."""
-    mixed = np.random.default_rng(3).permutation(24)
-    _, photo = photo_of(Scene(), size=SMALL)
-    with pytest.raises(ChartNotFound, match="no chart"):
-        find_chart(photo, table().with_values(table().values[mixed]))
-
-
 def test_of_two_charts_the_one_that_agrees() -> None:
     """Left a chart in another order, right the real one; each is found by its own table."""
     scene = Scene(size=(450, 675), fill=0.7)

@@ -53,9 +53,11 @@ def libraw_colours(path: Path) -> tuple[NDArray[np.uint16], NDArray[np.uint8], t
 
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("area", [None, (4, 6, 60, 90), (3, 5, 62, 92)])
-def test_colours_and_active_area_are_libraws(tmp_path: Path, order: str, area: tuple[int, ...] | None) -> None:
+def test_colours_levels_and_active_area_are_libraws(tmp_path: Path, order: str, area: tuple[int, ...] | None) -> None:
     samples = noise()
-    path = write(tmp_path, Dng(samples, cfa=bytes(ORDERS[order]), tags={50829: (LONG, area)} if area else {}))
+    tags: Tags = {50713: (SHORT, [2, 2]), 50714: (SHORT, [210, 220, 230, 240]), 50717: (LONG, [15000])}
+    tags |= {50829: (LONG, area)} if area else {}
+    path = write(tmp_path, Dng(samples, cfa=bytes(ORDERS[order]), tags=tags))
     found = read_dng(path)
     top, left, bottom, right = area or (0, 0, *samples.shape)
     assert found.cfa == order
@@ -69,16 +71,8 @@ def test_colours_and_active_area_are_libraws(tmp_path: Path, order: str, area: t
     if top % 2 == left % 2 == 0:
         with rawpy.imread(str(path)) as raw:
             np.testing.assert_array_equal(found.samples, raw.raw_image_visible)
-
-
-@pytest.mark.parametrize("order", ORDERS)
-def test_black_and_white_level_are_libraws(tmp_path: Path, order: str) -> None:
-    tags = {50713: (SHORT, [2, 2]), 50714: (SHORT, [210, 220, 230, 240]), 50717: (LONG, [15000])}
-    path = write(tmp_path, Dng(noise(), cfa=bytes(ORDERS[order]), tags=tags))
-    found = read_dng(path)
-    with rawpy.imread(str(path)) as raw:
-        assert raw.white_level == found.white
-        np.testing.assert_array_equal(np.array(raw.black_level_per_channel)[raw.raw_pattern], found.black)
+            np.testing.assert_array_equal(np.array(raw.black_level_per_channel)[raw.raw_pattern], found.black)
+            assert raw.white_level == found.white
 
 
 def test_what_the_file_leaves_out(tmp_path: Path) -> None:
@@ -228,19 +222,14 @@ SOUND = [9599, -1936, -1469, -6018, 14024, 1557, -3651, 5602, 6610]
 NEUTRAL = [6059, 10000, 1, 1, 8591, 10000]
 
 
-def read_whole(folder: Path, dng: Dng, **how: Any) -> Mosaic:
-    path = folder / "photo.dng"
-    path.write_bytes(dng.encode())
-    return read_dng(path, **how)
-
-
 def test_dense_rows_before_other_data_are_not_padded(tmp_path: Path) -> None:
     """The count of 12-bit samples as if they had 16, and as many bytes behind them: LibRaw reads the same."""
     samples = noise(120, 160, bits=12)
     padded = np.vstack([samples, noise(40, 160, bits=12, seed=1)])
     dng = Dng(padded, bits=12, tags={257: (LONG, [120]), 278: (LONG, [120]), 279: (LONG, [120 * 160 * 2])})
-    np.testing.assert_array_equal(read_whole(tmp_path, dng).samples, samples)
-    with rawpy.imread(str(tmp_path / "photo.dng")) as raw:
+    path = write(tmp_path, dng)
+    np.testing.assert_array_equal(read_dng(path).samples, samples)
+    with rawpy.imread(str(path)) as raw:
         np.testing.assert_array_equal(raw.raw_image_visible, samples)
 
 
@@ -274,60 +263,49 @@ def test_the_memory_of_the_largest_photo(tmp_path: Path) -> None:
         "import sys\nfrom pathlib import Path\nfrom camssf.cli import main\n"
         "status = main(sys.argv[1:])\nprint(f'\\nstatus {status}', Path('/proc/self/status').read_text())"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code, "patches", str(path), "--lamp", "D55"],
-        capture_output=True,
-        text=True,
-        check=True,
-    ).stdout
+    command = [sys.executable, "-c", code, "patches", str(path), "--lamp", "D55"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     assert "\nstatus 4 " in done
     (kilobytes,) = re.findall(r"VmHWM:\s+(\d+) kB", done)
     assert int(kilobytes) * 1024 < 2 * rows * columns + 350e6
 
 
-def matrices(folder: Path, matrix: list[int], light: int | None, neutral: list[int] | None) -> Mosaic:
-    values = [part for value in matrix for part in (value, 10_000)]
-    first: Tags = {50721: (SRATIONAL, values), 50728: None if neutral is None else (RATIONAL, neutral)}
-    return read_whole(folder, Dng(noise(), first=first | {50778: None if light is None else (SHORT, [light])}))
-
-
-@pytest.mark.parametrize("neutral", [NEUTRAL, [1, 1] * 3, None])
-def test_a_matrix_that_no_camera_has_is_left_out(tmp_path: Path, neutral: list[int] | None) -> None:
-    """The words are also those of Kotlin's TagsTest."""
-    found = matrices(tmp_path, PLACEHOLDER, 21, neutral)
-    assert found.colour_matrices == ()
-    assert found.matrices_left_out == (
-        "ColorMatrix1 was left out: it gives a white under D65 whose red is 1.17 of its green, as no sensor's is"
-    )
-    assert "whose red is 1.00" in matrices(tmp_path, DISPLAY, 21, neutral).matrices_left_out
-    assert "whose red is 2.8" in matrices(tmp_path, PLACEHOLDER, 17, neutral).matrices_left_out
-    sound = matrices(tmp_path, SOUND, 21, neutral)
-    assert sound.matrices_left_out == ""
-    assert len(sound.colour_matrices) == 1
-
-
-def test_matrices_that_contradict_the_files_own_white_are_left_out(tmp_path: Path) -> None:
-    found = matrices(tmp_path, ANOTHER, 21, NEUTRAL)
-    assert found.colour_matrices == ()
-    words = "the colour matrices were left out: with them AsShotNeutral is the white of no lamp"
-    assert found.matrices_left_out == words
-    assert matrices(tmp_path, ANOTHER, 21, [1, 1] * 3).matrices_left_out == ""  # says nothing
+LEFT_OUT = "ColorMatrix1 was left out: it gives a white under D65 whose red is 1.17 of its green, as no sensor's is"
+NO_LAMP = "the colour matrices were left out: with them AsShotNeutral is the white of no lamp"
+EQUAL = [1, 1] * 3
 
 
 @pytest.mark.parametrize(
-    ("code", "light"),
-    [(1, "D55"), (3, "A"), (11, "D75"), (23, "D50")],
+    ("matrix", "code", "neutral", "light", "words"),
+    [
+        *(
+            (matrix, code, neutral, light, words)
+            for matrix, code, light, words in (
+                (PLACEHOLDER, 21, None, LEFT_OUT),  # also a word of Kotlin's TagsTest
+                (DISPLAY, 21, None, "whose red is 1.00"),
+                (PLACEHOLDER, 17, None, "whose red is 2.8"),
+                (SOUND, 21, "D65", ""),
+            )
+            for neutral in (NEUTRAL, EQUAL, None)
+        ),
+        (ANOTHER, 21, NEUTRAL, None, NO_LAMP),
+        (ANOTHER, 21, EQUAL, "D65", ""),  # says nothing
+        *((SOUND, code, None, light, "") for code, light in ((1, "D55"), (3, "A"), (11, "D75"), (23, "D50"))),
+        *(
+            (SOUND, code, None, None, f"made for light source {code or 0}, whose")
+            for code in (None, 2, 24, 255, 4711)
+        ),
+    ],
 )
-def test_the_illuminant_of_a_matrix(tmp_path: Path, code: int, light: str) -> None:
-    (found,) = matrices(tmp_path, SOUND, code, None).colour_matrices
-    assert found.light == light
-
-
-@pytest.mark.parametrize("code", [None, 2, 24, 255, 4711])
-def test_a_matrix_of_a_light_without_a_spectrum_is_left_out(tmp_path: Path, code: int | None) -> None:
-    found = matrices(tmp_path, SOUND, code, None)
-    assert found.colour_matrices == ()
-    assert f"made for light source {code or 0}, whose spectrum" in found.matrices_left_out
+def test_matrices_that_no_camera_or_lamp_has_are_left_out(
+    matrix: list[int], code: int | None, neutral: list[int] | None, light: str | None, words: str, tmp_path: Path
+) -> None:
+    first: Tags = {50721: (SRATIONAL, [part for value in matrix for part in (value, 10_000)])}
+    first |= {50728: neutral and (RATIONAL, neutral), 50778: code and (SHORT, [code])}
+    found = read(tmp_path, samples=noise(), first=first)
+    assert [each.light for each in found.colour_matrices] == ([light] if light else [])
+    assert words in found.matrices_left_out
+    assert bool(words) == bool(found.matrices_left_out)
 
 
 def test_damage_outside_the_part_that_is_asked_for(tmp_path: Path) -> None:

@@ -10,21 +10,17 @@ import numpy as np
 import pytest
 
 from camssf.errors import FramesDiffer, InvalidArgument, Overexposed, UnreadableRaw, UnsupportedRaw
-from camssf.photo.find.pose import Pose, find_chart
+from camssf.photo.find.pose import Pose
 from camssf.photo.patches import FrameMeans, PatchMeans, measure_patches
 from camssf.photo.read.dng import CFA_ORDERS, Mosaic, read_dng, shading
-from camssf.photo.signals import Signals, normalise
+from camssf.photo.signals import normalise
 from camssf_lab.simulation.camera import Sensor
 from camssf_lab.simulation.scene import Scene
-from tests.support.captures import photos
-from tests.support.dngs import RATIONAL, SHORT, Dng, gain_map, opcode_list
+from camssf_lab.simulation.shot import Frames
+from tests.support.dngs import Dng, gain_map, opcode_list
 from tests.support.scenes import SIZE, mosaic, shoot, table
 
 SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
-
-
-def pose_of(*quads: np.ndarray) -> Pose:
-    return Pose("classic24", np.zeros((4, 2)), np.array(quads, dtype=float), 0, "by hand", 1.0, ())
 
 
 def flat(level: float = 4000, noise: float = 0, seed: int = 0, size: int = 120) -> np.ndarray:
@@ -33,7 +29,7 @@ def flat(level: float = 4000, noise: float = 0, seed: int = 0, size: int = 120) 
 
 
 # The measured part of this patch are the samples with 30 <= x, y <= 70: 41 a side, 21 of them even.
-PATCH = pose_of(10 + 80 * SQUARE)
+PATCH = Pose("classic24", np.zeros((4, 2)), np.array([10.0 + 80 * SQUARE]), 0, "by hand", 1.0, ())
 
 
 def test_counts_and_means_of_a_square() -> None:
@@ -88,72 +84,33 @@ def test_frames_that_are_alike_as_far_as_the_files_say(change: dict[str, object]
     assert measure_patches(photo, PATCH, white=replace(photo, **change)).white is not None  # type: ignore[arg-type]
 
 
-QUIET = Sensor(noise=False)
 CLASSIC = table()
-WHITE = CLASSIC.white
 
 
-def measured(
-    scene: Scene, sensor: Sensor = QUIET, white: bool = True, dark: bool = True
-) -> tuple[Signals, np.ndarray]:
-    """Signals of a simulated shot, its chart found in the photo, and the theory."""
-    frames = shoot(replace(scene, size=SIZE), sensor)
-    photo = mosaic(frames.chart, sensor)
-    shot = measure_patches(
-        photo,
-        find_chart(photo, CLASSIC),
-        white=mosaic(frames.white, sensor) if white else None,
-        dark=mosaic(frames.dark, sensor) if dark else None,
-    )
-    return normalise([shot], CLASSIC), frames.signals
-
-
-def means(mean: np.ndarray, error: float | np.ndarray = 1.0, **shares: np.ndarray) -> FrameMeans:
+def means(mean: Any, error: float) -> FrameMeans:
     zero = np.zeros((24, 3))
-    full = np.broadcast_to(np.asarray(mean, dtype=float), (24, 3)).copy()
-    return FrameMeans(
-        full,
-        np.broadcast_to(np.asarray(error, dtype=float), (24, 3)).copy(),
-        np.full((24, 3), 100),
-        shares.get("clipped", zero),
-        zero,
-        zero,
-        np.zeros((24, 2)),
-    )
+    return FrameMeans(mean + zero, error + zero, zero.astype(int) + 100, zero, zero, zero, zero[:, :2])
 
 
 RNG = np.random.default_rng(11)
 CHART = 512 + RNG.uniform(400, 9000, (24, 3))
-SHOT = PatchMeans(
-    means(CHART, 12), means(np.array([9000, 12000, 8000.0]), 20), means(514.0, 3), np.full(3, 512.0), 16383.0
-)
-
-
-def test_noise_stays_within_the_standard_errors() -> None:
-    signals, truth = measured(Scene(tilt=15, vignetting=0.3), Sensor())
-    z = (signals.values[0] - truth) / signals.standard_error[0]
-    assert np.std(z) == pytest.approx(1, abs=0.25)
-    assert np.abs(z).max() < 4.5
+SHOT = PatchMeans(means(CHART, 12), means([9000, 12000, 8000.0], 20), means(514.0, 3), np.full(3, 512.0), 16383.0)
 
 
 def test_clipped_white_patch_as_reference() -> None:
     clipped = np.zeros((24, 3))
-    clipped[WHITE, 0] = 0.2
+    clipped[CLASSIC.white, 0] = 0.2
     with pytest.raises(Overexposed, match="white patch"):
         normalise([replace(SHOT, white=None, chart=replace(SHOT.chart, clipped=clipped))], CLASSIC)
 
 
 @pytest.mark.parametrize("values", [(9000, 12000, 8000), (650, 650, 650), (9000, 12000, 500)])
 def test_white_and_dark_swapped(values: tuple[float, float, float]) -> None:
-    swapped = replace(SHOT, white=means(514.0, 3), dark=means(np.array(values, dtype=float), 20))
+    swapped = replace(SHOT, white=means(514.0, 3), dark=means(values, 20))
     with pytest.raises(
         FramesDiffer, match="Shot 2: the dark frame is brighter than the white frame: they seem to be swapped"
     ):
         normalise([SHOT, swapped], CLASSIC)
-
-
-SHADED_PATCH = Pose("classic24", np.zeros((4, 2)), np.array([10.0 + 80 * SQUARE]), 0, "by hand", 1.0, ())
-"""Its centre is (50, 50)."""
 
 
 def unrest(height: int = 120, width: int = 120) -> np.ndarray:
@@ -189,8 +146,8 @@ def test_bilinear_by_hand(tmp_path: Path) -> None:
 def test_maps_that_cannot_be_applied(tmp_path: Path, opcode: bytes, tag: int) -> None:
     photo = read_shaded(tmp_path, unrest(), opcode, tag=tag)
     with pytest.raises(UnsupportedRaw, match="white frame"):
-        measure_patches(photo, SHADED_PATCH, lens_shading="apply")
-    measure_patches(photo, SHADED_PATCH)
+        measure_patches(photo, PATCH, lens_shading="apply")
+    measure_patches(photo, PATCH)
 
 
 def spoil(opcode: bytes, at: int, part: bytes) -> bytes:
@@ -218,66 +175,43 @@ def test_a_damaged_map_is_a_damaged_file(tmp_path: Path, opcode: bytes) -> None:
 
 def test_what_is_asked_for_must_exist() -> None:
     with pytest.raises(InvalidArgument, match="no lens-shading map"):
-        measure_patches(mosaic(unrest()), SHADED_PATCH, lens_shading="apply")
+        measure_patches(mosaic(unrest()), PATCH, lens_shading="apply")
     with pytest.raises(InvalidArgument, match="as-stored or apply"):
-        measure_patches(mosaic(unrest()), SHADED_PATCH, lens_shading="yes")
+        measure_patches(mosaic(unrest()), PATCH, lens_shading="yes")
 
 
-# -- a simulated phone --------------------------------------------------------------------------------------------
-
-SHADED = Scene(size=(900, 675), vignetting=0.5, fill=0.8)
-
-
-def phone(samples: np.ndarray, sensor: Sensor, vignetting: float) -> bytes:
-    """A DNG as Android writes it: four maps of 13 × 17 points with the inverse of the simulated fall-off."""
-    height, width = samples.shape
-    v, h = np.linspace(0, 1, 13), np.linspace(0, 1, 17)
-    y, x = (v[:, None] * height - height / 2), (h * width - width / 2)
-    a = (1 - vignetting) ** -0.5 - 1
-    net = (1 + a * (x**2 + y**2) / (np.hypot(width, height) / 2) ** 2) ** 2
-    area = [(row, column, height, width) for row, column in np.ndindex(2, 2)]
-    maps = opcode_list(*(gain_map(net, each, (2, 2), (1 / 12, 1 / 16)) for each in area))
-    tags = {51009: maps, 50714: (SHORT, [round(sensor.black)]), 50717: (SHORT, [sensor.white_level])}
-    exif = {33434: (RATIONAL, [1, 100]), 34855: (SHORT, [100])}
-    return Dng(samples, bytes("RGB".index(c) for c in sensor.cfa), tags=tags, exif=exif).encode()
-
-
-@pytest.fixture(scope="module")
-def shots(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    folder, sensor = tmp_path_factory.mktemp("phone"), Sensor()
-    files = {}
-    for name, scene in (("even", replace(SHADED, vignetting=0.0)), ("shaded", SHADED)):
-        frames = shoot(scene, sensor)
-        for role in ("chart", "white", "dark"):
-            files[f"{name} {role}"] = folder / f"{name}-{role}.dng"
-            files[f"{name} {role}"].write_bytes(phone(getattr(frames, role), sensor, SHADED.vignetting))
-    return files
-
-
-def test_a_colour_applies_the_map_if_the_result_did(shots: dict[str, Path]) -> None:
+def test_a_colour_applies_the_map_if_the_result_did(tmp_path: Path) -> None:
+    """An even area whose map says that twice as much light is lost on its right."""
     from camssf_colour.cli.regions import measure as measured
 
-    white = "440,440,40,40,0.9"
+    def signal(*applied: str) -> Any:
+        shots = [SimpleNamespace(lens_shading=word) for word in applied]
+        result = SimpleNamespace(capture=SimpleNamespace(shots=shots, photos=[SimpleNamespace(make="", model="")]))
+        path = str(tmp_path / "x.dng")
+        return measured(result, path, ["80,40,20,20"], "10,40,20,20,0.9", None).signals  # type: ignore[arg-type]
 
-    def signals(photo: Path, *applied: str) -> np.ndarray:
-        taken = [SimpleNamespace(lens_shading=word) for word in applied]
-        result = SimpleNamespace(capture=SimpleNamespace(shots=taken, photos=[SimpleNamespace(make="", model="")]))
-        return measured(result, str(photo), ["40,40,40,40"], white, None).signals  # type: ignore[arg-type]
-
-    shaded, plain = shots["shaded white"], photos().shots[0].white
-    stored, evened = signals(shaded, "as-stored"), signals(shaded, "as-stored", "apply")
-    assert np.abs(evened - 0.9).max() < 0.02 < np.abs(stored - 0.9).max()
-    assert signals(plain, "apply").tolist() == signals(plain, "as-stored").tolist()  # no map in this file
+    read_shaded(tmp_path, flat(noise=9), gain_map([[1, 1, 2, 2]], (0, 0, 120, 120), spacing=(1.0, 1 / 3)))
+    assert signal("as-stored") == pytest.approx(0.9, rel=0.01)
+    assert signal("as-stored", "apply") == pytest.approx(1.8, rel=0.01)
+    read_shaded(tmp_path, flat(noise=9))
+    assert (signal("apply") == signal("as-stored")).all()  # no map in this file
 
 
 def test_standard_errors_are_those_of_the_photon_noise() -> None:
-    """z = (mean - truth) / se over 24 patches, three colours and three frames is standard normal."""
-    frames = shoot(Scene(size=SIZE, fill=0.5, tilt=20))
-    sensor = Sensor()
-    got = measure_patches(mosaic(frames.chart), frames.pose, white=mosaic(frames.white), dark=mosaic(frames.dark))
+    """z = (value - truth) / se is standard normal: of means in three frames, and of signals in shaded ones."""
+
+    def measured(frames: Frames) -> PatchMeans:
+        chart, white, dark = (mosaic(samples) for samples in (frames.chart, frames.white, frames.dark))
+        return measure_patches(chart, frames.pose, white=white, dark=dark)
+
+    even, shaded = shoot(Scene(size=SIZE, fill=0.5, tilt=20)), shoot(Scene(size=SIZE, tilt=15, vignetting=0.3))
+    got, signals = measured(even), normalise([measured(shaded)], CLASSIC)
     assert got.white is not None
     assert got.dark is not None
-    truths = (frames.levels, frames.white_levels, np.full(3, sensor.black))
-    z = [(f.mean - t) / f.standard_error for f, t in zip((got.chart, got.white, got.dark), truths, strict=True)]
-    assert np.std(z) == pytest.approx(1, abs=0.2)
-    assert np.abs(z).max() < 4.5
+    truths = (even.levels, even.white_levels, np.full(3, Sensor().black))
+    of_means = [
+        (f.mean - t) / f.standard_error for f, t in zip((got.chart, got.white, got.dark), truths, strict=True)
+    ]
+    for z in (np.array(of_means), (signals.values[0] - shaded.signals) / signals.standard_error[0]):
+        assert np.std(z) == pytest.approx(1, abs=0.2)
+        assert np.abs(z).max() < 4.5
