@@ -12,7 +12,7 @@ import pytest
 from camssf.grid import Floats
 from camssf.recovery.arrays import inverse, namespace, whiten, whiten_and_solve
 from camssf.recovery.basis import read_basis
-from camssf.recovery.inputs import basis_arrays, hypotheses_of, observation_arrays, with_hypothesis
+from camssf.recovery.inputs import basis_arrays, hypotheses_of, with_hypothesis
 from camssf.recovery.model import learned_model
 from camssf.recovery.onnx_model import onnx_runtime, run_session
 from camssf.recovery.posterior import evidence_of
@@ -22,23 +22,10 @@ from camssf_colour.posterior import LinearResponse, components_of, exact_posteri
 from camssf_colour.surface_prior import SurfacePrior, read_prior
 from golden.compare import norm
 from tests.recovery.test_dense_model import BASES, random_captures
-from tests.support.problems import seeds
+from tests.support.problems import model_inputs, seeds
 
 GAPS = ("gap", "layers_gap")
 """Outputs that are rounding errors."""
-
-
-def ran(function: Callable[..., Any], axes: Mapping[str, list[str | int]], **inputs: Any) -> list[Floats]:
-    """What the model of a function gives; `axes` names the inputs' axes."""
-    pytest.importorskip("onnx", reason="onnx is not installed (extra: export)")
-    from camssf_onnx.models import traced
-
-    def by_name(given: Any) -> Any:
-        found = function(**given)
-        return {f"y{i}": y for i, y in enumerate(found if isinstance(found, list) else [found])}
-
-    model = traced("f", axes, by_name).SerializeToString()
-    return open_model(model).run(None, {name: np.asarray(value, float) for name, value in inputs.items()})  # type: ignore[no-any-return]
 
 
 def open_model(content: bytes) -> Any:
@@ -49,48 +36,45 @@ def open_model(content: bytes) -> Any:
     return runtime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
 
 
-def agree(function: Callable[..., Any], axes: Mapping[str, list[str | int]], **inputs: Any) -> None:
-    """The model of a function gives what the function gives on NumPy."""
-    found, expected = ran(function, axes, **inputs), function(**inputs)
-    for y, known in zip(found, expected if isinstance(expected, list) else [expected], strict=True):
-        assert y.shape == np.shape(known)
-        np.testing.assert_allclose(y, known, rtol=1e-12, atol=1e-12)
-
-
 @pytest.mark.requirement("R-ENGINE")
 @pytest.mark.parametrize("size", [1, 7])
 def test_triangular_systems(size: int) -> None:
-    """Σ of its axes and of a number of rows that panels do not divide; leading axes."""
+    """Σ of its axes and of a number of rows that panels do not divide; leading axes; then the same as a model."""
     rng, h, n = np.random.default_rng(size), 2, 3
-    factor, columns = rng.normal(size=(h, n, size, size + 2)), rng.normal(size=(h, n, size, 4))
+    given = {"factor": rng.normal(size=(h, n, size, size + 2)), "columns": rng.normal(size=(h, n, size, 4))}
 
-    def white(factor: Any, columns: Any) -> list[Any]:
-        sigma = factor @ factor.mT
+    def white(given: Any) -> dict[str, Any]:
+        sigma, columns = given["factor"] @ given["factor"].mT, given["columns"]
         found, log_det = whiten(sigma, columns, 3)
         again, _, solve = whiten_and_solve(sigma, columns)
-        return [found.mT @ found, log_det, again.mT @ again, solve(), *inverse(sigma)]
+        outputs = [found.mT @ found, log_det, again.mT @ again, solve(), *inverse(sigma)]
+        return {f"y{i}": y for i, y in enumerate(outputs)}
 
-    agree(white, {"factor": ["h", "n", "q", "p"], "columns": ["h", "n", "q", 4]}, factor=factor, columns=columns)
-    sigma = factor @ factor.mT
-    found = white(factor, columns)
-    assert found[0] == pytest.approx(columns.mT @ np.linalg.solve(sigma, columns), rel=1e-8, abs=1e-8)
-    assert found[1] == pytest.approx(np.linalg.slogdet(sigma)[1], rel=1e-9, abs=1e-9)
-    assert sigma @ found[3] == pytest.approx(columns, abs=1e-9)
-    assert sigma @ found[4] == pytest.approx(np.broadcast_to(np.eye(size), sigma.shape), abs=1e-9)
+    sigma, columns = given["factor"] @ given["factor"].mT, given["columns"]
+    squares, log_det, _, solved, inverted, *_ = found = [*white(given).values()]
+    assert squares == pytest.approx(columns.mT @ np.linalg.solve(sigma, columns), rel=1e-8, abs=1e-8)
+    assert log_det == pytest.approx(np.linalg.slogdet(sigma)[1], rel=1e-9, abs=1e-9)
+    assert sigma @ solved == pytest.approx(columns, abs=1e-9)
+    assert sigma @ inverted == pytest.approx(np.broadcast_to(np.eye(size), sigma.shape), abs=1e-9)
+
+    pytest.importorskip("onnx", reason="onnx is not installed (extra: export)")
+    from camssf_onnx.models import traced
+
+    model = traced("f", {"factor": ["h", "n", "q", "p"], "columns": ["h", "n", "q", 4]}, white)
+    for y, known in zip(open_model(model.SerializeToString()).run(None, given), found, strict=True):
+        np.testing.assert_allclose(y, known, rtol=1e-12, atol=1e-12)
 
 
 # The formulas as a whole
 
 
-def model_inputs(seed: int, **more: Any) -> dict[str, Floats]:
+def random_inputs(seed: int) -> dict[str, Floats]:
     """The inputs of a model for a random capture, with penalties that make some of them walk."""
     (observation,) = random_captures(seed)
-    y, hard = observation.signals, seed % 3 == 2
-    inputs = observation_arrays(observation, read_basis(BASES[seed % 3])) | {
-        "chart": y, "white": np.ones_like(y), "dark": np.zeros_like(y), "l2": 1e-4 if hard else 1.0,
-        "gamma": 0.5 if hard else 0.05, "nonnegative": float(hard), "prior_scale": 1.0, "explain": 1.0, "solve": 1.0,
-    } | more  # fmt: skip
-    return with_hypothesis(inputs) | basis_arrays(read_basis(BASES[seed % 3]), 24)
+    name, hard = BASES[seed % 3], seed % 3 == 2
+    more = {"l2": 1e-4 if hard else 1.0, "gamma": 0.5 if hard else 0.05, "nonnegative": float(hard)}
+    inputs = model_inputs(observation, name) | more | {"explain": 1.0, "solve": 1.0}
+    return with_hypothesis(inputs) | basis_arrays(read_basis(name), 24)
 
 
 def apart(found: Mapping[str, Any], known: Mapping[str, Floats]) -> dict[str, float]:
@@ -104,7 +88,7 @@ def test_the_models_are_the_formulas(seed: int) -> None:
     """Every output of the shipped models against NumPy's, the number of pivots included."""
     from camssf.recovery.onnx_model import load_model
 
-    basis, inputs = read_basis(BASES[seed % 3]), model_inputs(seed)
+    basis, inputs = read_basis(BASES[seed % 3]), random_inputs(seed)
     known = learned_model(inputs)
     found = run_session(load_model(basis.name).session, inputs)
     assert set(found) == set(known)
@@ -113,10 +97,6 @@ def test_the_models_are_the_formulas(seed: int) -> None:
 
 SOURCES = {"curves": 4, "lamp": 2, "reference": 3}
 """Sources of a surface's errors, and how many each has here."""
-
-
-OF_PRIOR = ("shapes", "variances", "shared", "changes", "log_weights")
-"""Arrays of a prior, as its class has them."""
 
 
 def surface_arrays(seed: int) -> dict[str, Floats]:
@@ -143,14 +123,14 @@ def surface_outputs(arrays: Mapping[str, Any]) -> dict[str, Any]:
     joint, ends = namespace(arrays["y"]).concat(moves), np.cumsum([0, *SOURCES.values()]).tolist()
     sources = {name: slice(*rows) for name, rows in zip(SOURCES, pairwise(ends), strict=True)}
     response = LinearResponse(arrays["signals"], joint[:, :c, :], arrays["outputs"], joint[:, c:, :], sources)
-    components = components_of(SurfacePrior("", *(arrays[name] for name in OF_PRIOR)), response)
+    components = components_of(SurfacePrior("", *(arrays[each.name] for each in fields(SurfacePrior)[1:])), response)
     outputs: dict[str, Any] = vars(posterior_of(components, arrays["y"], arrays["error"])).copy()
     exact = vars(exact_posteriors(components, arrays["fine"], arrays["coarse"]))
     return outputs.pop("parts") | outputs | {f"exact {name}": array for name, array in exact.items()}
 
 
 FORMULAS: dict[str, tuple[Callable[[int], dict[str, Floats]], Callable[[Any], dict[str, Any]], float]] = {
-    "learned": (model_inputs, learned_model, 1e-10),
+    "learned": (random_inputs, learned_model, 1e-10),
     "surface": (surface_arrays, surface_outputs, 1e-10),
 }
 """Inputs by seed, the formulas, and how far two libraries may be apart."""

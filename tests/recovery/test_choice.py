@@ -239,12 +239,7 @@ def test_lamps_of_a_phone() -> None:
 
 
 def weighed(*weights: tuple[str, float, float], scale: float = 1.0) -> Answer:
-    return answer_of(tuple(Hypothesis(*weight) for weight in weights), scale)
-
-
-def answer_of(choice: tuple[Hypothesis, ...], scale: float = 1.0) -> Answer:
-    """An answer with this choice."""
-    return replace(document().answer, prior_scale=scale, choice=choice)
+    return replace(document().answer, prior_scale=scale, choice=tuple(Hypothesis(*weight) for weight in weights))
 
 
 def test_odds_in_words() -> None:

@@ -99,24 +99,7 @@ def test_splitting_is_douglas_rachford_s(l2: float, gamma: float, nonnegative: b
         s = s + RELAXATION * (data_step(2.0 * x - s, problem, rho) - x)
 
 
-# Optima and fixed points.
-
-
-@SIGNED
-@PENALTIES
-@SHAPES
-def test_an_optimum_is_a_fixed_point(l2: float, gamma: float, nonnegative: bool, rows: int, atoms: int) -> None:
-    """`splitting`: v = x + w / (ρ + λ₂); `ista`: v = x + w / ‖M‖, with w = g - M x."""
-    problem = random_problem(4, l2, gamma, nonnegative, rows, atoms)
-    x = optimum(problem)
-    w = problem.residual(x)
-    for layer, stiffness in (
-        (splitting(problem), constants(problem)[0] + l2),
-        (ista(problem), float(np.linalg.norm(problem.M, 2))),
-    ):
-        v = x + w / stiffness
-        assert layer.answer(v) == pytest.approx(x, abs=1e-9)
-        assert layer(v) == pytest.approx(v, abs=1e-9)
+# Its fixed point.
 
 
 @SIGNED

@@ -13,6 +13,7 @@ from camssf.recovery import Observation, Prediction, Ssf, arrays, explain, predi
 from camssf.recovery import duality_gap as gaps
 from camssf.recovery.basis import read_basis
 from camssf.recovery.elastic_net import ElasticNet
+from camssf.recovery.inputs import observation_arrays
 from camssf.recovery.pivoting import pivot_to_optimum
 from camssf.recovery.sensitivity import SolverSettings
 from camssf.spectra import read_chart, read_lamp
@@ -145,6 +146,15 @@ def gamma_max(linear: LinearModel) -> Floats:
         A.T @ np.linalg.solve(S, b) for A, b, S in zip(linear.matrix, linear.target, linear.covariance, strict=True)
     ]
     return np.abs(pulls).max(axis=1)
+
+
+def model_inputs(observation: Observation, basis: str) -> dict[str, Floats]:
+    """The inputs of a shipped model for it, with the usual penalties."""
+    y = observation.signals
+    settings = {"l2": 1.0, "gamma": 0.05, "nonnegative": 0.0, "prior_scale": 1.0, "explain": 0.0}
+    given = observation_arrays(observation, read_basis(basis))
+    given |= {name: np.array(value) for name, value in settings.items()}
+    return given | {"chart": y, "white": np.ones_like(y), "dark": np.zeros_like(y)}
 
 
 def observed(*positional: Any, **named: Any) -> tuple[Observation, dict[str, Any]]:
