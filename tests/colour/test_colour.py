@@ -17,16 +17,7 @@ from camssf.recovery.sensitivity import SolverSettings
 from camssf.spectra import read_camera, read_chart, read_lamp
 from camssf.spectra.bundled import observer, surfaces
 from camssf.verdict.reasons import Verdict
-from camssf_colour import (
-    PARTS,
-    Camera,
-    Reference,
-    View,
-    camera_of_result,
-    camera_of_ssf,
-    convert,
-    standard_colour,
-)
+from camssf_colour import PARTS, Camera, Reference, View, camera_of_result, camera_of_ssf, convert, standard_colour
 from camssf_colour.colour_error import expected_error, true_error
 from camssf_colour.light import OWN_WHITE, lamp_modes, see
 from camssf_colour.reach import MOST

@@ -254,12 +254,7 @@ def test_two_shots_of_which_one_is_a_formula(photos: Photographed, tmp_path: Pat
     assert tuple(finding.stage for finding in findings) == STAGES
 
 
-def test_parity_of_refusals(
-    photos: Photographed,
-    phone: Photographed,
-    tmp_path: Path,
-    kotlin: Kotlin,
-) -> None:
+def test_parity_of_refusals(photos: Photographed, phone: Photographed, tmp_path: Path, kotlin: Kotlin) -> None:
     """A verdict's with its checks, and a stage's with its words, which name a file: in every field."""
     shots, corners = photos
     exchanged = replace(shots[0], white=shots[0].dark, dark=shots[0].white)
@@ -314,11 +309,7 @@ def test_a_previous_result(phone: Photographed, tmp_path: Path, kotlin: Kotlin, 
 
 @pytest.mark.parametrize("lamps", [["D55", "A"], ["auto"]], ids=["two shots", "unnamed light"])
 def test_a_phone_measures_and_a_desktop_solves(
-    phone: Photographed,
-    tmp_path: Path,
-    kotlin: Kotlin,
-    lamps: list[str],
-    capsys: pytest.CaptureFixture[str],
+    phone: Photographed, tmp_path: Path, kotlin: Kotlin, lamps: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The same curves to the bit as from Python's own measurement, from the document as it is."""
     shots, corners = phone

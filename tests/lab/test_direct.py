@@ -14,14 +14,7 @@ import tifffile
 from numpy.typing import NDArray
 
 from camssf.cli import main
-from camssf.errors import (
-    FramesDiffer,
-    InvalidArgument,
-    LampUnfit,
-    Overexposed,
-    Underexposed,
-    UnreadableRaw,
-)
+from camssf.errors import FramesDiffer, InvalidArgument, LampUnfit, Overexposed, Underexposed, UnreadableRaw
 from camssf.fit.scores import rmse
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery.basis import read_basis
