@@ -21,7 +21,7 @@ from benchmarks.claims.phones import APART, auto
 from benchmarks.devices import CAMERAS, OTHER_MAKER, OTHERS, PHONES, Device, phones_left_out
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.recovery.basis import NODES, gaussian_basis, read_basis, steady_exp
+from camssf.recovery.basis import NODES, Basis, gaussian_basis, read_basis, steady_exp
 from camssf_lab.learning.basis import enlarge, learn, main, process_rows
 from camssf_lab.learning.training import HANDFUL, Enlargement, Statistics, maker_of, read_curves, training_set_of
 from tests.support.problems import CURVES, chart_and_lamp, recovered, theory, toy_camera
@@ -75,10 +75,8 @@ def test_the_dictionary_is_the_spread_of_the_training_set() -> None:
             for copy in range(copies):
                 expected += w / copies * np.outer(shapes[copy, i] - own, shapes[copy, i] - own)
         assert dictionary[c] @ dictionary[c].T == pytest.approx(expected / centre.max() ** 2, abs=1e-12)
-    alike = learn(toys(), copies=2)
-    assert all(
-        (x == y).all() for x, y in zip(alike, learn(toys(), makers=list("abcdefghijkl"), copies=2), strict=True)
-    )
+    for alike, known in zip(learn(toys(), copies=2), learn(toys(), makers=[*"abcdefghijkl"], copies=2), strict=True):
+        assert (alike == known).all()
 
 
 def test_half_of_the_phones_covariance_is_that_of_a_process() -> None:
@@ -109,12 +107,10 @@ def test_the_misfit_profile_is_what_its_command_makes(capsys: pytest.CaptureFixt
 
 
 def write_curves(path: Path, cameras: dict[str, np.ndarray]) -> Path:
-    lines = ["camera,wavelength_nm,R,G,B"]
-    for name, curves in cameras.items():
-        lines += [
-            f"{name},{w:g},{','.join(map(repr, map(float, row)))}" for w, row in zip(NODES, curves, strict=True)
-        ]
-    path.write_text("\n".join(lines) + "\n")
+    rows = [
+        [name, w, *row] for name, curves in cameras.items() for w, row in zip(NODES, curves.tolist(), strict=True)
+    ]
+    path.write_text("".join(",".join(map(str, row)) + "\n" for row in [["camera,wavelength_nm,R,G,B"], *rows]))
     return path
 
 
@@ -131,7 +127,7 @@ def test_the_command_learns_a_basis_that_recover_takes(tmp_path: Path, capsys: p
     assert answer.code.shape == (6, 3)
 
 
-def test_bad_curves_and_bases_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bad_curves_and_bases_are_named(tmp_path: Path) -> None:
     junk = tmp_path / "junk.npz"
     junk.write_bytes(b"PK\x03\x04 nonsense")
     for spec in (str(junk), str(tmp_path / "none.npz"), "nonsense", str(tmp_path)):
@@ -145,50 +141,52 @@ def test_bad_curves_and_bases_are_named(tmp_path: Path, capsys: pytest.CaptureFi
     np.savez(pickled, mean=np.array([{"a": 1}], dtype=object), dictionary=np.zeros((3, 69, 2)), source=np.array("x"))
     with pytest.raises(InvalidArgument):
         read_basis(str(pickled))
-    text = tmp_path / "curves.csv"
-    for content in (
-        "",
-        "a,b\n1,2\n",
-        "camera,wavelength_nm,R,G,B\nx,500,1,1,1\n",
-        "camera,wavelength_nm,R,G,B\nx,y,1,1,1\n",
-    ):
+    text, head = tmp_path / "curves.csv", "camera,wavelength_nm,R,G,B\n"
+    for content in ("", "a,b\n1,2\n", f"{head}x,500,1,1,1\n", f"{head}x,y,1,1,1\n"):
         text.write_text(content)
         with pytest.raises(InvalidArgument):
             read_curves(text)
-    assert main([str(text), "-o", str(tmp_path / "out.npz")]) == 2
-    assert "invalid_argument" in capsys.readouterr().err
-    assert not (tmp_path / "out.npz").exists()
+
+
+def test_what_cannot_be_learned_extended_or_written_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mine, out = write_curves(tmp_path / "mine.csv", {"toy 1": toys()[0]}), tmp_path / "out.npz"
+    np.savez(tmp_path / "old.npz", mean=np.ones((3, 69)), dictionary=np.ones((3, 69, 2)), source=np.array("x"))
+    (tmp_path / "none.csv").write_text("")
+    for arguments, words in (
+        (f"{tmp_path / 'none.csv'}", "invalid_argument"),
+        (f"{mine} --extend {tmp_path / 'old.npz'}", "does not carry"),
+        (f"{mine} --extend gaussian", "does not carry"),
+        (f"{mine} --extend none", "neither a basis"),
+        (f"{mine}", "at least two"),
+        (f"{mine} --extend cameras -o {tmp_path / 'missing' / 'out.npz'}", "cannot be written"),
+        (f"{mine} --extend cameras --components 70", "Take 1 to 69"),
+    ):
+        assert main(["-o", str(out), *arguments.split()]) == 2
+        assert words in capsys.readouterr().err
+        assert not out.exists()
+
+
+def same_basis(path: Path, name: str) -> tuple[Basis, Basis]:
+    """The basis of a file and a shipped one, once they agree."""
+    found, shipped = read_basis(str(path)), read_basis(name)
+    assert found.mean == pytest.approx(shipped.mean, abs=1e-12)
+    assert spread(found.dictionary[:, ::40]) == pytest.approx(spread(shipped.dictionary[:, ::40]), abs=1e-9)
+    return found, shipped
 
 
 def test_shipped_basis_comes_from_the_command(tmp_path: Path) -> None:
     assert main([str(CURVES), "-o", str(tmp_path / "again.npz"), "--licence", "Apache-2.0"]) == 0
-    again, shipped = read_basis(str(tmp_path / "again.npz")), read_basis("cameras")
+    again, shipped = same_basis(tmp_path / "again.npz", "cameras")
     assert again.source == shipped.source
     carried, measured = training_set_of("cameras").curves, read_curves(CURVES)
     assert list(carried) == list(measured)
     assert all((carried[name] == measured[name]).all() for name in measured)
-    assert again.mean == pytest.approx(shipped.mean, abs=1e-12)
-    assert spread(again.dictionary[:, ::40]) == pytest.approx(spread(shipped.dictionary[:, ::40]), abs=1e-9)
 
 
 def spread(dictionary: np.ndarray) -> np.ndarray:
     return np.einsum("cmr,cnr->cmn", dictionary, dictionary)
-
-
-def test_what_cannot_be_extended_or_written_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    mine = write_curves(tmp_path / "mine.csv", {"toy 1": toys()[0]})
-    old = tmp_path / "old.npz"
-    np.savez(old, mean=np.ones((3, 69)), dictionary=np.ones((3, 69, 2)), source=np.array("x"))
-    for base, words in ((str(old), "does not carry"), ("gaussian", "does not carry"), ("none", "neither a basis")):
-        assert main([str(mine), "--extend", base, "-o", str(tmp_path / "out.npz")]) == 2
-        assert words in capsys.readouterr().err
-    assert main([str(mine), "-o", str(tmp_path / "out.npz")]) == 2
-    assert "at least two" in capsys.readouterr().err
-    assert main([str(mine), "--extend", "cameras", "-o", str(tmp_path / "missing" / "out.npz")]) == 2
-    assert "cannot be written" in capsys.readouterr().err
-    assert main([str(mine), "--extend", "cameras", "--components", "70", "-o", str(tmp_path / "out.npz")]) == 2
-    assert "Take 1 to 69" in capsys.readouterr().err
-    assert not (tmp_path / "out.npz").exists()
 
 
 PAPERS = ("Tominaga, Nishi, Ohtera, Sensors 2021, 21, 4985", "Burggraaff et al., Opt. Express 2019, 27, 19075")
@@ -236,10 +234,7 @@ def phones_file() -> Path:
 def test_extended_by_nothing_it_is_itself(tmp_path: Path) -> None:
     (tmp_path / "none.csv").write_text("camera,wavelength_nm,R,G,B\n")
     assert main([str(tmp_path / "none.csv"), "--extend", "phones", "-o", str(tmp_path / "same.npz")]) == 0
-    same, shipped = read_basis(str(tmp_path / "same.npz")), read_basis("phones")
-    assert same.mean == pytest.approx(shipped.mean, abs=1e-12)
-    assert spread(same.dictionary[:, ::40]) == pytest.approx(spread(shipped.dictionary[:, ::40]), abs=1e-9)
-    assert "from 6 measured phones (" in same.source
+    assert "from 6 measured phones (" in same_basis(tmp_path / "same.npz", "phones")[0].source
 
 
 def test_a_phone_of_one_s_own_moves_it_and_can_be_added_once(
@@ -338,8 +333,6 @@ def test_shipped_phones_come_from_the_command(tmp_path: Path) -> None:
     papers = [word for paper in PAPERS for word in ("--paper", paper)]
     path = Path(str(TABLE))
     assert main([str(path), "-o", str(tmp_path / "again.npz"), *words, *papers]) == 0
-    again, shipped = read_basis(str(tmp_path / "again.npz")), read_basis("phones")
+    again, shipped = same_basis(tmp_path / "again.npz", "phones")
     assert training_set_of("phones").sha256 == (hashlib.sha256(path.read_bytes()).hexdigest(),)
     assert again.source.replace(path.name, "phones.csv") == shipped.source
-    assert again.mean == pytest.approx(shipped.mean, abs=1e-12)
-    assert spread(again.dictionary[:, ::40]) == pytest.approx(spread(shipped.dictionary[:, ::40]), abs=1e-9)

@@ -13,8 +13,7 @@ from camssf.fit.capture_fit import places
 from camssf.grid import Floats
 from camssf.options import Options
 from camssf.photo.capture import Capture
-from camssf.photo.find.pose import Pose
-from camssf.photo.patches import FrameMeans
+from camssf.photo.patches import PatchMeans
 from camssf.recovery.sensitivity import Ssf
 from camssf.report.page import page
 from camssf.report.sections.uneven import fall_of
@@ -23,13 +22,10 @@ from camssf.result import Result
 from golden.forms import resolve
 from golden.scenes import PHONE
 from tests.recovery.test_choice import SEEN, capture
+from tests.verdict.test_verdict import pose
 
 WHITE = 18
 SIZE = (1200, 900)
-
-
-def pose() -> Pose:
-    return capture(resolve(PHONE), ("D55",)).shots[0].pose
 
 
 def shaded(vignetting: float, gradient: float, middle: tuple[float, float] = (0.3, -0.2)) -> Floats:
@@ -40,18 +36,16 @@ def shaded(vignetting: float, gradient: float, middle: tuple[float, float] = (0.
     return np.asarray(light / light[WHITE])
 
 
-def uneven(light: Floats, lamps: tuple[str, ...] = ("D55",), **how: Any) -> Capture:
+def uneven(light: Floats, lamps: tuple[str, ...] = ("D55",)) -> Capture:
     """A phone's capture with so much light on each patch, and no white frame."""
-    given = capture(resolve(PHONE), lamps, **how)
-    shots = tuple(replace(shot, white=None, means=_shaded(shot.means, light)) for shot in given.shots)
-    return replace(given, shots=shots)
 
+    def shaded(means: PatchMeans) -> PatchMeans:
+        black = means.dark.mean if means.dark is not None else means.black
+        mean = black + 0.8 * (means.chart.mean - black) * light[:, None] / light.max()
+        return replace(means, chart=replace(means.chart, mean=mean), white=None)
 
-def _shaded(means: Any, light: Floats) -> Any:
-    chart: FrameMeans = means.chart
-    black = means.dark.mean if means.dark is not None else means.black
-    mean = black + 0.8 * (chart.mean - black) * light[:, None] / light.max()
-    return replace(means, chart=replace(chart, mean=mean), white=None)
+    given = capture(resolve(PHONE), lamps)
+    return replace(given, shots=tuple(replace(shot, white=None, means=shaded(shot.means)) for shot in given.shots))
 
 
 @cache
