@@ -26,11 +26,6 @@ from tests.colour.conftest import blurred, exact, known, owned, power
 from tests.support.documents import document
 from tests.support.problems import measured_cameras, toy_camera
 
-
-def spread(parts: dict[str, tuple[Floats, Floats]], name: str) -> Floats:
-    return np.sqrt(np.diagonal(parts[name][1], axis1=1, axis2=2))
-
-
 CHART = read_chart("classic24").values
 
 
@@ -125,7 +120,7 @@ def test_auto_gives_nearly_the_colours_of_the_lamp_named(true: str, kind: str) -
     apart = truth - auto.lab
     chi = np.einsum("mc,mc->m", apart, np.linalg.solve(auto.lab_covariance, apart[..., None])[..., 0])
     assert np.mean(chi < 7.815) > 0.8
-    assert spread(auto.parts, "lamp").mean() > spread(named.parts, "lamp").mean()
+    assert sizes(auto.parts["lamp"][1]).mean() > sizes(named.parts["lamp"][1]).mean()
 
 
 # -- cameras ----------------------------------------------------------------------------------------------------
@@ -227,14 +222,6 @@ def test_white_stays_white_and_more_light_changes_nothing() -> None:
         assert np.abs(conversion.apply(0.1 * y) - 0.1 * conversion.apply(y)).max() < 1e-14
 
 
-def test_parts_of_a_conversion_add_up_and_are_covariances() -> None:
-    y = signals_of(CHART, power("A"), toy_camera())
-    found = convert(blurred(), blurred(other().values), "A", y, 0.01 * y)
-    assert tuple(found.parts) == PARTS
-    assert np.abs(found.covariance - sum(found.parts.values())).max() < 1e-15
-    assert (np.linalg.eigvalsh(found.covariance) > 0).all()
-
-
 def test_metamers_are_what_unseen_surfaces_miss() -> None:
     source, target = exact(), other()
     y, truth = (signals_of(surfaces(), power(), camera.values) for camera in (source, target))
@@ -272,7 +259,10 @@ def test_auto_weighs_the_kinds() -> None:
     named = convert(source, target, "D75", y, reference=Reference(raw=raw))
     assert np.abs(found.signals - named.signals).max() < 0.03
     assert np.trace(found.parts["lamp"].mean(axis=0)) > np.trace(named.parts["lamp"].mean(axis=0))
+    assert tuple(found.parts) == PARTS
     assert np.abs(found.covariance - sum(found.parts.values())).max() < 1e-15
+    assert (np.linalg.eigvalsh(found.covariance) > 0).all()
+    assert standard_colour(exact(), "torch", np.full(3, 0.5)).lamps == (("white-led", 1.0),)  # it has one kind
     with pytest.raises(InvalidArgument, match="lamp is unknown"):
         convert(source, target, "auto", y)
     with pytest.raises(LampUnfit, match="not white under A"):
@@ -342,13 +332,3 @@ def test_the_curves_part_is_what_drawing_curves_gives(side: str) -> None:
         for values in true + np.einsum("nq,qmc->nmc", np.random.default_rng(5).normal(size=(200, 2)), unsure.modes)
     ]
     assert np.abs(sizes(found.parts["curves"]) - np.std(drawn, axis=0)).max() < 0.2 * np.std(drawn, axis=0).max()
-
-
-@pytest.mark.parametrize("name", ["auto", "torch"])
-def test_a_light_that_nothing_tells_is_refused_unless_it_has_one_kind(name: str) -> None:
-    camera = exact()
-    if name == "torch":
-        assert standard_colour(camera, name, np.full(3, 0.5)).lamps == (("white-led", 1.0),)
-        return
-    with pytest.raises(InvalidArgument, match="lamp is unknown, and nothing in the photo tells it"):
-        standard_colour(camera, name, np.full(3, 0.5))
