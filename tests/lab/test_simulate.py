@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 import rawpy
@@ -48,19 +49,10 @@ def table(layout: str = "classic24") -> ChartTable:
     return ChartTable(layout, "test", LAYOUTS[layout], names, WAVELENGTHS, values, np.full(count, 0.03), 0, "test")
 
 
-def inside(pose_patch: Floats, shape: tuple[int, int], share: float = 0.7) -> NDArray[np.bool_]:
+def inside(patch: Floats, shape: tuple[int, int], share: float = 0.7) -> NDArray[np.bool_]:
     """(h, w) True in the central part of a quadrilateral."""
-    corners = pose_patch.mean(axis=0) + share * (pose_patch - pose_patch.mean(axis=0))
-    left, top = np.maximum(np.floor(corners.min(axis=0)).astype(int), 0)
-    right, bottom = np.ceil(corners.max(axis=0)).astype(int) + 1
-    y, x = np.mgrid[top : min(bottom, shape[0]), left : min(right, shape[1])]
-    sides = [
-        (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])
-        for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)
-    ]
-    found = np.zeros(shape, dtype=bool)
-    found[top:bottom, left:right] = np.all(np.array(sides) > 0, axis=0) | np.all(np.array(sides) < 0, axis=0)
-    return found
+    corners = patch.mean(axis=0) + share * (patch - patch.mean(axis=0))
+    return cv2.fillConvexPoly(np.zeros(shape, np.uint8), np.rint(corners).astype(np.int32), 1).astype(bool)
 
 
 def colour_map(cfa: str, shape: tuple[int, int]) -> NDArray[np.int64]:
@@ -76,11 +68,8 @@ def test_libraw_reads_back_what_was_taken(tmp_path: Path, cfa: str, compression:
     if compression:
         pytest.importorskip("imagecodecs", reason="imagecodecs writes the lossless JPEG")
     size, black, white = (404, 303), 256.25, 4095
-    done = simulate(
-        CAMERA, FLAT, tmp_path, chart=table(), scene=Scene(size=size), seed=5,
-        sensor=Sensor(cfa=cfa, black=black, white_level=white, compression=compression),
-    )  # fmt: skip
     sensor = Sensor(cfa=cfa, black=black, white_level=white)
+    done = shoot(tmp_path, scene=Scene(size=size), seed=5, sensor=replace(sensor, compression=compression))
     frames = photograph(CAMERA, FLAT, table(), done.scene, sensor, (5, 0))
     shot = done.shots[0]
     for path, samples in ((shot.chart, frames.chart), (shot.white, frames.white), (shot.dark, frames.dark)):
@@ -168,8 +157,6 @@ def test_vignetting_is_cos4() -> None:
 @pytest.mark.parametrize(("rotation", "tilt", "turns"), [(30, 0, 0), (0, 55, 0), (200, 35, 2), (-70, -45, 3)])
 def test_pose_is_a_pinholes(rotation: float, tilt: float, turns: int) -> None:
     """OpenCV's projection of the chart's corners: focal length one picture width, chart turned, then tilted."""
-    import cv2
-
     layout, (width, height) = LAYOUTS["classic24"], SIZE
     pose = true_pose(Scene(size=SIZE, fill=0.6, rotation=rotation, tilt=tilt))
     pitch = 1 / (layout.columns - 1 + layout.side[0])  # the block of patches is one unit wide

@@ -16,7 +16,7 @@ from camssf.recovery.observation import Observation
 from camssf.recovery.sensitivity import SolverSettings
 from camssf.spectra import read_chart, read_lamp
 from golden.compare import norm
-from tests.support.dense_model import dense_models
+from tests.support.dense_model import dense_model
 from tests.support.problems import seeds
 
 pytestmark = pytest.mark.requirement("R-OPTIMUM")
@@ -72,7 +72,7 @@ def test_public_rows_are_those_that_are_solved(seed: int) -> None:
     """
     (observation,) = random_captures(seed)
     name = BASES[seed % 3]
-    (known,), found = dense_models([observation], read_basis(name)), linear_rows(observation, basis=name)
+    known, found = dense_model(observation, read_basis(name)), linear_rows(observation, basis=name)
     k, n, _ = observation.signals.shape
     order = np.moveaxis(np.arange(3 * k * n).reshape(n, 3, k), 0, -1).ravel()
     sigma, used = found.covariance[order][:, order], known.sigma.diagonal() < 1.0
@@ -105,5 +105,5 @@ def test_public_rows_need_a_prior_and_a_code_of_their_size() -> None:
 def test_evidence_of_a_stack_of_hypotheses(seed: int) -> None:
     observations = random_captures(seed, h=4)
     basis = read_basis(BASES[seed % 3])
-    known = np.array([model.log_evidence for model in dense_models(observations, basis)])
+    known = np.array([dense_model(observation, basis).log_evidence for observation in observations])
     assert log_evidences(observations, basis) == pytest.approx(known, rel=1e-10)

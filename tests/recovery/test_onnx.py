@@ -24,7 +24,7 @@ from golden.running import findings, judge, problem, run
 from tests.golden.test_golden import CASES as EVERY
 from tests.golden.test_golden import by_model, stages_of
 from tests.recovery.test_dense_model import BASES, random_captures
-from tests.support.dense_model import dense_models
+from tests.support.dense_model import dense_model
 from tests.support.problems import chart_and_lamp, model_inputs, near, recovered, seeds, theory, toy_camera, whiten
 
 OTHERWISE_COSTLY = ("light/three", "light/other-kind", "light/other-kind-unsure", "calibrate/error-rival-of-four")
@@ -71,7 +71,7 @@ def test_the_posterior_of_the_lamps_modes(seed: int) -> None:
     given = replace(given, lamp_modes=modes, lamp_tolerance=np.full(len(modes), 0.02))
     for evidence, scale in ((given, 1.7), (by_modes(given), 1.0)):
         found = load_model(basis).run(model_inputs(evidence, basis) | {"prior_scale": np.array(scale)})
-        (known,) = dense_models([evidence], widened(read_basis(basis), scale))
+        known = dense_model(evidence, widened(read_basis(basis), scale))
         D, b = whiten(known.D, known.b, known.sigma + known.A @ known.A.T)
         assert found["mode_estimate"].shape == evidence.lamp_modes.shape[:2]
         assert norm(found["mode_estimate"].ravel(), D.T @ b) <= 1e-10

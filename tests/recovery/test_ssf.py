@@ -10,7 +10,7 @@ from camssf.grid import STEP, WAVELENGTHS, Floats
 from camssf.recovery.basis import NODES, gaussian_basis, misfit_profile, read_basis
 from camssf.recovery.rows import anchor
 from camssf.spectra import read_lamp
-from tests.support.dense_model import dense_models
+from tests.support.dense_model import dense_model
 from tests.support.problems import (
     chart_and_lamp,
     explained,
@@ -134,7 +134,7 @@ def test_bands_and_the_budget_s_parts_are_the_posterior_s(shots: int) -> None:
     of the curve of peak 1. With what no patch has seen the sources add up to the band, channel by channel."""
     arguments = declared(shots)
     shares, answer = explained(**arguments), recovered(**arguments, basis="cameras", gamma=0.0)
-    (rows,) = dense_models([observed(**arguments)[0]], read_basis("cameras"))
+    rows = dense_model(observed(**arguments)[0], read_basis("cameras"))
     A, sigma = rows.A, rows.sigma
     spread = np.eye(72) - A.T @ np.linalg.solve(sigma + A @ A.T, A)
     assert answer.code_covariance is not None
@@ -173,7 +173,7 @@ def test_prediction_bands_are_those_of_their_model(shots: int) -> None:
     more = {"signals": y, "standard_error": error, "chart_tolerance": np.repeat([0.03, 0.02], 12)}
     more["reflectance"] = np.concatenate([arguments["reflectance"], others])
     (observation, _) = observed(**(arguments | more))
-    (rows,) = dense_models([observation], book)
+    rows = dense_model(observation, book)
     fitted = np.tile(np.arange(n) < 12, 3 * k)
     rng = np.random.default_rng(4)
     A, sigma, noise = rows.A, rows.sigma, np.diag(rows.terms["noise"])

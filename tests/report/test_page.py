@@ -220,16 +220,5 @@ def test_odd_numbers_still_draw(dark: int) -> None:
     assert not re.search(r'="[^"]*\b(nan|inf)\b', result.ssf_svg or "nan")
 
 
-@pytest.mark.parametrize("shots", [False, True])
-def test_a_refused_capture_has_no_curves(shots: bool) -> None:
-    made = refused(shots=shots)
-    result = report(made, [preview()] if shots else [])
-    assert (result.ssf_csv, result.ssf_svg, result.patches_csv) == (None, None, None)
-    words = Page(result.html).text
-    assert made.verdict.reasons[0].message in words
-    assert made.verdict.reasons[0].advice in words
-    assert ("on the photo" in words) == shots
-
-
 if __name__ == "__main__":
     STORED.write_text(words_of_pages(), "utf-8")

@@ -209,10 +209,15 @@ def test_our_own_exports_are_cameras(to: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(camera.values[::step], expected[::step], atol=1e-12)
 
 
+def bells(nm: Any) -> Floats:
+    """(w, 3) a camera's curves."""
+    return np.stack([np.exp(-(((nm - at) / 45.0) ** 2)) for at in (600, 530, 460)], axis=1)
+
+
 @pytest.mark.parametrize("mark", [",", ";", "\t", "  "])
 def test_a_camera_of_four_columns_needs_no_header(mark: str, tmp_path: Path) -> None:
     nm = np.arange(400, 701, 10)
-    curves = np.stack([np.exp(-(((nm - at) / 45.0) ** 2)) for at in (600, 530, 460)], axis=1)
+    curves = bells(nm)
     rows = [mark.join(map(repr, [int(w), *row])) for w, row in zip(nm, curves.tolist(), strict=True)]
     name, wavelengths, found = read_curves(Path(write(tmp_path / "mine.csv", "\n".join(["# measured", *rows]))), None)
     assert name == "mine"
@@ -229,13 +234,13 @@ def test_a_camera_of_four_columns_needs_no_header(mark: str, tmp_path: Path) -> 
 
 def test_argyll_s_cmf_is_a_camera(tmp_path: Path) -> None:
     nm = np.linspace(380.0, 730.0, 106)
-    text, _, curves = argyll(curves=np.stack([np.exp(-(((nm - at) / 45.0) ** 2)) for at in (600, 530, 460)]))
+    text, _, curves = argyll(bells(nm).T)
     name, wavelengths, found = read_curves(Path(write(tmp_path / "mine.cmf", text)), None)
     assert name == "mine"
     assert np.abs(wavelengths - nm).max() < 1e-12
     assert np.abs(found - curves.T).max() < 1e-9
     with pytest.raises(InvalidArgument, match="1 spectra"):
-        read_camera(write(tmp_path / "one.cmf", argyll(curves=curves[:1])[0]))
+        read_camera(write(tmp_path / "one.cmf", argyll(curves[:1])[0]))
 
 
 DCAMPROF = """// a camera's own file, as DCamProf's example lays it out
@@ -250,7 +255,7 @@ DCAMPROF = """// a camera's own file, as DCamProf's example lays it out
 }
 """
 DCAMPROF_NM = np.arange(400, 721, 10)
-DCAMPROF_CURVES = np.stack([np.exp(-(((DCAMPROF_NM - at) / 45.0) ** 2)) for at in (600, 530, 460)], axis=1)
+DCAMPROF_CURVES = bells(DCAMPROF_NM)
 DCAMPROF_TEXT = DCAMPROF % tuple(", ".join(map(repr, curve.tolist())) for curve in DCAMPROF_CURVES.T)
 
 

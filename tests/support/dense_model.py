@@ -7,7 +7,7 @@ judges.
 Letters as in the paper: R reflectance, L lamp, Ψ basis, x code, y signals. ρ_w is the white reference.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
 
@@ -48,7 +48,7 @@ class DenseModel:
     @property
     def sigma(self) -> Floats:
         """(N, N) Σ."""
-        return np.asarray(np.sum(list(self.terms.values()), axis=0))
+        return _sum(self.terms)
 
     @property
     def log_evidence(self) -> float:
@@ -58,12 +58,8 @@ class DenseModel:
         return float(-0.5 * (rest @ rest + 2.0 * np.log(np.diag(root)).sum()))
 
 
-def dense_models(observations: Sequence[Observation], basis: Basis) -> list[DenseModel]:
-    """The model of each observation on a basis with a mean."""
-    return [_dense_model(observation, basis) for observation in observations]
-
-
-def _dense_model(observation: Observation, basis: Basis) -> DenseModel:
+def dense_model(observation: Observation, basis: Basis) -> DenseModel:
+    """The model of an observation on a basis with a mean."""
     start = _prior(observation, basis)
     rows = _Rows(observation, basis, start)
     scale = _patch_scales(rows)
@@ -208,9 +204,10 @@ class _Rows:
             "lamp": self.same(1) * (lamp @ lamp.T),
         }
 
-    def spread(self) -> Floats:
-        """Sum of the sources."""
-        return np.sum(list(self.terms.values()), axis=0)
+
+def _sum(terms: Mapping[str, Floats]) -> Floats:
+    """Σ of its sources."""
+    return np.asarray(np.sum(list(terms.values()), axis=0))
 
 
 def _anchored(observation: Observation, basis: Basis) -> Floats:
@@ -231,7 +228,7 @@ def _smooth_errors(length: float) -> Floats:
 def _patch_scales(rows: _Rows) -> Floats:
     """Scale (N, N) of the chart's covariance, one number a patch: EM steps by the explicit inverse of P."""
     chart, patch = rows.terms["chart"], rows.index[:, 2]
-    rest = rows.spread() - chart + rows.A @ rows.A.T + rows.D @ rows.D.T + rows.G @ rows.G.T
+    rest = _sum(rows.terms) - chart + rows.A @ rows.A.T + rows.D @ rows.D.T + rows.G @ rows.G.T
     scales = np.ones(patch.max() + 1)
     for _ in range(3):
         inverse = cho_solve(cho_factor(rest + chart * scales[patch], lower=True), np.eye(len(rest)))
@@ -253,7 +250,7 @@ def _first_pass(rows: _Rows, scale: Floats) -> _Point:
     observation, (k, n, _) = rows.observation, rows.observation.signals.shape
     rows.terms["chart"] *= scale
     # Whitened by P = L Lᵀ: an explicit P⁻¹ loses twice the digits, and modes may raise P's condition above 1e12.
-    root = np.linalg.cholesky(rows.spread() + rows.A @ rows.A.T)
+    root = np.linalg.cholesky(_sum(rows.terms) + rows.A @ rows.A.T)
     A, b, modes = (solve_triangular(root, part, lower=True) for part in (rows.A, rows.b, np.hstack([rows.D, rows.G])))
     root = np.linalg.cholesky(np.eye(modes.shape[1]) + modes.T @ modes)
     factor = solve_triangular(root, np.eye(len(root)), lower=True)  # C = factorᵀ factor
