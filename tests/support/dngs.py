@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -88,34 +87,23 @@ class Dng:
         ends = np.cumsum([8, *map(len, strips)]).tolist()
         body += b"\0" * (-len(body) % 4)
         raw: Tags = {
-            254: (LONG, [0]),
-            256: (LONG, [width]),
-            257: (LONG, [height]),
-            258: (SHORT, [self.bits]),
-            259: (SHORT, [self.compression]),
-            262: (SHORT, [32803]),
-            273: (LONG, ends[:-1]),
-            277: (SHORT, [1]),
-            278: (LONG, [rows]),
-            279: (LONG, [len(strip) for strip in strips]),
-            284: (SHORT, [1]),
-            33421: (SHORT, [2, 2]),
-            33422: (BYTE, self.cfa),
-            50717: (LONG, [2**self.bits - 1]),
-        }
+            254: (LONG, [0]), 256: (LONG, [width]), 257: (LONG, [height]), 258: (SHORT, [self.bits]),
+            259: (SHORT, [self.compression]), 262: (SHORT, [32803]), 273: (LONG, ends[:-1]), 277: (SHORT, [1]),
+            278: (LONG, [rows]), 279: (LONG, [len(strip) for strip in strips]), 284: (SHORT, [1]),
+            33421: (SHORT, [2, 2]), 33422: (BYTE, self.cfa), 50717: (LONG, [2**self.bits - 1]),
+        }  # fmt: skip
         return self._assemble(body, raw | self.tags)
 
     def _assemble(self, body: bytes, raw: Tags) -> bytes:
         """Join header, data and directories; children before their parents, IFD0 last."""
         first: Tags = {
-            271: (ASCII, b"Maker\0"),
-            272: (ASCII, b"Model 1\0"),
-            50706: (BYTE, bytes((1, 4, 0, 0))),
+            271: (ASCII, b"Maker\0"), 272: (ASCII, b"Model 1\0"), 50706: (BYTE, bytes((1, 4, 0, 0))),
             50708: (ASCII, b"Maker Model 1\0"),
-        }
-        preview: Tags = {254: (LONG, [1]), 256: (LONG, [2]), 257: (LONG, [2]), 258: (SHORT, [8])}
-        preview |= {259: (SHORT, [1]), 262: (SHORT, [1]), 273: (LONG, [8]), 277: (SHORT, [1])}
-        preview |= {278: (LONG, [2]), 279: (LONG, [4])}
+        }  # fmt: skip
+        preview: Tags = {
+            254: (LONG, [1]), 256: (LONG, [2]), 257: (LONG, [2]), 258: (SHORT, [8]), 259: (SHORT, [1]),
+            262: (SHORT, [1]), 273: (LONG, [8]), 277: (SHORT, [1]), 278: (LONG, [2]), 279: (LONG, [4]),
+        }  # fmt: skip
 
         def add(tags: Tags) -> int:
             nonlocal body
@@ -137,8 +125,7 @@ class Dng:
         entries, values = b"", b""
         for tag, (kind, content) in present:
             code = _CODES[kind]
-            items: Iterable[Any] = content
-            flat = list(items)
+            flat: list[Any] = list(content)
             count = len(flat) // len(code)
             data = struct.pack(f"{self.order}{len(flat)}{code[0]}", *flat)
             if len(data) <= 4:

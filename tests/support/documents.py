@@ -92,13 +92,10 @@ def _document(lamps: tuple[str, ...]) -> Result:
         shots.append(
             MeasuredShot(
                 replace(read_lamp(lamp), source=f"CIE illuminant {lamp}, colour-science."),
-                photo(f"IMG_20261103_1204{j}.dng", f"{j}a" * 32),
-                photo(f"white_{j}.dng", f"{j}b" * 32),
-                photo("dark_0.dng", "0c" * 32) if j == 0 else None,
-                pose,
-                means,
+                photo(f"IMG_20261103_1204{j}.dng", f"{j}a" * 32), photo(f"white_{j}.dng", f"{j}b" * 32),
+                photo("dark_0.dng", "0c" * 32) if j == 0 else None, pose, means,
             )
-        )
+        )  # fmt: skip
     chart = replace(read_chart("classic24"), source="Mean of 30 charts measured by BabelColor, from colour-science.")
     seen = (WAVELENGTHS >= 400) & (WAVELENGTHS <= 700)
     used = tuple(tuple(i != 18 for i in range(24)) for _ in lamps)
@@ -109,59 +106,36 @@ def _document(lamps: tuple[str, ...]) -> Result:
         UncertaintySource("lamp", "2.0%, smooth over 60 nm", np.array([0.1, 0.15, 0.17])),
         UncertaintySource("unseen", "what no patch has seen", np.array([0.4, 0.4, 0.4])),
     )
+    choice = (("phones", 205.5, 0.02), ("cameras", 212.375, 0.9797), ("ryyb", 202.5, 0.0003))
     answer = Answer(
-        basis="cameras",
-        engine="onnx",
-        model="0d" * 32,
-        curves=Curves.of(found),
-        std=Curves.of(std),
-        channel_gain=np.array([0.8310, 1.0, 0.6408]),
-        code_covariance=lower_triangle(covariance()),
-        evidence=212.375,
-        choice=(
-            Hypothesis("phones", 205.5, 0.02),
-            Hypothesis("cameras", 212.375, 0.9797),
-            Hypothesis("ryyb", 202.5, 0.0003),
-        ),
-        gamma=np.full(3, 0.05),
-        l2=1.0,
-        proof=Proof(np.full(3, 3.1e-18), np.array([4.2e-18]), np.array([0])),
-        used=used,
-        level=np.ones((len(lamps), 24)),
-        predicted=np.stack(predictions),
-        unseen=np.stack(unseens),
+        basis="cameras", engine="onnx", model="0d" * 32, curves=Curves.of(found), std=Curves.of(std),
+        channel_gain=np.array([0.8310, 1.0, 0.6408]), code_covariance=lower_triangle(covariance()), evidence=212.375,
+        choice=tuple(Hypothesis(*each) for each in choice), gamma=np.full(3, 0.05), l2=1.0,
+        proof=Proof(np.full(3, 3.1e-18), np.array([4.2e-18]), np.array([0])), used=used,
+        level=np.ones((len(lamps), 24)), predicted=np.stack(predictions), unseen=np.stack(unseens),
         scores=Scores(
             rmsre_percent=100 * np.sqrt(np.mean(squares, axis=(0, 1))),
             unseen="leave one out: each patch predicted by a fit to the others",
-            rmse=np.sqrt(np.mean((found - truth)[seen] ** 2, axis=0)),
-            delta_e00=0.93,
+            rmse=np.sqrt(np.mean((found - truth)[seen] ** 2, axis=0)), delta_e00=0.93,
         ),
         uncertainty=Uncertainty(
-            half_width=0.036,
-            half_width_without_photo=None,
-            alone=(0.05, 0.06)[: len(lamps)] if len(lamps) > 1 else (),
-            budget=budget,
+            half_width=0.036, half_width_without_photo=None,
+            alone=(0.05, 0.06)[: len(lamps)] if len(lamps) > 1 else (), budget=budget,
         ),
-    )
+    )  # fmt: skip
     clipped = Reason(
-        "overexposed",
-        "IMG_20261103_12040.dng: 1.2 % of the green samples of the white patch are clipped.",
-        "Halve the exposure time and take the photo again.",
-        0.012,
-        0.01,
-    )
+        "overexposed", "IMG_20261103_12040.dng: 1.2 % of the green samples of the white patch are clipped.",
+        "Halve the exposure time and take the photo again.", 0.012, 0.01,
+    )  # fmt: skip
     return Result(
-        format=FORMAT,
-        version="0.1.0",
-        capture=Capture(tuple(shots), chart),
-        answer=answer,
+        format=FORMAT, version="0.1.0", capture=Capture(tuple(shots), chart), answer=answer,
         verdict=Verdict("doubtful", (clipped,), tuple(checks(len(lamps)))),
         assumptions=(
             Assumption("lens_shading", "The lens-shading map was not applied; the white frame does it."),
             Assumption("chart_tolerance", "The chart's table was taken to be right to 3 %."),
         ),
         truth=Truth("Nikon D850, measured", Curves.of(truth)),
-    )
+    )  # fmt: skip
 
 
 WHOLE = (
@@ -242,10 +216,8 @@ def unnamed() -> Result:
     light = EstimatedLamp(
         kinds={"daylight": 0.93, "white-led": 0.04, "fluorescent": 0.03, "bulb": 0.0},
         power=shot.lamp.values / shot.lamp.values.mean(),
-        std=0.6 * np.exp(-(((WAVELENGTHS - 400) / 60) ** 2)) + 0.05,
-        kelvin=5480.0,
-        kelvin_std=210.0,
-    )
+        std=0.6 * np.exp(-(((WAVELENGTHS - 400) / 60) ** 2)) + 0.05, kelvin=5480.0, kelvin_std=210.0,
+    )  # fmt: skip
     choice = tuple(
         replace(each, kinds=(kind,), probability=each.probability * share)
         for each in made.answer.choice
@@ -262,18 +234,12 @@ UNIT = Unit("NIKON CORPORATION", "NIKON D850", serial="6001234", lens="AF-S 50mm
 
 def passport(made: Result) -> Passport:
     return Passport(
-        id="0123456789abcdef" * 2,
-        issued=datetime(2026, 11, 22, 9, 30, tzinfo=UTC),
-        begins=datetime(2026, 11, 23, tzinfo=UTC),
-        ends=datetime(2027, 11, 23, tzinfo=UTC),
-        unit=UNIT,
-        captured="2026-11-03T12:04:00+01:00",
-        chart_serial="CC-77",
-        lamp_serials=("L-1",) * len(made.capture.photos),
-        software="0.1.0",
-        result_sha256="5e" * 32,
+        id="0123456789abcdef" * 2, issued=datetime(2026, 11, 22, 9, 30, tzinfo=UTC),
+        begins=datetime(2026, 11, 23, tzinfo=UTC), ends=datetime(2027, 11, 23, tzinfo=UTC), unit=UNIT,
+        captured="2026-11-03T12:04:00+01:00", chart_serial="CC-77",
+        lamp_serials=("L-1",) * len(made.capture.photos), software="0.1.0", result_sha256="5e" * 32,
         result=excerpt_of(made),
-    )
+    )  # fmt: skip
 
 
 def known(made: Result, *, verified: bool = True) -> Provenance:

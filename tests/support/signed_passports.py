@@ -5,11 +5,11 @@
 """
 
 import base64
-import copy
 import gzip
 import hashlib
 import json
-from dataclasses import asdict, replace
+from collections.abc import Callable, Iterator
+from dataclasses import asdict
 from datetime import UTC, datetime, timedelta
 from functools import cache
 from pathlib import Path
@@ -35,7 +35,7 @@ from camssf_fleet.passport.document import Passport, PassportRequest, create_pas
 from camssf_fleet.passport.excerpt import excerpt_of
 from camssf_fleet.passport.jws import ORDER
 from camssf_fleet.passport.keys import key_name
-from tests.support.documents import document
+from tests.support.documents import changed, document
 
 NOW = datetime(2026, 11, 22, 3, 0, tzinfo=UTC)
 LATER = NOW + timedelta(days=30)
@@ -74,13 +74,9 @@ def same(one: Passport, other: Passport) -> bool:
     return claimed(one) == claimed(other)
 
 
-def small_result() -> dict[str, Any]:
-    """The excerpt of a result, as short as its form allows, as plain data."""
-    return copy.deepcopy(_small_result())
-
-
 @cache
-def _small_result() -> dict[str, Any]:
+def small_result() -> dict[str, Any]:
+    """The excerpt of a result, as short as its form allows, as plain data that nobody changes."""
     names = ("format", "generator", "camera", "chart", "basis", "engine", "ssf", "channel_gain", "gap", "gamma", "l2",
              "shots", "scores", "verdict", "assumptions", "hashes")  # fmt: skip
     short = {name: value for name, value in forms.to_plain(excerpt_of(document())).items() if name in names}
@@ -164,19 +160,21 @@ def raw(text: bytes, number: int = 0) -> bytes:
     return text + b"." + numbers(*decode_dss_signature(fixed_key(number).sign(text, ec.ECDSA(SHA256()))))
 
 
+def told(ask: Callable[[], Any]) -> Any:
+    """What it gives, of a passport the claims but for the result; or the words of its refusal."""
+    try:
+        found = ask()
+    except PassportInvalid as error:
+        return error.message
+    if not isinstance(found, Passport):
+        return found
+    return {name: value for name, value in claimed(found).items() if name != "result"}
+
+
 def answer(data: bytes, trusted: dict[str, Any], at: datetime, revoked: tuple[str, ...]) -> dict[str, Any]:
-    """What `verify` and `read` say: the words of the refusal, or the claims but for the result."""
-    answers: dict[str, Any] = {}
-    asks = {
-        "verified": lambda: verify(data, trusted, now=at, revoked=revoked),
-        "read": lambda: read(data)[0],
-    }
-    for call, ask in asks.items():
-        try:
-            answers[call] = {name: value for name, value in claimed(ask()).items() if name != "result"}
-        except PassportInvalid as error:
-            answers[call] = error.message
-    return answers
+    """What `verify` and `read` say."""
+    verified = told(lambda: verify(data, trusted, now=at, revoked=revoked))
+    return {"verified": verified, "read": told(lambda: read(data)[0])}
 
 
 def numbers(r: int, s: int) -> bytes:
@@ -185,21 +183,15 @@ def numbers(r: int, s: int) -> bytes:
 
 def small_document() -> Result:
     """A whole result with letters that are easily written wrong."""
-    made = document()
-    (shot,) = made.capture.shots
-    shot = replace(shot, photo=replace(shot.photo, make="Maker", model="Model A"))
     red = np.array([1.0, 0.123455, 0.123445, 0.015625, -1e-7, 12e-6] + [0] * 675)
     flat = np.array([1.0] + [0.0] * 680)
-    curves = Curves(red, flat, flat)
-    return replace(
-        made,
-        capture=replace(made.capture, shots=(shot,), chart=replace(made.capture.chart, source=NOTE)),
-        answer=replace(made.answer, curves=curves, std=Curves(np.abs(red), flat, flat)),
+    made: Result = changed(
+        document(), capture__shots__0__photo__make="Maker", capture__shots__0__photo__model="Model A",
+        capture__chart__source='"a  b" \\ {\ud800} \u00e9 \u2028', answer__curves=Curves(red, flat, flat),
+        answer__std=Curves(np.abs(red), flat, flat),
         verdict=Verdict("doubtful", (Reason("glare", "m", "a", None, 1e-300),)),
-    )
-
-
-NOTE = '"a  b" \\ {\ud800} \u00e9 \u2028'
+    )  # fmt: skip
+    return made
 
 
 RESULTS: dict[str, Any] = {
@@ -228,26 +220,33 @@ CURVES: dict[str, Any] = {
 }  # fmt: skip
 
 
-@cache
-def other_results() -> dict[str, dict[str, Any]]:
+def altered(whole: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
+    """With other members: none where the change says "absent", the curves where it says "ssf"."""
+    return {
+        name: whole["ssf"] if value == "ssf" else value
+        for name, value in (whole | change).items()
+        if name not in change or value != "absent"
+    }
+
+
+def spoilt(whole: dict[str, Any], values: tuple[Any, ...], *names: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Each member, or those named, with each of the values in its place."""
+    for name in names or whole:
+        for value in values:
+            yield f"{name} {value!r}", altered(whole, {name: value})
+
+
+def other_results() -> Iterator[tuple[str, dict[str, Any]]]:
     """Results of which most are none."""
-    results = {}
-    for name, change in RESULTS.items():
-        results[f"result: {name}"] = _changed(small_result(), change)
-    for name, change in CURVES.items():
-        results[f"curve: {name}"] = small_result() | {"ssf": _changed(small_result()["ssf"], change)}
-    results["bands without a peak"] = small_result() | {"ssf_std": small_result()["ssf"] | {"red": [0.01] * 681}}
-    shot = small_result()["shots"][0]
-    for name, more in {"a pose": {"pose": {}}, "a patch": {"patches": [{}]}, "a light": {"light": {}}}.items():
-        results[f"shot: {name}"] = small_result() | {"shots": [shot | more]}
-    results["shot: no lamp"] = small_result() | {"shots": [_changed(shot, {"lamp": "absent"})]}
-    results["shot: lamp's power"] = small_result() | {"shots": [shot | {"lamp": shot["lamp"] | {"power": [1] * 681}}]}
-    return results
-
-
-def _changed(whole: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
-    both = {name: value for name, value in (whole | change).items() if not (name in change and value == "absent")}
-    return {name: both["ssf"] if value == "ssf" else value for name, value in both.items()}
+    small, shot = small_result(), small_result()["shots"][0]
+    yield from ((f"result: {name}", altered(small, change)) for name, change in RESULTS.items())
+    yield from ((f"curve: {name}", small | {"ssf": altered(small["ssf"], change)}) for name, change in CURVES.items())
+    yield "bands without a peak", small | {"ssf_std": small["ssf"] | {"red": [0.01] * 681}}
+    for name, change in {
+        "a pose": {"pose": {}}, "a patch": {"patches": [{}]}, "a light": {"light": {}}, "no lamp": {"lamp": "absent"},
+        "lamp's power": {"lamp": shot["lamp"] | {"power": [1] * 681}},
+    }.items():  # fmt: skip
+        yield f"shot: {name}", small | {"shots": [altered(shot, change)]}
 
 
 def gather(result: bytes) -> list[dict[str, Any]]:
@@ -273,9 +272,10 @@ def gather(result: bytes) -> list[dict[str, Any]]:
         add(f"at {at.isoformat()}", good, at=at)
     for name in (small().id, kid, "f" * 32):
         add(f"revoked {name}", good, revoked=(name,))
-    for name, other in other_results().items():
-        claim(name, claimed(small()) | {"result": other})
-    claim("a hash of zeros", claimed(small()) | {"result_sha256": "0" * 64})
+    plain = claimed(small())
+    for name, other in other_results():
+        claim(name, plain | {"result": other})
+    claim("a hash of zeros", plain | {"result_sha256": "0" * 64})
 
     form = json.loads(unb64(header))
     for change in HEADERS:
@@ -304,29 +304,18 @@ def gather(result: bytes) -> list[dict[str, Any]]:
         add(f"the letters {alphabet!r}", good.replace(b"A", alphabet[:1], 1))
     add("another signer", sign(small(), fixed_key(1)))
     add("another signer in this one's name", raw(front[:-1], 1))
-    other_payload = b64(compact(claimed(small()) | {"jti": "f" * 32}))
-    add("another payload", b".".join((header, other_payload, signature)))
+    add("another payload", b".".join((header, b64(compact(plain | {"jti": "f" * 32})), signature)))
 
-    for name in claimed(small()):
-        for value in ("absent", None, "", -1, 1.5, True, [], {}, "x" * 32, 10**12, float(2**60)):
-            claims = claimed(small()) | {name: value}
-            if value == "absent":
-                del claims[name]
-            claim(f"{name} is {value!r}", claims)
-    parts = {"unit": tuple(asdict(Unit())), "serials": ("chart", "lamps"), "software": ("version",)}
-    for name, inside in parts.items():
-        for member in inside:
-            for value in ("absent", None, 7, -7, "", [], ["", 1]):
-                claims = claimed(small())
-                claims[name][member] = value
-                if value == "absent":
-                    del claims[name][member]
-                claim(f"{name} {member} {value!r}", claims)
+    values = ("absent", None, "", -1, 1.5, True, [], {}, "x" * 32, 10**12, float(2**60))
+    for name, claims in spoilt(plain, values):
+        claim(name.replace(" ", " is ", 1), claims)
+    for name, members in {"unit": asdict(Unit()), "serials": ("chart", "lamps"), "software": ("version",)}.items():
+        for inside, part in spoilt(plain[name], ("absent", None, 7, -7, "", [], ["", 1]), *members):
+            claim(f"{name} {inside}", plain | {name: part})
+    claims = compact(plain)
     stamp = f'"iat":{int(NOW.timestamp())}'.encode()
     for word in (b"-0", b"0", b"1.0", b"1e3", b"253402300799", b"253402300800", b"9" * 30, b'"1"'):
-        claims = compact(claimed(small())).replace(stamp, b'"iat":' + word, 1)
-        claim(f"iat as {word!r}", claims)
-    claims = compact(claimed(small()))
+        claim(f"iat as {word!r}", claims.replace(stamp, b'"iat":' + word, 1))
     for name, content in PAYLOADS.items():
         claim(f"payload: {name}", content)
     for name, snippet in SNIPPETS.items():
@@ -341,15 +330,6 @@ LETTERS = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_"
 def compact(value: Any) -> bytes:
     """As JSON without blanks, so that hundreds of payloads stay a small file."""
     return json.dumps(value, separators=(",", ":")).encode()
-
-
-def rounded(value: Any) -> Any:
-    """With numbers of four digits, which nobody reads here: a file of a third of the size."""
-    if isinstance(value, dict):
-        return {name: rounded(member) for name, member in value.items()}
-    if isinstance(value, list | tuple):
-        return [rounded(member) for member in value]
-    return float(f"{value:.4g}") if isinstance(value, float) else value
 
 
 def lists() -> list[dict[str, Any]]:
@@ -369,10 +349,8 @@ def lists() -> list[dict[str, Any]]:
         "no object": raw(header + b"." + b64(b"[]")), "no base64": good + b"=", "ended": listed(names, days=29),
         "issued later": listed(names, now=LATER + timedelta(days=1)),
     }  # fmt: skip
-    for name in form:
-        for value in ("absent", None, "x", -1, 1.5, 10**12, [], ["x"], [1], {}):
-            spoilt = {k: v for k, v in (form | {name: value}).items() if k != name or value != "absent"}
-            made[f"{name} {value!r}"] = raw(header + b"." + b64(compact(spoilt)))
+    for name, other in spoilt(form, ("absent", None, "x", -1, 1.5, 10**12, [], ["x"], [1], {})):
+        made[name] = raw(header + b"." + b64(compact(other)))
     return [
         {"name": name, "data": data.decode("latin-1"), "told": read_list(data, trusted())}
         for name, data in made.items()
@@ -381,10 +359,8 @@ def lists() -> list[dict[str, Any]]:
 
 def read_list(data: bytes, trusted: dict[str, Any]) -> list[str] | str:
     """The names in a signed list, or the words of the refusal."""
-    try:
-        return sorted(revocations.read_revoked(data, trusted, LATER))
-    except PassportInvalid as error:
-        return error.message
+    names: list[str] | str = told(lambda: sorted(revocations.read_revoked(data, trusted, LATER)))
+    return names
 
 
 def stored() -> dict[str, Any]:
@@ -393,7 +369,9 @@ def stored() -> dict[str, Any]:
 
 
 def main() -> None:
-    result = forms.pretty(rounded(forms.to_plain(document()))).encode()
+    # numbers of four digits, which nobody reads here: a file of a third of the size
+    text = json.dumps(forms.to_plain(document()))
+    result = forms.pretty(json.loads(text, parse_float=lambda number: float(f"{float(number):.4g}"))).encode()
     cases = gather(result)
     keys = {
         who: {"pem": pem(i).decode(), "name": next(iter(trusted(i)))} for i, who in enumerate(("signer", "other"))
