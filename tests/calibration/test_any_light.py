@@ -115,15 +115,10 @@ def test_the_colour_temperature_is_that_of_colour_science() -> None:
 
 
 @pytest.mark.requirement("R-FIELD")
-@pytest.mark.parametrize(
-    ("lamp", "kind"),
-    [
-        ("D55", "daylight"),
-        ("FL2", "fluorescent"),
-        ("LED-B1", "white-led"),
-        pytest.param("A", "bulb", marks=pytest.mark.full),
-    ],
-)
+@pytest.mark.parametrize(("lamp", "kind"), [
+    ("D55", "daylight"), ("FL2", "fluorescent"), ("LED-B1", "white-led"),
+    pytest.param("A", "bulb", marks=pytest.mark.full),
+])  # fmt: skip
 def test_a_phone_in_any_light(lamp: str, kind: str) -> None:
     """Nothing named: curves within their bands, the light within its own, and no kelvin is invented.
 
@@ -174,9 +169,8 @@ def test_the_document_has_the_light() -> None:
     assert forms.to_plain(light) == document["answer"]["lights"][0]
     assert sum(light.kinds.values()) == pytest.approx(1.0)
     assert kinds_in_words(light.kinds).startswith("daylight 89 %")
-    assert light_in_words(result.capture.shots[0].lamp, light).endswith(
-        f"{light.kelvin:,.0f} ± {light.kelvin_std:,.0f} K"
-    )
+    kelvin = f"{light.kelvin:,.0f} ± {light.kelvin_std:,.0f} K"
+    assert light_in_words(result.capture.shots[0].lamp, light).endswith(kelvin)
     cost = cost_of(result.answer)
     assert cost is not None
     assert all(0.0 < share < 1.0 for share in cost)
@@ -184,11 +178,6 @@ def test_the_document_has_the_light() -> None:
     (said,) = [assumption.message for assumption in result.assumptions if assumption.code == "lamp"]
     assert said.startswith("the light was not named and was estimated from the signals")
     assert "daylight 89%" in said
-
-
-def page_of(result: Result) -> str:
-    shots = shots_of(result)
-    return page(result, shots, [None] * len(shots))
 
 
 def test_a_light_that_was_called_by_a_name_is_said_so_in_result_terminal_and_report(
@@ -202,7 +191,7 @@ def test_a_light_that_was_called_by_a_name_is_said_so_in_result_terminal_and_rep
     assert re.fullmatch(f"the light was {words}.", said)
     summarise(result, None)
     assert re.search(f"^light: {words}$", " ".join(capsys.readouterr().err.split(" ")), re.M)
-    assert re.search(f">The light by the signals.*C{words[1:]}", page_of(result))
+    assert re.search(f">The light by the signals.*C{words[1:]}", page(result, shots_of(result), [None]))
 
 
 def test_patches_travel_without_a_lamp() -> None:

@@ -34,18 +34,13 @@ def camera() -> CameraCurves:
 
 @pytest.fixture(scope="module")
 def two_lamps(tmp_path_factory: pytest.TempPathFactory, camera: CameraCurves) -> Simulation:
-    return simulate(
-        camera,
-        ["D55", "A"],
-        tmp_path_factory.mktemp("two"),
-        scene=Scene(size=SIZE, vignetting=0.5, rotation=8, tilt=10),
-    )
+    scene = Scene(size=SIZE, vignetting=0.5, rotation=8, tilt=10)
+    return simulate(camera, ["D55", "A"], tmp_path_factory.mktemp("two"), scene=scene)
 
 
 @pytest.fixture(scope="module")
 def capture(two_lamps: Simulation) -> Capture:
-    shot = two_lamps.shots[0]
-    return measure(shot.shot)
+    return measure(two_lamps.shots[0].shot)
 
 
 # The toy's bells are unlike any real filter, so the learned basis has no easy game; real cameras are scored in
@@ -125,9 +120,8 @@ def test_unseen_predictions_come_from_fits_without_the_patch(capture: Capture, s
     mean = shot.means.chart.mean.copy()
     mean[9] *= 1.05
     means = replace(shot.means, chart=replace(shot.means.chart, mean=mean))
-    after, before = (
-        each.answer.unseen for each in (solve(replace(capture, shots=(replace(shot, means=means),))), solved)
-    )
+    after = solve(replace(capture, shots=(replace(shot, means=means),))).answer.unseen
+    before = solved.answer.unseen
     assert after[0, 9] == pytest.approx(before[0, 9], rel=1e-12)
     assert np.abs(after[0, 10] - before[0, 10]).max() > 1e-6
 
@@ -137,10 +131,9 @@ def test_fallbacks_are_named(two_lamps: Simulation, camera: CameraCurves) -> Non
     codes = {assumption.code for assumption in result.assumptions}
     assert {"white_from_patch", "dark_from_black_level", "chart_table", "lamp"} <= codes
     assert not result.signals.used[0, 18]
-    assert result.ssf.values.T @ (
-        result.capture.chart.values[18] * read_lamp(result.capture.shots[0].lamp.name).values
-    ) * 0.5 == (pytest.approx(np.ones(3)))
-    assert {"uneven_light"} <= codes  # 50 % vignetting, no white frame: solved for
+    seen = result.ssf.values.T @ (result.capture.chart.values[18] * read_lamp("D55").values)
+    assert seen * 0.5 == pytest.approx(np.ones(3))
+    assert "uneven_light" in codes  # 50 % vignetting, no white frame: solved for
     assert 0.6 < result.answer.level.min() < 0.9
     assert "uneven_light" not in {reason.code for reason in result.verdict.reasons}
 
@@ -164,39 +157,21 @@ def test_refusals_keep_their_evidence(tmp_path: Path, two_lamps: Simulation) -> 
     assert list(dark.capture.hashes) == ["shot 1, lamp: dark.csv"]
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"shots": 5, "lamp": None}, "5 is no shot"),
-        ({"shots": ["a.dng"], "lamp": None}, "'a.dng' is no Shot"),
-        ({"shots": Shot("a.dng")}, "in addition to shots"),
-        ({"shots": Shot("a.dng", white=3), "lamp": None}, "3 is no path"),  # type: ignore[arg-type]
-        ({"shots": [], "lamp": None}, "no photo"),
-        ({"shots": [Shot("a.dng")] * 65, "lamp": None}, "65 photos are too many"),
-        ({"lamp": 5}, "lamp"),
-        ({"lamp": ["D55", "A"]}, "lamp"),
-        ({"lamp": "nonsense"}, "nonsense"),
-        ({"chart": "nonsense"}, "nonsense"),
-    ],
-)
-def test_bad_arguments_are_named(two_lamps: Simulation, change: dict[str, object], words: str) -> None:
-    arguments: dict[str, object] = {"shots": two_lamps.shots[0].chart, "lamp": "D55"}
+@pytest.mark.parametrize(("change", "options", "words"), [
+    ({"shots": 5, "lamp": None}, {}, "5 is no shot"), ({"shots": ["a.dng"], "lamp": None}, {}, "'a.dng' is no Shot"),
+    ({"shots": Shot("a.dng")}, {}, "in addition to shots"), ({"shots": [], "lamp": None}, {}, "no photo"),
+    ({"shots": Shot("a.dng", white=3), "lamp": None}, {}, "3 is no path"),  # type: ignore[arg-type]
+    ({"shots": [Shot("a.dng")] * 65, "lamp": None}, {}, "65 photos are too many"),
+    ({"lamp": 5}, {}, "lamp"), ({"lamp": ["D55", "A"]}, {}, "lamp"), ({"lamp": "nonsense"}, {}, "nonsense"),
+    ({"chart": "nonsense"}, {}, "nonsense"), ({}, {"fit": 5}, "no list"), ({}, {"basis": None}, "None"),
+    ({}, {"gamma": "x"}, "gamma"), ({}, {"white_reflectance": "a"}, "0.95"),
+], ids=str)  # fmt: skip
+def test_bad_arguments_are_named(
+    two_lamps: Simulation, change: dict[str, Any], options: dict[str, Any], words: str
+) -> None:
+    arguments = {"shots": two_lamps.shots[0].chart, "lamp": "D55"} | change
     with pytest.raises(InvalidArgument, match=words):
-        calibrate(**(arguments | change))  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"fit": 5}, "no list"),
-        ({"basis": None}, "None"),
-        ({"gamma": "x"}, "gamma"),
-        ({"white_reflectance": "a"}, "0.95"),
-    ],
-)
-def test_bad_options_are_named(two_lamps: Simulation, options: dict[str, Any], words: str) -> None:
-    with pytest.raises(InvalidArgument, match=words):
-        calibrate(two_lamps.shots[0].chart, "D55", options=Options(**options))
+        calibrate(**arguments, options=Options(**options))
 
 
 @pytest.mark.repository

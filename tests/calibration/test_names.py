@@ -41,10 +41,8 @@ def test_a_name_goes_before_a_file(
     known = read(name)
     Path(name).write_text("no table")
     again = read(name)
-    assert (getattr(again, "name", None), getattr(again, "source", None)) == (
-        getattr(known, "name", None),
-        getattr(known, "source", None),
-    )
+    for part in ("name", "source"):
+        assert getattr(again, part, None) == getattr(known, part, None)
     for path in (f"./{name}", Path(name), Path("./") / name, str(tmp_path / name)):
         with pytest.raises(InvalidArgument):
             read(path)
@@ -75,13 +73,10 @@ def test_an_empty_path_is_refused_by_every_command() -> None:
 
 
 READERS = {
-    "photo.dng": (read_raw, read_unit),
-    "picture.png": (read_raw,),
+    "photo.dng": (read_raw, read_unit), "picture.png": (read_raw,), "result.json": (Result.load,),
     "table.csv": (read_lamp, read_chart, read_camera, lambda path: read_columns(path, ("wavelength_nm", "response"))),
-    "result.json": (Result.load,),
-    "manifest.csv": (lambda path: list(Manifest(path)),),
-    "key.pem": (read_private,),
-}
+    "manifest.csv": (lambda path: list(Manifest(path)),), "key.pem": (read_private,),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("name", "read"), [(name, read) for name, readers in READERS.items() for read in readers])

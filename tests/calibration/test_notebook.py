@@ -21,20 +21,13 @@ from camssf.report.build import report
 from camssf.report.shots import shots_of
 from camssf.result import Result
 from camssf.spectra import Lamp, read_camera, read_chart, read_lamp, read_light
-from camssf_lab.simulation.frames import Simulation
-from tests.support.captures import photos
+from tests.support.captures import shot
 from tests.support.documents import changed, document, refused
 
 
 @pytest.fixture(scope="module")
-def shot() -> Simulation:
-    return photos()
-
-
-@pytest.fixture(scope="module")
-def result(shot: Simulation) -> Result:
-    only = shot.shots[0]
-    return calibrate(only.shot, options=Options(basis="cameras"))
+def result() -> Result:
+    return calibrate(shot(), options=Options(basis="cameras"))
 
 
 @pytest.fixture
@@ -55,9 +48,8 @@ def test_a_result_is_one_line(result: Result) -> None:
         assert word in said, said
 
 
-def test_a_refusal_says_why(shot: Simulation) -> None:
-    only = shot.shots[0]
-    found = attempt(only.white, "D55")  # type: ignore[arg-type]
+def test_a_refusal_says_why() -> None:
+    found = attempt(shot().white, "D55")
     assert found.error is not None
     assert "refused (chart_not_found)" in repr(found)
     assert escape(found.error.advice) in found._repr_html_()
@@ -79,11 +71,10 @@ def test_the_html_is_balanced_and_holds_verdict_curves_and_scores(result: Result
 
 def test_hostile_names_stay_text() -> None:
     found = changed(
-        document("D55"),
-        capture__shots__0__photo__make="<b>&",
+        document("D55"), capture__shots__0__photo__make="<b>&",
         capture__shots__0__photo__model="x\n\x1b[31m" + "y" * 500,
         capture__shots__0__lamp__name="</p><script>alert(1)</script>",
-    )
+    )  # fmt: skip
     assert "<script" not in found._repr_html_()
     assert "\x1b" not in repr(found)
     assert "\n" not in repr(found)
@@ -108,8 +99,7 @@ def test_curves_at_wavelengths_are_linear_between_the_grid_s(result: Result) -> 
 
 def test_draws_have_the_result_s_mean_bands_and_covariance(result: Result) -> None:
     covariance, std = result.covariance, result.std
-    assert covariance is not None
-    assert std is not None
+    assert covariance is not None is not std
     variance = np.einsum("mcmc->mc", covariance)
     np.testing.assert_allclose(variance, std**2, atol=1e-5 * float((std**2).max()))
     draws = result.sample(2000, 7)
@@ -308,15 +298,13 @@ def test_a_chart_may_be_objects_or_arrays() -> None:
         read_chart((many.wavelengths, np.asarray(many.values).T[::-1]))
 
 
-def test_calibrate_takes_objects_and_arrays(shot: Simulation, result: Result) -> None:
+def test_calibrate_takes_objects_and_arrays(result: Result) -> None:
     """A pair of arrays is one lamp, not two."""
-    only, lamp, chart = shot.shots[0], read_lamp("D55"), read_chart("classic24")
-    found = calibrate(
-        replace(only.shot, lamp=(WAVELENGTHS, lamp.values)),
-        chart=(WAVELENGTHS, chart.values),
-        truth=(WAVELENGTHS, read_camera("Nikon 5100 (NPL)").values),
-        options=Options(basis="cameras"),
+    lamp, chart, truth = (
+        (WAVELENGTHS, each.values)
+        for each in (read_lamp("D55"), read_chart("classic24"), read_camera("Nikon 5100 (NPL)"))
     )
+    found = calibrate(replace(shot(), lamp=lamp), chart=chart, truth=truth, options=Options(basis="cameras"))
     assert np.abs(found.curves - result.curves).max() < 0.05
     assert found.capture is not None
     stated = found.capture.shots[0].lamp
@@ -324,4 +312,4 @@ def test_calibrate_takes_objects_and_arrays(shot: Simulation, result: Result) ->
     assert (stated.name, stated.tolerance, stated.source) == ("lamp (given)", 0.01, "given as arrays")
     assert found.scores.rmse is not None
     with pytest.raises(InvalidArgument, match="is no lamp"):
-        calibrate(only.chart, ["D55", (WAVELENGTHS, lamp.values)])  # type: ignore[arg-type]
+        calibrate(shot().photo, ["D55", lamp])  # type: ignore[arg-type]

@@ -6,7 +6,6 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
-from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -30,12 +29,13 @@ HEAVY = (
     "cryptography", "joserfc", "bcrypt", "duckdb", "upath", "fsspec", "dask", "distributed",
     "jinja2", "pandas", "xarray",
 )  # fmt: skip
-MODULES = sorted(
-    path.relative_to(REFERENCE).with_suffix("").as_posix().replace("/", ".").removesuffix(".__init__")
-    for package in PACKAGES
-    for path in (REFERENCE / package).rglob("*.py")
-)
-STAGES = [name for name in MODULES if "cli" not in name.split(".") and not name.endswith("__main__")]
+FILES = sorted(path.relative_to(REFERENCE) for each in PACKAGES for path in (REFERENCE / each).rglob("*.py"))
+NO_STAGES = ("cli", "cli.py", "__main__.py")
+STAGES = [
+    ".".join(file.with_suffix("").parts).removesuffix(".__init__")
+    for file in FILES
+    if not {*NO_STAGES} & set(file.parts)
+]
 
 
 FRESH = """
@@ -76,9 +76,8 @@ print(json.dumps(found), file=sys.stderr)
 @pytest.mark.requirement("R-ROOMS")
 def test_what_a_new_interpreter_loads() -> None:
     """One interpreter: the package, `calibrate`, a help, lamps and charts by name, public names, every stage."""
-    done = subprocess.run(
-        [sys.executable, "-c", FRESH, json.dumps([HEAVY, STAGES])], capture_output=True, text=True, timeout=120
-    )
+    words = [sys.executable, "-c", FRESH, json.dumps([HEAVY, STAGES])]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stderr) == {
         "import camssf": [], "import calibrate": [], "help": [], "lamps and charts by name": [], "all stages": [],
@@ -109,13 +108,6 @@ def test_each_error_has_one_code_and_one_exit_status() -> None:
     assert all(kind.__name__ in str(errors.__doc__) and code in str(errors.__doc__) for code, kind in BY_CODE.items())
 
 
-@cache
-def tree(module: str) -> ast.Module:
-    path = REFERENCE / module.replace(".", "/")
-    path = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
-    return ast.parse(path.read_text("utf-8"))
-
-
 def public_functions(body: list[ast.stmt], inside: str = "") -> Iterator[tuple[str, int]]:
     """Name and number of parameters, self left out, of functions and of the methods of public classes."""
     for node in body:
@@ -127,26 +119,13 @@ def public_functions(body: list[ast.stmt], inside: str = "") -> Iterator[tuple[s
 
 
 @pytest.mark.repository
-def test_few_parameters() -> None:
+def test_one_file_one_product_and_few_parameters() -> None:
     """What must be said together is a product of its own, as `Options`; a command's parameters are its options."""
-    found = {
-        f"{module}.{name}"
-        for module in MODULES
-        if "cli" not in module.split(".")
-        for name, count in public_functions(tree(module).body)
-        if count > MOST_PARAMETERS
-    }
-    assert not found
-
-
-@pytest.mark.repository
-def test_one_file_one_product() -> None:
-    lines = {
-        module: len((REFERENCE / f"{module.replace('.', '/')}.py").read_text("utf-8").splitlines())
-        for module in MODULES
-        if not (REFERENCE / module.replace(".", "/")).is_dir()
-    }
-    assert {module for module, count in lines.items() if count > MOST_LINES} == set()
+    for file in FILES:
+        text = (REFERENCE / file).read_text("utf-8")
+        assert file.name == "__init__.py" or len(text.splitlines()) <= MOST_LINES, file
+        functions = [] if "cli" in file.with_suffix("").parts else public_functions(ast.parse(text).body)
+        assert not [name for name, count in functions if count > MOST_PARAMETERS], file
 
 
 Reports = list[tuple[str, float]]
@@ -159,9 +138,7 @@ def photo() -> Path:
 
 def check(reports: Reports) -> None:
     parts = [part for _, part in reports]
-    assert parts[0] == 0.0, reports
-    assert parts[-1] == 1.0, reports
-    assert parts == sorted(parts), reports
+    assert (parts[0], parts[-1], parts) == (0.0, 1.0, sorted(parts)), reports
     assert len(reports) > 2
     assert max(late - early for early, late in pairwise(parts)) <= 0.65, reports
 
@@ -289,7 +266,6 @@ def test_without_the_dropped_libraries_it_calibrates_and_says_what_is_missing(tm
         shutil.copy(str(path), tmp_path)
     cxf = '<?xml version="1.0"?><CxF xmlns="http://colorexchangeformat.com/CxF3-core"/>'
     (tmp_path / "chart.cxf").write_text(cxf)
-    done = subprocess.run(
-        [sys.executable, "-c", HIDE + PLAIN_RUN], cwd=tmp_path, capture_output=True, text=True, timeout=300
-    )
+    words = [sys.executable, "-c", HIDE + PLAIN_RUN]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr

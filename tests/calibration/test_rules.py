@@ -27,23 +27,22 @@ def test_the_stages_read_the_file() -> None:
     assert rules().number("covariance.absolute") == 1 / 3
 
 
+def limit(document: Json, name: str = "goodness_of_fit") -> Json:
+    found: Json = document["numbers"]["verdict"][name]
+    return found
+
+
 BREAKS: dict[str, tuple[Callable[[Json], object], str]] = {
     "another format": (lambda d: d.update(format="camssf-rules/2"), "camssf-rules/2"),
     "unknown key": (lambda d: d.update(kinds=[]), "kinds"),
     "missing key": (lambda d: d.pop("rivals"), "rivals"),
-    "no value": (lambda d: d["numbers"]["verdict"]["goodness_of_fit"].pop("value"), "verdict.goodness_of_fit.*value"),
-    "a text for a number": (
-        lambda d: d["numbers"]["verdict"]["goodness_of_fit"].update(value="3.5"),
-        "verdict.goodness_of_fit",
-    ),
-    "no reason why": (lambda d: d["numbers"]["verdict"]["goodness_of_fit"].update(why=""), "empty text"),
-    "makes a fuss": (lambda d: d["numbers"]["verdict"]["goodness_of_fit"].update(makes="fuss"), "fuss"),
-    "one side": (lambda d: d["numbers"]["verdict"]["goodness_of_fit"].pop("beyond"), "makes and beyond"),
-    "refuses by nothing": (lambda d: d["numbers"]["verdict"]["veil"].update(refuses="mist"), "verdict.veil.*mist"),
-    "refuses from above": (
-        lambda d: d["numbers"]["verdict"]["unnamed"].update(refuses="veil_refuses"),
-        "unnamed.*veil_refuses",
-    ),
+    "no value": (lambda d: limit(d).pop("value"), "verdict.goodness_of_fit.*value"),
+    "a text for a number": (lambda d: limit(d).update(value="3.5"), "verdict.goodness_of_fit"),
+    "no reason why": (lambda d: limit(d).update(why=""), "empty text"),
+    "makes a fuss": (lambda d: limit(d).update(makes="fuss"), "fuss"),
+    "one side": (lambda d: limit(d).pop("beyond"), "makes and beyond"),
+    "refuses by nothing": (lambda d: limit(d, "veil").update(refuses="mist"), "verdict.veil.*mist"),
+    "refuses from above": (lambda d: limit(d, "unnamed").update(refuses="veil_refuses"), "unnamed.*veil_refuses"),
     "a rival twice": (lambda d: d["rivals"].append("FL2"), "rivals"),
     "unknown message": (lambda d: d["reasons"]["veil"].update(message="glare.mist"), "glare.mist"),
     "unknown limit": (lambda d: d["reasons"]["veil"].update(limits=["fears"]), "limits"),

@@ -22,17 +22,13 @@ WIDE = Unit("Maker", "Phone", "0", "S1", "12ab", "Phone wide 6.8 mm", 6.81, 1.85
 AREA = (0, 0, 3000, 4000)
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"camera_id": "2"}, "camera '2' against '0'"),
-        ({"serial": "S2"}, "another serial number"),
-        ({"serial": "", "serial_check": "12ac"}, "another serial number"),
-        ({"lens": "Phone tele"}, "lens 'Phone tele' against 'Phone wide 6.8 mm'"),
-        ({"focal_length": 19.0}, "focal length 19 mm against 6.81 mm"),
-        ({"aperture": 2.8}, "aperture f/2.8 against f/1.85"),
-    ],
-)
+@pytest.mark.parametrize(("change", "words"), [
+    ({"camera_id": "2"}, "camera '2' against '0'"), ({"serial": "S2"}, "another serial number"),
+    ({"serial": "", "serial_check": "12ac"}, "another serial number"),
+    ({"lens": "Phone tele"}, "lens 'Phone tele' against 'Phone wide 6.8 mm'"),
+    ({"focal_length": 19.0}, "focal length 19 mm against 6.81 mm"),
+    ({"aperture": 2.8}, "aperture f/2.8 against f/1.85"),
+])  # fmt: skip
 def test_what_differs_is_named(change: dict[str, Any], words: str) -> None:
     with pytest.raises(UnitDiffers, match=words) as refusal:
         check_unit("a.dng", (WIDE, AREA), "b.dng", (replace(WIDE, **change), AREA))
@@ -53,9 +49,8 @@ def test_the_active_area_and_what_files_round() -> None:
 
 @pytest.fixture(scope="module")
 def measured(tmp_path_factory: pytest.TempPathFactory) -> tuple[Capture, list[Path]]:
-    made = simulate(
-        "Nikon 5100 (NPL)", ["D55", "A"], tmp_path_factory.mktemp("unit"), scene=Scene(size=(600, 450))
-    )  # fmt: skip
+    place, scene = tmp_path_factory.mktemp("unit"), Scene(size=(600, 450))
+    made = simulate("Nikon 5100 (NPL)", ["D55", "A"], place, scene=scene)
     shots = [Shot(shot.chart, shot.lamp, corners=made.pose.corners) for shot in made.shots]
     return measure(shots), [shot.chart for shot in made.shots]
 
@@ -71,9 +66,8 @@ def test_shots_and_frames_are_held_to_it(measured: tuple[Capture, list[Path]]) -
     photo = read_dng(photos[0])
     assert photo.active_area == (0, 0, *photo.samples.shape)
     tele = replace(photo, path="w.dng", unit=Unit(lens="tele"))
-    with pytest.raises(
-        UnitDiffers, match=r"The white frame w\.dng was taken by another camera or lens than the chart"
-    ):
+    words = r"The white frame w\.dng was taken by another camera or lens than the chart"
+    with pytest.raises(UnitDiffers, match=words):
         measure_patches(replace(photo, unit=Unit(lens="wide")), one.pose, white=tele)
 
 
