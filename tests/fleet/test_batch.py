@@ -47,22 +47,6 @@ def pages(tmp_path: Path) -> Desk:
     return Desk(tmp_path, "name,photo,lamp,white,dark,chart")
 
 
-def statuses(outcomes: tuple[Outcome, ...]) -> dict[str, str]:
-    return {outcome.name: outcome.status for outcome in outcomes}
-
-
-def test_it_goes_on_after_bad_rows(pages: Desk) -> None:
-    rows = ["good,a,D55", "bug,b,D55", "lost,missing,D55", "refused,d,D55", "fault,,D55", "last,a,A"]
-    pages.write([f"{row},,," for row in rows], {"a": "fine", "b": "bug", "d": "refused"})
-    outcomes = pages.run_pages()
-    expected = {"good": "doubtful", "bug": "failed", "lost": "failed", "refused": "refused", "fault": "refused"}
-    assert statuses(outcomes) == expected | {"last": "doubtful"}
-    assert "RuntimeError: two lines" in outcomes[1].reason
-    table = list(csv.DictReader((pages.out / "summary.csv").read_text("utf-8").splitlines()))
-    assert [row["name"] for row in table] == [outcome.name for outcome in outcomes]
-    assert (table[3]["code"], table[4]["code"]) == ("chart_not_found", "invalid_argument")
-
-
 def test_it_resumes(pages: Desk) -> None:
     photos = {"a": "1", "b": "2", "w": "w", "c": "refused"}
     pages.write(["one,a,D55,,,", "two,b,D55,w,,", "bad,c,D55,,,"], photos)
@@ -71,6 +55,9 @@ def test_it_resumes(pages: Desk) -> None:
         return [outcome.resumed for outcome in pages.run_pages(options=options)]
 
     assert again() == [False, False, False]
+    table = list(csv.DictReader((pages.out / "summary.csv").read_text("utf-8").splitlines()))
+    codes = [("one", "overexposed"), ("two", "overexposed"), ("bad", "chart_not_found")]
+    assert [(row["name"], row["code"]) for row in table] == codes
     left = pages.out / "one" / f"{ASIDE}00000000" / NEW  # by a run that was killed
     left.mkdir(parents=True)
     (left / "report.html").write_text("half")
@@ -113,7 +100,7 @@ def test_a_refused_capture_replaces_no_result_of_its_name(tmp_path: Path, monkey
 def test_what_came_between_is_not_forgotten(pages: Desk, meanwhile: str, processes: bool) -> None:
     """Good, then something else in the same folder, then good again: the first result is not there any more."""
     pages.write(ONE, {"a": "fine", "b": meanwhile})
-    assert statuses(pages.run_pages()) == {"one": "doubtful"}
+    assert [outcome.status for outcome in pages.run_pages()] == ["doubtful"]
     (pages.home / "other.csv").write_text(pages.manifest.read_text().replace("one,a", "one,b"))
     (between,) = pages.run_pages(manifest="other.csv", processes=processes)
     assert not between.ok
@@ -222,6 +209,8 @@ def test_it_goes_on_and_resumes_without_reading(desk: Desk) -> None:
     expected = {"good": "doubtful", "bug": "failed", "wrong": "refused", "refused": "refused", "lost": "failed"}
     assert desk.tasks() == expected | {"again": "doubtful", "fault": "refused"}
     assert (first.total, first.resumed, first.duplicates, first.failed) == (7, 0, 1, 5)
+    (bug,) = Registry(desk.home / "phones").query("SELECT reason FROM jobs WHERE name = 'bug'")
+    assert "RuntimeError: two lines" in bug["reason"]
     assert [each["name"] for each in desk.rows()] == ["again", "refused"]  # what was said last
     (good, _) = desk.rows("name, serial, extra, place, made_from, key")
     assert (good["serial"], json.loads(good["extra"])) == ("S1", {"site": "lab"})
@@ -403,13 +392,3 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeyp
     assert cli.main(words) == cli.BATCH_FAILED
     assert json.loads(capsys.readouterr().out)["resumed"] == 3
     assert cli.main(["batch", "m.csv", "-o", "archive", "--correct"]) == InvalidArgument.exit_status
-
-
-def test_a_picture_s_sidecar_is_part_of_it(desk: Desk) -> None:
-    desk.write(["cam,a.png,D55,,,,,"], {"a.png": "Phone", "a.png.json": '{"black": 1}'})
-    assert [desk.run().resumed for _ in range(2)] == [0, 1]
-    (desk.home / "a.png.json").write_text('{"black": 2}')
-    assert desk.run().resumed == 0
-    (desk.home / "a.png.json").unlink()
-    assert desk.run().resumed == 0
-    assert desk.visits() == {"cam": 3}

@@ -132,9 +132,9 @@ def test_parquet_reads_as_its_csv_with_further_columns(tmp_path: Path) -> None:
 
 
 def test_a_task_is_known_by_what_it_would_be_made_from(tmp_path: Path) -> None:
-    for name in ("a", "lamp.csv"):
+    for name in ("a", "lamp.csv", "a.png"):
         (tmp_path / name).write_text("1")
-    head, row = "name,photo,lamp,chart", "cam,a,lamp.csv,nano24:lamp.csv"
+    head, row, picture = "name,photo,lamp,chart", "cam,a,lamp.csv,nano24:lamp.csv", "name,photo,lamp\ncam,a.png,A\n"
 
     def task(text: str = f"{head}\n{row}\n", **options: str) -> str:
         (job,) = written(tmp_path, text, **options)
@@ -145,7 +145,10 @@ def test_a_task_is_known_by_what_it_would_be_made_from(tmp_path: Path) -> None:
     (tmp_path / "a").write_text("12")
     tasks.append(task())
     os.utime(tmp_path / "lamp.csv", (1, 1))
-    tasks += [task(), task(f"{head}\ncam,a,lamp.csv,\n"), task(f"{head},serial\n{row},9\n")]
+    tasks += [task(), task(f"{head}\ncam,a,lamp.csv,\n"), task(f"{head},serial\n{row},9\n"), task(picture)]
+    for sidecar in ("1", "12"):
+        (tmp_path / "a.png.json").write_text(sidecar)
+        tasks.append(task(picture))
     assert len(set(tasks)) == len(tasks)
 
 
@@ -211,21 +214,16 @@ def test_a_picture_needs_its_sidecar_and_folders_are_left_alone(tmp_path: Path) 
     assert [row[1] for row in rows] == ["S1_D55.png"]
 
 
-@pytest.mark.parametrize(
-    ("names", "words"),
-    [
-        (["S1_D55.dng", "S2.dng"], "S2.dng does not name a lamp, as UNIT_LAMP.dng does"),
-        (["S1_D55.dng", "_D55.dng"], "_D55.dng does not name a lamp"),
-        (["S1_D55.dng", "white.dng"], "white.dng does not name a lamp"),
-        (["S1_D55.dng", "S1_flash.dng"], "S1_flash.dng does not name a lamp"),
-        (["S1_D55.dng", "S1_A_white.dng"], "a white frame, but S1 has no photo under A"),
-        (["S1_D55.dng", "S1_D55_dark.dng", "S1_D55_2_dark.dng"], "a second dark frame of S1 under D55"),
-        (["S1_D55.txt"], "has no photo of a chart"),
-    ],
-)
-def test_a_photo_without_a_place_is_named_and_nothing_is_written(
-    names: list[str], words: str, tmp_path: Path
-) -> None:
+@pytest.mark.parametrize(("names", "words"), [
+    (["S1_D55.dng", "S2.dng"], "S2.dng does not name a lamp, as UNIT_LAMP.dng does"),
+    (["S1_D55.dng", "_D55.dng"], "_D55.dng does not name a lamp"),
+    (["S1_D55.dng", "white.dng"], "white.dng does not name a lamp"),
+    (["S1_D55.dng", "S1_flash.dng"], "S1_flash.dng does not name a lamp"),
+    (["S1_D55.dng", "S1_A_white.dng"], "a white frame, but S1 has no photo under A"),
+    (["S1_D55.dng", "S1_D55_dark.dng", "S1_D55_2_dark.dng"], "a second dark frame of S1 under D55"),
+    (["S1_D55.txt"], "has no photo of a chart"),
+])  # fmt: skip
+def test_a_photo_without_a_place_is_named_and_nothing_written(names: list[str], words: str, tmp_path: Path) -> None:
     with pytest.raises(InvalidArgument, match=words):
         make_manifest(shoot(tmp_path, *names))
     assert not (tmp_path / "manifest.csv").exists()

@@ -29,10 +29,6 @@ FORMS = {
 WRONG = InvalidArgument.exit_status
 
 
-def run(*words: object) -> int:
-    return cli.main(["registry", *map(str, words)])
-
-
 class Said:
     """What the commands of a test say."""
 
@@ -42,7 +38,7 @@ class Said:
     def __call__(self, *words: object, status: int = 0) -> tuple[str, str]:
         """Output and message of a command."""
         self.capsys.readouterr()
-        assert run(*words) == status, self.capsys.readouterr().err
+        assert cli.main(["registry", *map(str, words)]) == status, self.capsys.readouterr().err
         out, err = self.capsys.readouterr()
         return out, " ".join(err.split())
 
@@ -150,9 +146,8 @@ def test_upkeep(one: Registry, said: Said) -> None:
 def test_compare(one: Registry, said: Said) -> None:
     """The status tells an alarm; a unit is named by its number, a model's spread counts what it leaves out."""
     others = [replace(row, key=f"b{row.key[1:]}", serial="B2") for row in history(13, 0)]
-    one.add(
-        [*history(13, 6), *others, far_off(serial="r"), far_off(key="a" * 64, status="refused", red=(), serial="")]
-    )
+    left_out = (far_off(serial="r"), far_off(key="a" * 64, status="refused", red=(), serial=""))
+    one.add([*history(13, 6), *others, *left_out])
     drift = ("compare", one.folder, "--serial", "A1")
     assert said.document(*drift, status=cli.PARTED)["alarm"] is True
     assert "red centre" in said(*drift, status=cli.PARTED)[1]

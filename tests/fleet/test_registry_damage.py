@@ -1,7 +1,5 @@
 """The registry: every acknowledged row once, whoever writes, dies, gathers or reads."""
 
-import os
-import subprocess
 from contextlib import suppress
 from datetime import timedelta
 from pathlib import Path
@@ -20,10 +18,9 @@ from camssf_fleet.records import Origin, row
 from camssf_fleet.registry import Registry
 from camssf_fleet.verification import verify
 from tests.support.documents import document
-from tests.support.processes import SEARCH, until
+from tests.support.processes import until
 from tests.support.registries import (
     START,
-    WRITER,
     bells,
     correct,
     ended,
@@ -32,6 +29,7 @@ from tests.support.registries import (
     made,
     meanwhile,
     rewritten,
+    writing,
 )
 
 pytestmark = pytest.mark.full  # processes that are killed, disks that are full: half a minute
@@ -241,13 +239,8 @@ def test_a_deletion_that_is_killed_is_finished_by_the_same_command(
 def test_six_writers_two_of_them_killed(one: Registry) -> None:
     """Somebody reads and somebody gathers meanwhile. All that was acknowledged is there, once."""
     rows = {number: 20 if number > 2 else 1_000_000 for number in range(1, 7)}  # victims never end by themselves
-    how: Any = {"bufsize": 0, "stdout": subprocess.PIPE, "env": os.environ | {"PYTHONPATH": SEARCH}}
-    writers = [
-        subprocess.Popen([*WRITER, str(one.folder), str(number), str(count), "5"], **how)
-        for number, count in rows.items()
-    ]
     added: list[list[str]] = []
-    try:
+    with writing(str(one.folder), rows) as writers:
         until(one.files.sizes, 240)
         reader = Registry(one.folder)
         for victim in writers[:2]:
@@ -260,10 +253,6 @@ def test_six_writers_two_of_them_killed(one: Registry) -> None:
             victim.kill()
             added.append([acknowledged_first])
         added += [process.communicate(timeout=240)[0].decode().splitlines() for process in writers]
-    finally:
-        for process in writers:
-            process.kill()
-            process.wait()
     assert [process.returncode != 0 for process in writers] == [True] * 2 + [False] * 4
     assert [len(lines) for lines in added[4:]] == [20] * 4
     stored = keys(reader)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import os
+import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from functools import cache
@@ -20,13 +22,12 @@ from camssf_fleet.compare import NM
 from camssf_fleet.record_queries import connection
 from camssf_fleet.records import JobEnd, Row
 from camssf_fleet.registry import Registry
+from tests.support.processes import SEARCH
 
 if TYPE_CHECKING:
     import pytest
 
 START = datetime(2026, 1, 1, tzinfo=UTC)
-WRITER = (sys.executable, "-m", "tests.support.registries")
-"""The command of a process that writes rows: folder, number, rows, and rows of a task."""
 PEAKS = np.array([600.0, 540.0, 460.0])
 
 
@@ -123,6 +124,20 @@ def meanwhile(patch: pytest.MonkeyPatch, method: str, act: Callable[[], object],
         return answer
 
     patch.setattr(owner, name, call)
+
+
+@contextmanager
+def writing(folder: str, rows: dict[int, int]) -> Iterator[list[subprocess.Popen[bytes]]]:
+    """Processes of these numbers that write so many rows in tasks of five; whichever runs at the end is killed."""
+    command = [sys.executable, "-m", "tests.support.registries", folder]
+    how: Any = {"bufsize": 0, "stdout": subprocess.PIPE, "env": os.environ | {"PYTHONPATH": SEARCH}}
+    writers = [subprocess.Popen([*command, str(number), str(count), "5"], **how) for number, count in rows.items()]
+    try:
+        yield writers
+    finally:
+        for process in writers:
+            process.kill()
+            process.wait()
 
 
 def write(folder: str, writer: int, rows: int, task: int) -> None:
