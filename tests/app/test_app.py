@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -70,23 +71,23 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     assert [*running.temporary.iterdir(), *running.home.rglob("*")] == []
 
 
+EVENTS = ("Runtime.exceptionThrown", "Log.entryAdded", "Network.requestWillBeSent")
+
+
 @pytest.fixture
 def browser(server: Server, tmp_path: Path) -> Iterator[Browser]:
     """One for each test: a tab behind another one asks nothing before it is left."""
     running = Browser(tmp_path / "profile")
-    try:
+    with closing(running):
         open_page(running, server)
         yield running
         running.do("Page.navigate", url="about:blank")  # leaves the page: its files go
         running.wait("location.href === 'about:blank'")  # its question is answered while something is asked of it
         left(server, [])
-    finally:
-        running.close()
-    faults = [event for event in running.events if event["method"] == "Runtime.exceptionThrown"]
-    logged = [event["params"]["entry"] for event in running.events if event["method"] == "Log.entryAdded"]
-    sent = [event["params"] for event in running.events if event["method"] == "Network.requestWillBeSent"]
+    told = {each: [event["params"] for event in running.events if event["method"] == each] for each in EVENTS}
+    faults, logged, sent = told.values()
     assert faults == []
-    assert [entry["text"] for entry in logged if entry["level"] == "error"] == []
+    assert [each["entry"]["text"] for each in logged if each["entry"]["level"] == "error"] == []
     outside = [each["request"]["url"] for each in sent]
     assert [url for url in outside if not url.startswith((server.address, "data:", "about:"))] == []
 
@@ -110,17 +111,30 @@ def text(browser: Browser, selector: str) -> str:
     return str(browser.js(f"document.querySelector({json.dumps(selector)}).textContent"))
 
 
-def calibrated(browser: Browser) -> None:
+def calibrated(browser: Browser) -> tuple[str, str]:
+    """What the page says then: a problem, or the verdict."""
     browser.press("#calibrate")
     browser.wait("!document.querySelector('#result').hidden || document.querySelector('#problem').textContent")
+    return text(browser, "#problem"), text(browser, "#status")
+
+
+def dropped(browser: Browser, *photos: Path) -> None:
+    """Drop photos, and wait for their cards."""
+    browser.drop("#drop", *photos)
+    browser.wait(f"document.querySelectorAll('.card').length == {len(photos)}")
 
 
 # -- requests -----------------------------------------------------------------------------------------------------
 
 
-def test_without_the_extra_it_says_what_to_install(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_where_it_cannot_run_is_an_error_in_words(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """Without room for temporary files, and without its libraries."""
+    with monkeypatch.context() as patched:
+        patched.setattr(tempfile, "tempdir", str(tmp_path / "none"))
+        assert main(["app", "--no-browser"]) == 2
+    assert "no room for temporary files" in capsys.readouterr().err
     monkeypatch.setitem(sys.modules, "starlette", None)
     assert main(["app", "--no-browser"]) == 2
     assert f'{sys.executable} -m pip install -e ".[app]"' in capsys.readouterr().err
@@ -130,14 +144,6 @@ def test_without_the_extra_it_says_what_to_install(
 def test_a_port_that_is_taken_is_an_error_in_words(server: Server, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["app", "--no-browser", "--port", str(urlsplit(server.address).port)]) == 2
     assert "--port" in capsys.readouterr().err
-
-
-def test_without_room_for_temporary_files_it_is_an_error_in_words(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "none"))
-    assert main(["app", "--no-browser"]) == 2
-    assert "no room for temporary files" in capsys.readouterr().err
 
 
 def test_a_calibration_that_fails_keeps_the_result(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -164,13 +170,9 @@ def test_strangers_paths_and_large_files_are_refused(server: Server, tmp_path: P
     assert server.ask(f"{ours}/files/table", "POST", b"{}") == (200, b'{"number":2}')
     assert server.ask(f"{ours}/files/..%2fphoto", "POST", b"")[0] == 404
     for path in (
-        "files/photo-1",
-        "files/_.._a_b__IMG_1.dng",
-        "files/photo-1%2f_.._a_b__IMG_1.dng",
-        "files/table",
-        "files/..%2fresult.json",
-        "../../static/..%2forder.schema.json",
-    ):
+        "files/photo-1", "files/_.._a_b__IMG_1.dng", "files/photo-1%2f_.._a_b__IMG_1.dng", "files/table",
+        "files/..%2fresult.json", "../../static/..%2forder.schema.json",
+    ):  # fmt: skip
         assert server.ask(f"{ours}/{path}")[0] == 404, path
     (folder,) = server.folders()
     assert [path.name for path in folder.glob("photo-1/*")] == ["_.._a_b__IMG_1.dng"]
@@ -362,8 +364,7 @@ def test_crashed_tabs_give_way_and_expire(client: Client) -> None:
 
 @pytest.mark.full
 def test_from_a_dropped_photo_to_a_report_a_colour_an_export_and_a_passport(server: Server, browser: Browser) -> None:
-    browser.drop("#drop", chart())
-    browser.wait("document.querySelector('.card')")
+    dropped(browser, chart())
     browser.js("document.querySelector('.lamp').value = 'D55'")
     browser.press(".read")
     browser.wait("document.querySelector('.card .problem').textContent")
@@ -385,9 +386,7 @@ def test_from_a_dropped_photo_to_a_report_a_colour_an_export_and_a_passport(serv
     dragged = corners(browser)
     assert [a == b for a, b in zip(dragged, moved, strict=True)] == [True, True, False, True]
 
-    calibrated(browser)
-    assert text(browser, "#problem") == ""
-    assert text(browser, "#status") == "accepted"
+    assert calibrated(browser) == ("", "accepted")
     (folder,) = server.folders()
     (shot,) = Result.load(folder / "result" / "result.json").capture.shots
     assert shot.pose.method == "by hand"
@@ -399,9 +398,7 @@ def test_from_a_dropped_photo_to_a_report_a_colour_an_export_and_a_passport(serv
     browser.middle(".card image")
     at = f"new DOMPoint({centre[0]}, {centre[1]}).matrixTransform(document.querySelector('.card g').getScreenCTM())"
     browser.click(*browser.js(f"(p => [p.x, p.y])({at})"))
-    browser.wait(
-        "document.querySelector('.colour').textContent || document.querySelector('.card .problem').textContent"
-    )
+    browser.wait("['.colour', '.card .problem'].some(each => document.querySelector(each).textContent)")
     lab = [float(value) for value in re.findall(r"[Lab]\* (-?[\d.]+)", text(browser, ".colour"))]
     assert lab == pytest.approx([42, 55, 28], abs=6)  # red of a ColorChecker
     browser.wait("document.querySelector('.spectrum').naturalWidth > 100")
@@ -445,12 +442,10 @@ def test_a_chart_of_the_users_own(server: Server, browser: Browser, tmp_path: Pa
     browser.choose("#chart-files", tmp_path / "mine.csv")
     browser.wait("document.querySelector('#chart').value == 'card.json, mine.csv'")
     assert "garden card, 35 patches" in text(browser, "#chart")
-    browser.drop("#drop", tmp_path / "chart.dng")
-    browser.wait("document.querySelector('.card')")
+    dropped(browser, tmp_path / "chart.dng")
     assert text(browser, ".card .problem") == ""
     browser.js("document.querySelector('.lamp').value = 'D55'")
-    calibrated(browser)
-    assert text(browser, "#problem") == ""
+    assert calibrated(browser)[0] == ""
     (folder,) = server.folders()
     file = folder / "result" / "result.json"
     result = Result.load(file)
@@ -496,14 +491,12 @@ def test_files_that_are_added_before_the_page_is_ready_are_kept(browser: Browser
 @pytest.mark.full
 def test_the_colour_is_read_after_a_calibration_in_unknown_light(browser: Browser) -> None:
     """The default path: no lamp is chosen, for the chart or for another photo in other light."""
-    browser.drop("#drop", *(Path(str(photos(lamp, "Demo phone").shots[0].chart)) for lamp in ("D55", "LED-B3")))
-    browser.wait("document.querySelectorAll('.card').length == 2")
+    dropped(browser, *(Path(str(photos(lamp, "Demo phone").shots[0].chart)) for lamp in ("D55", "LED-B3")))
     browser.js("document.querySelectorAll('.role')[1].value = 'none'")
     browser.js("document.querySelectorAll('.role')[1].dispatchEvent(new Event('change'))")
     unknown = "[...document.querySelectorAll('.lamp')].map(each => each.selectedOptions[0].text)"
     assert browser.js(unknown) == ["I do not know (phones only)", "I do not know"]
-    calibrated(browser)
-    assert (text(browser, "#problem"), text(browser, "#status")) == ("", "accepted")
+    assert calibrated(browser) == ("", "accepted")
     browser.js("document.querySelectorAll('.read').forEach(each => each.click())")
     read = "[...document.querySelectorAll('.card')].map(each => each.querySelector('%s').textContent)"
     browser.wait(f"{read % '.colour'}.every((each, i) => each || {read % '.problem'}[i])")
@@ -557,9 +550,7 @@ def test_bad_files_a_cancelled_task_a_refusal_and_a_second_tab(
     browser.session = session
     left(server, [first])
 
-    browser.press("#calibrate")  # a camera, and no lamp was chosen
-    browser.wait("!document.querySelector('#result').hidden || document.querySelector('#problem').textContent")
-    assert (text(browser, "#problem"), text(browser, "#status")) == ("", "refused")
+    assert calibrated(browser) == ("", "refused")  # a camera, and no lamp was chosen
     assert text(browser, "#reasons") != ""
     assert browser.js("document.querySelector('#curves').hidden")
 
@@ -567,8 +558,7 @@ def test_bad_files_a_cancelled_task_a_refusal_and_a_second_tab(
 @pytest.mark.full
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_axe_finds_no_serious_fault_in_the_app(browser: Browser, scheme: str) -> None:
-    browser.drop("#drop", chart())
-    browser.wait("document.querySelector('.card')")
+    dropped(browser, chart())
     browser.js("for (const each of document.querySelectorAll('[hidden]')) each.hidden = false")
     browser.js("document.querySelector('details').open = true")
     browser.js("for (const each of document.querySelectorAll('.problem')) each.textContent = 'A problem.'")

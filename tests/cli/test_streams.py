@@ -62,17 +62,12 @@ def test_a_pipe_or_a_disk_that_ends_is_said(
     assert {path.name for path in tmp_path.iterdir()} <= {"locked", "short.json"}
 
 
-@pytest.mark.parametrize(
-    ("command", "data", "words"),
-    [
-        ("solve", None, "closed"),
-        ("solve", "", "is empty"),
-        ("solve", b"\xff\xfe", "is not valid JSON"),
-        ("solve", "[]", "standard input: the document must be an object, is a list"),
-        ("validate", '{"format": "camssf/2", "version": ""}', "was not solved"),
-        ("report", '{"format": "camssf/2", "version": "", "verdict": {"status": "good"}}', "verdict.status must be"),
-    ],
-)
+@pytest.mark.parametrize(("command", "data", "words"), [
+    ("solve", None, "closed"), ("solve", "", "is empty"), ("solve", b"\xff\xfe", "is not valid JSON"),
+    ("solve", "[]", "standard input: the document must be an object, is a list"),
+    ("validate", '{"format": "camssf/2", "version": ""}', "was not solved"),
+    ("report", '{"format": "camssf/2", "version": "", "verdict": {"status": "good"}}', "verdict.status must be"),
+])  # fmt: skip
 def test_bad_standard_input_is_2(
     command: str, data: str | bytes | None, words: str, tmp_path: Path, feed: Feed, monkeypatch: pytest.MonkeyPatch,
     capsys: Capture,
@@ -155,15 +150,11 @@ def test_names_that_are_no_utf8(shots: Path, tmp_path: Path, monkeypatch: pytest
     chart, frames = "L-chart.dng", "--white L-white.dng --dark L-dark.dng"
     commands = [
         (f"calibrate {chart} --lamp D55 {frames} --truth L-truth.csv -o out", 0),
-        (f"patches {chart} --lamp D55 {frames}", 0),
-        ("solve L-patches.json", 0),
+        (f"patches {chart} --lamp D55 {frames}", 0), ("solve L-patches.json", 0),
         (f"report L-solve.json -o report --photo {chart}", 0),
-        ("batch L-m.csv -o batch --workers 1", cli.BATCH_FAILED),
-        ("calibrate L-white.dng --lamp D55 -o refused", 4),
-        ("calibrate L-none --lamp D55", 3),
-        (f"calibrate {chart} --lamp L-none", 2),
-        ("solve L-none", 2),
-    ]
+        ("batch L-m.csv -o batch --workers 1", cli.BATCH_FAILED), ("calibrate L-white.dng --lamp D55 -o refused", 4),
+        ("calibrate L-none --lamp D55", 3), (f"calibrate {chart} --lamp L-none", 2), ("solve L-none", 2),
+    ]  # fmt: skip
     for line, expected in commands:
         call = [word.replace("L-", f"{LATIN}-") for word in line.split()]
         status, out, err = spoken(call)

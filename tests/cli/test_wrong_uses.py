@@ -21,7 +21,7 @@ from PIL import Image
 
 from camssf import cli
 from camssf.documents.document import document_bytes
-from camssf.grid import WAVELENGTHS, Floats
+from camssf.grid import WAVELENGTHS
 from camssf.report.build import report
 from camssf.spectra import read_chart, read_lamp
 from tests.support.captures import calibrated, photos
@@ -29,14 +29,9 @@ from tests.support.documents import changed, refused
 
 
 class Wrong(NamedTuple):
-    """One mistake.
+    """One mistake: a command, without `camssf`, and its exit status.
 
-    Attributes:
-        call: the command, without `camssf`.
-        status: its exit status.
-        object: what the message names: the wrong thing.
-        step: what to do next, as the message says it.
-        left: a folder with the report of a refusal.
+    The message names the `object`, which is wrong, and the `step` to do next; a refusal's report is in `left`.
     """
 
     call: str
@@ -94,16 +89,14 @@ INPUTS = [
 ]
 """Files that are missing, or are no photo."""
 
-CAPTURES = [
-    *calls(
-        "calibrate {} -o out",
-        ("dark.dng --lamp D55", 4, "dark.dng: no chart", "Let the chart fill more of the frame", "out"),
-        ("over.dng --lamp D55", 5, "Shot 1: up to 100.0%", "with less exposure", "out"),
-        ("chart.dng", 6, "spectrum was not given", "daylight, bulb", "out"),
-        ("chart.dng --white dark.dng --dark white.dng --lamp D55", 5, "swapped", "Give the bright frame", "out"),
-        ("chart.dng other.dng --lamp D55 --lamp D55", 5, "different cameras", "one camera at a time", "out"),
-    )
-]
+CAPTURES = calls(
+    "calibrate {} -o out",
+    ("dark.dng --lamp D55", 4, "dark.dng: no chart", "Let the chart fill more of the frame", "out"),
+    ("over.dng --lamp D55", 5, "Shot 1: up to 100.0%", "with less exposure", "out"),
+    ("chart.dng", 6, "spectrum was not given", "daylight, bulb", "out"),
+    ("chart.dng --white dark.dng --dark white.dng --lamp D55", 5, "swapped", "Give the bright frame", "out"),
+    ("chart.dng other.dng --lamp D55 --lamp D55", 5, "different cameras", "one camera at a time", "out"),
+)
 """Photos that carry no answer. What is known of them is left in the report."""
 
 CORNERS = calls(
@@ -138,6 +131,7 @@ TABLES = [
 ]
 """Lamps, charts and curves."""
 
+NO_LISTS = ("1-9999999999", "9" * 5000, "1-8,9-7")
 OPTIONS = [
     Wrong("calibrate", 2, "Missing argument", "--help"),
     Wrong("calibrat chart.dng", 2, "No such command 'calibrat'", "Did you mean 'calibrate'"),
@@ -157,10 +151,7 @@ OPTIONS = [
         ("--chart-tolerance 3", 2, "tolerance is 3", "Write 1 % as 1%"),
         ("--light-per-patch 8", 2, "got 8.0", "Write 8 % as 0.08."),
         ("--fit 0-24", 2, "numbered 1 to 24", "Give some of these numbers"),
-        *(
-            (f"--fit {many}", 2, "not a list of patches", "Write 7-18")
-            for many in ("1-9999999999", "9" * 5000, "1-8,9-7")
-        ),
+        *((f"--fit {many}", 2, "not a list of patches", "Write 7-18") for many in NO_LISTS),
     ),
     Wrong("simulate -o out", 2, "A simulation needs a lamp", "Name one"),
     *calls(
@@ -267,22 +258,17 @@ NO_TABLES = alike(
 ROWS = [*INPUTS, *CAPTURES, *CORNERS, *TABLES, *OPTIONS, *OUTPUTS, *RESULTS, *URLS, *NO_TABLES]
 
 
-def spectra(path: Path, nm: Floats, columns: Floats) -> None:
-    """Write a CSV table: wavelengths, and a column for each spectrum."""
-    np.savetxt(path, np.column_stack([nm, columns]), delimiter=",", fmt="%.6g")
-
-
 @pytest.fixture(scope="module")
 def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A stranger's folder: sound photos and tables, and those with which something is wrong."""
     folder = tmp_path_factory.mktemp("home")
     made = photos().shots[0]
-    for role in ("chart", "white", "dark"):
-        shutil.copy(getattr(made, role), folder / f"{role}.dng")
-    shutil.copy(made.chart, folder / "twin.dng")
-    shutil.copy(photos(camera="Demo phone").shots[0].chart, folder / "other.dng")
-    shutil.copy(photos().truth, folder / "truth.csv")
-    chart = folder / "chart.dng"
+    other, chart = photos(camera="Demo phone").shots[0].chart, folder / "chart.dng"
+    for name, path in {
+        "chart.dng": made.chart, "white.dng": made.white, "dark.dng": made.dark, "twin.dng": made.chart,
+        "linear.dng": made.chart, "over.dng": made.chart, "other.dng": other, "truth.csv": photos().truth,
+    }.items():  # fmt: skip
+        shutil.copy(str(path), folder / name)
     data = chart.read_bytes()
     for name, content in {
         "cut.dng": data[: len(data) // 2], "note.dng": b"hello",
@@ -295,36 +281,33 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     grey = Image.fromarray(np.full((90, 120, 3), 128, np.uint8))
     grey.save(folder / "photo.jpg")
     grey.save(folder / "photo.png")
-    shutil.copy(folder / "photo.png", folder / "png.dng")
-    shutil.copy(chart, folder / "linear.dng")
+    grey.save(folder / "png.dng", "png")
     with tifffile.TiffFile(folder / "linear.dng", mode="r+") as file:
         file.pages[0].tags["PhotometricInterpretation"].overwrite(34892)
-    shutil.copy(chart, folder / "over.dng")
     samples = tifffile.memmap(folder / "over.dng", mode="r+")
     samples[:] = np.minimum(4 * samples.astype(int), 16383)
     samples.flush()
     nm = np.arange(380.0, 731.0, 5.0)
     lamp = np.interp(nm, WAVELENGTHS, read_lamp("D55").values)
-    spectra(folder / "lamp.csv", nm, lamp)
-    spectra(folder / "short.csv", nm[15:44], lamp[15:44])
-    inks = np.array([np.interp(nm, WAVELENGTHS, value) for value in read_chart("classic24").values]).T
-    spectra(folder / "inks.csv", nm, inks)
+    inks = [np.interp(nm, WAVELENGTHS, value) for value in read_chart("classic24").values]
+    for name, columns in (("lamp", [nm, lamp]), ("short", [nm[15:44], lamp[15:44]]), ("inks", [nm, *inks])):
+        np.savetxt(folder / f"{name}.csv", np.transpose(columns), delimiter=",", fmt="%.6g")
     card = {"format": "camssf-layout/1", "name": "my card", "columns": 7, "rows": 5, "patch": 18, "gap": 3}
     (folder / "card.json").write_text(json.dumps(card), "utf-8")
     (folder / "wide.json").write_text(json.dumps(card | {"gap": 30}), "utf-8")
     for i, content in enumerate(NO_CORNERS):
         (folder / f"corners-{i}.json").write_text(content, "utf-8")
     (folder / "other-photo.json").write_text(PHOTO.replace("chart", "other") % "{}", "utf-8")
+    report(changed(calibrated(), capture__shots__all__photo__make="Canon")).save(folder / "good")
     data = document_bytes(calibrated())
     result = json.loads(data)
-    report(changed(calibrated(), capture__shots__all__photo__make="Canon")).save(folder / "good")
-    (folder / "refused.json").write_bytes(document_bytes(refused()))
-    (folder / "result.json").write_bytes(data)
-    (folder / "cut.json").write_bytes(data[:5000])
-    (folder / "newer.json").write_text(json.dumps(result | {"format": "camssf/3"}), "utf-8")
-    (folder / "changed.json").write_bytes(data.replace(b'"iso": 100.0', b'"iso": 200.0'))
-    del result["answer"], result["sha256"]
-    (folder / "curveless.json").write_text(json.dumps(result), "utf-8")
+    curveless = {name: value for name, value in result.items() if name not in ("answer", "sha256")}
+    for name, content in {
+        "result": data, "refused": document_bytes(refused()), "cut": data[:5000],
+        "newer": json.dumps(result | {"format": "camssf/3"}).encode(), "curveless": json.dumps(curveless).encode(),
+        "changed": data.replace(b'"iso": 100.0', b'"iso": 200.0'),
+    }.items():  # fmt: skip
+        (folder / f"{name}.json").write_bytes(content)
     (folder / "folder").mkdir()
     (folder / "own").mkdir()
     (folder / "own" / "report.html").write_text("mine", "utf-8")

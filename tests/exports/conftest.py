@@ -15,9 +15,8 @@ def run(*words: str | Path, stdin: str | None = None, home: Path | None = None) 
     if shutil.which(words[0]) is None:
         pytest.skip(f"{words[0]} is not on this machine")
     env = os.environ | ({"HOME": str(home)} if home else {})
-    return subprocess.run(
-        words, input=stdin, capture_output=True, text=True, timeout=300, check=True, env=env
-    ).stdout  # fmt: skip
+    how: Any = {"capture_output": True, "text": True, "timeout": 300, "check": True, "env": env}
+    return str(subprocess.run(words, input=stdin, **how).stdout)
 
 
 def pyspectacle(script: str, folder: Path, curves: bytes, stdin: Any = None) -> Any:

@@ -45,11 +45,9 @@ def result(**changes: Any) -> Result:
     return made
 
 
-def renamed(**names: str) -> Result:
+def renamed(make: str, model: str) -> Result:
     """A result whose photos name another camera."""
-    made = result()
-    shots = tuple(replace(shot, photo=replace(shot.photo, **names)) for shot in made.capture.shots)
-    return result(capture__shots=shots)
+    return result(capture__shots__all__photo__make=make, capture__shots__all__photo__model=model)
 
 
 def gain(first: float) -> Result:
@@ -65,10 +63,7 @@ def own_curves(made: Document) -> Floats:
 
 
 def strict(text: bytes) -> Any:
-    def never(word: str) -> Any:
-        raise AssertionError(word)
-
-    return json.loads(text.decode(), parse_constant=never)
+    return json.loads(text.decode(), parse_constant=pytest.fail)
 
 
 # -- what all have in common ------------------------------------------------------------------------------------
@@ -137,8 +132,8 @@ def test_exported_curves_give_the_camera_s_own_white_balance(lamp: str, tmp_path
 def test_a_white_patch_is_no_perfect_white() -> None:
     """Where the chart's own patch was white, its reflectance is taken out: it is 2 % in blue."""
     framed = exported(document("D55")).own_scale
-    means = replace(document("D55").capture.shots[0].means, white=None)  # type: ignore[union-attr]
-    shot = replace(document("D55").capture.shots[0], white=None, means=means)  # type: ignore[union-attr]
+    (shot,) = document("D55").capture.shots
+    shot = replace(shot, white=None, means=replace(shot.means, white=None))
     given = changed(document("D55"), capture__shots__0=shot)
     patched = exported(given).own_scale
     chart = read_chart("classic24")
@@ -166,10 +161,9 @@ def test_rawtoaces_meets_its_schema_and_holds_the_curves() -> None:
     given, judge = result(), judge_of_rawtoaces()
     found = strict(export(given, "rawtoaces", created=THEN, licence="CC-BY-4.0"))
     judge.validate(found)
-    header = found["header"]
-    assert header["license"] == "CC-BY-4.0"
-    assert header["document_creation_date"] == "2026-11-22T03:04:05Z"
-    assert (header["manufacturer"], header["model"]) == ("NIKON CORPORATION", "NIKON D850")
+    named = ("license", "document_creation_date", "manufacturer", "model")
+    stated = ["CC-BY-4.0", "2026-11-22T03:04:05Z", "NIKON CORPORATION", "NIKON D850"]
+    assert [found["header"][name] for name in named] == stated
     table = found["spectral_data"]["data"]["main"]
     theirs = json.loads((RAWTOACES / "Nikon_D850_380_780_5.json").read_text("utf-8"))
     assert list(table) == list(theirs["spectral_data"]["data"]["main"])  # the 81 samples of a camera of theirs
@@ -193,14 +187,9 @@ def test_the_time_is_utc_and_can_be_fixed(monkeypatch: pytest.MonkeyPatch) -> No
     assert found["header"]["document_creation_date"] == "2001-09-09T01:46:40Z"
 
 
-@pytest.mark.parametrize(
-    ("to", "options", "words"),
-    [
-        ("pdf", {}, "rawtoaces"),
-        ("rawtoaces", {"licence": " \n"}, "licence"),
-        ("clf", {"lamp": "nonsense"}, "No lamp"),
-    ],
-)
+@pytest.mark.parametrize(("to", "options", "words"), [
+    ("pdf", {}, "rawtoaces"), ("rawtoaces", {"licence": " \n"}, "licence"), ("clf", {"lamp": "nonsense"}, "No lamp"),
+])  # fmt: skip
 def test_what_cannot_be_exported_is_said(to: str, options: dict[str, str], words: str) -> None:
     with pytest.raises(InvalidArgument, match=words):
         export(result(), to, **options)
@@ -314,24 +303,19 @@ def test_littlecms_reads_the_profile(lamp: str) -> None:
     assert np.abs(np.linalg.solve(chad, colorants) - wanted.to_xyz).max() < 2e-4
 
 
-def read_by_opencolorio(content: bytes, path: Path) -> Any:
-    ocio = pytest.importorskip("PyOpenColorIO")
-    path.write_bytes(content)
-    return ocio.Config.CreateRaw().getProcessor(ocio.FileTransform(str(path)))
-
-
 @pytest.mark.full
 @pytest.mark.parametrize("lamp", ["D65", "A"])
 def test_opencolorio_applies_the_clf(lamp: str, tmp_path: Path) -> None:
-    processor = read_by_opencolorio(export(result(), "clf", lamp=lamp), tmp_path / "camera.clf")
+    ocio, path = pytest.importorskip("PyOpenColorIO"), tmp_path / "camera.clf"
+    path.write_bytes(export(result(), "clf", lamp=lamp))
+    processor = ocio.Config.CreateRaw().getProcessor(ocio.FileTransform(str(path)))
     group = processor.createGroupTransform()
-    metadata = group.getFormatMetadata()
+    metadata, node = group.getFormatMetadata(), group[0].getFormatMetadata()
     stated = [child.getElementValue() for child in metadata.getChildElements()]
     assert exported(result()).description in stated
     assert any(f"under {lamp}" in words and words.endswith("to ACES2065-1.") for words in stated)
     assert "ACES2065-1" in metadata.getName()
-    assert group[0].getFormatMetadata().getID() == "camera-to-aces"
-    assert group[0].getFormatMetadata().getName() == "camera RGB to ACES2065-1"
+    assert (node.getID(), node.getName()) == ("camera-to-aces", "camera RGB to ACES2065-1")
     y = balanced(result(), lamp)[0]
     got = np.array([processor.getDefaultCPUProcessor().applyRGB(row.tolist()) for row in y])
     assert np.abs(got - y @ matrices(exported(result()), lamp).to_aces.T).max() < 3e-7  # it works in float32
@@ -357,8 +341,7 @@ def test_exiftool_reads_the_dcp(tmp_path: Path) -> None:
         assert np.abs(forward - matrices(curves, lamp).to_d50).max() < 1e-7
         assert np.abs(forward.sum(axis=1) - D50).max() < 1e-6
         # a colour matrix takes XYZ to the raw RGB of the very camera: its white is what the curves see of the lamp
-        power = read_lamp(lamp).values
-        first = read_lamp("D55").values
+        power, first = read_lamp(lamp).values, read_lamp("D55").values
         raw = answer_in(given).channel_gain * (power @ given.curves) / (first @ given.curves)
         white = colour @ white_of(power)
         assert np.abs(white - raw / raw.max()).max() < 1e-6
