@@ -38,7 +38,6 @@ class Server:
         self.home.mkdir()
         environment = os.environ | {"TMPDIR": str(temporary), "HOME": str(self.home)}
         self.process = subprocess.Popen(words, stderr=subprocess.PIPE, text=True, env=environment)
-        assert self.process.stderr is not None
         self.address = re.findall(r"http://\S+", self.process.stderr.readline())[0]
 
     def stop(self) -> str:

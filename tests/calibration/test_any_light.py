@@ -130,12 +130,10 @@ def test_a_phone_in_any_light(lamp: str, kind: str) -> None:
     assert done.ssf.basis == "phones"
     truth = resolve(PHONE)
     curves, std = done.ssf.peak()
-    assert std is not None
     off = np.abs(curves - truth / truth.max(axis=0))[SEEN]
     assert (off <= 1.96 * std[SEEN]).mean() >= 0.9  # measured phones: `python -m benchmarks any_light`
     assert np.sqrt(np.mean(off**2)) < 0.03
     (light,) = done.ssf.lights
-    assert light is not None
     assert max(light.kinds, key=lambda name: light.kinds[name]) == kind
     true = read_lamp(lamp).values
     assert (np.abs(light.power - true / true.mean()) <= 1.96 * light.std)[SEEN].mean() >= 0.93
@@ -172,7 +170,6 @@ def test_the_document_has_the_light() -> None:
     kelvin = f"{light.kelvin:,.0f} ± {light.kelvin_std:,.0f} K"
     assert light_in_words(result.capture.shots[0].lamp, light).endswith(kelvin)
     cost = cost_of(result.answer)
-    assert cost is not None
     assert all(0.0 < share < 1.0 for share in cost)
     assert max(cost) > 0.05
     (said,) = [assumption.message for assumption in result.assumptions if assumption.code == "lamp"]

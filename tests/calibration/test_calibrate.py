@@ -49,7 +49,6 @@ def capture(two_lamps: Simulation) -> Capture:
 @pytest.mark.parametrize(("basis", "bound"), [("gaussian", 0.08), ("cameras", 0.07)])
 def test_recovers_the_simulated_camera(capture: Capture, camera: CameraCurves, basis: str, bound: float) -> None:
     result = solve(capture, options=Options(basis=basis), truth=camera)
-    assert result.scores.rmse is not None
     assert result.scores.rmse.mean() < bound
     assert (result.scores.rmsre_percent < 3.0).all()
     assert (result.ssf.proof.gap < 1e-9).all()
@@ -63,7 +62,7 @@ def test_two_shots_join_and_know_more(two_lamps: Simulation, camera: CameraCurve
     pair = calibrate([shot.shot for shot in shots], options=Options(basis="cameras"), truth=camera)
     single = solve(capture, options=Options(basis="cameras"), truth=camera)
     assert pair.ssf.predicted.shape == (2, 24, 3)
-    assert pair.ssf.std.mean() < single.ssf.std.mean()  # type: ignore[union-attr]
+    assert pair.ssf.std.mean() < single.ssf.std.mean()
     assert len(pair.uncertainty.alone) == 2
     assert pair.uncertainty.half_width < min(pair.uncertainty.alone)
 
@@ -91,8 +90,6 @@ def solved(capture: Capture) -> Result:
 def test_predicted_colours_carry_bands(capture: Capture, solved: Result) -> None:
     """The chart has its table's reflectances and the lamp its spectrum: what is predicted unseen lies within."""
     answer = solved.answer
-    assert answer.predicted_std is not None
-    assert answer.unseen_std is not None
     seen, unseen = answer.predicted_std, answer.unseen_std
     assert seen.shape == unseen.shape == (1, 24, 3)
     assert np.median(unseen / seen) > 1.0
@@ -146,7 +143,6 @@ def test_refusals_keep_their_evidence(tmp_path: Path, two_lamps: Simulation) -> 
     assert (found.verdict.status, found.verdict.reasons[0].code) == ("refused", "chart_not_found")
     assert found.answer is None
     last = found.capture.unfinished
-    assert last.photo is not None
     assert (last.photo.unique_model, last.pose) == ("camssf simulated camera", None)
     assert list(found.capture.hashes) == ["shot 1, chart: white-D55.dng"]
     assert "pixels of the active area" in report(found, found.previews).html
@@ -160,7 +156,7 @@ def test_refusals_keep_their_evidence(tmp_path: Path, two_lamps: Simulation) -> 
 @pytest.mark.parametrize(("change", "options", "words"), [
     ({"shots": 5, "lamp": None}, {}, "5 is no shot"), ({"shots": ["a.dng"], "lamp": None}, {}, "'a.dng' is no Shot"),
     ({"shots": Shot("a.dng")}, {}, "in addition to shots"), ({"shots": [], "lamp": None}, {}, "no photo"),
-    ({"shots": Shot("a.dng", white=3), "lamp": None}, {}, "3 is no path"),  # type: ignore[arg-type]
+    ({"shots": Shot("a.dng", white=3), "lamp": None}, {}, "3 is no path"),
     ({"shots": [Shot("a.dng")] * 65, "lamp": None}, {}, "65 photos are too many"),
     ({"lamp": 5}, {}, "lamp"), ({"lamp": ["D55", "A"]}, {}, "lamp"), ({"lamp": "nonsense"}, {}, "nonsense"),
     ({"chart": "nonsense"}, {}, "nonsense"), ({}, {"fit": 5}, "no list"), ({}, {"basis": None}, "None"),
@@ -185,7 +181,6 @@ def test_every_option_is_one_that_the_product_uses() -> None:
 def test_a_refusal_is_a_product(two_lamps: Simulation) -> None:
     """What `calibrate` raises, `attempt` gives; its capture holds the shots that were measured."""
     shots = two_lamps.shots
-    assert shots[1].white is not None
     pair = [Shot(shots[0].chart, "D55"), Shot(shots[1].white, "A")]
     found = attempt(pair)
     assert isinstance(found.error, ChartNotFound)

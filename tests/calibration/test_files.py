@@ -77,10 +77,9 @@ def test_a_url_and_nothing_are_no_paths(tmp_path: Path, monkeypatch: pytest.Monk
 def test_a_file_where_a_folder_should_be(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("mine")
     for call in (
-        lambda: write_files(tmp_path / "file", {"a": b""}),
+        lambda: write_files(tmp_path / "file", {"a": b""}), lambda: write_file(tmp_path / "file" / "a", b""),
         lambda: write_files(tmp_path / "file" / "below" / "it", {"a": b""}),
-        lambda: write_file(tmp_path / "file" / "a", b""),
-    ):
+    ):  # fmt: skip
         with pytest.raises(InvalidArgument, match="file is a file") as caught:
             call()
         assert "Name a folder" in caught.value.advice

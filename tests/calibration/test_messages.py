@@ -31,8 +31,7 @@ GERMAN = {
 
 
 def placeholders(key: str) -> set[str]:
-    said = messages()[key]
-    return {match[1] for match in PLACEHOLDER.finditer(said.text + said.advice)}
+    return {match[1] for match in PLACEHOLDER.finditer(messages()[key].text + messages()[key].advice)}
 
 
 def keys_in(node: ast.AST) -> set[str]:
@@ -42,7 +41,7 @@ def keys_in(node: ast.AST) -> set[str]:
         if isinstance(part, ast.Constant) and isinstance(part.value, str) and KEY.fullmatch(part.value):
             keys.add(part.value)
         if isinstance(part, ast.JoinedStr) and ast.unparse(part).startswith("f'{code}."):
-            keys |= {key for key in messages() if key.endswith(str(part.values[1].value))}  # type: ignore[attr-defined]
+            keys |= {key for key in messages() if key.endswith(str(part.values[1].value))}
     return keys
 
 
@@ -53,8 +52,7 @@ def python_calls() -> Iterator[tuple[str, set[str], set[str] | None]]:
         for node in ast.walk(tree):
             if isinstance(node, ast.Call) and ast.unparse(node.func) == "fail" and path.name != "messages.py":
                 given = {word.arg for word in node.keywords} - {"value", "threshold"}
-                names = None if None in given else {name for name in given if name is not None}
-                yield f"{path.name}:{node.lineno}", keys_in(node.args[0]), names
+                yield f"{path.name}:{node.lineno}", keys_in(node.args[0]), None if None in given else given
 
 
 def kotlin_calls() -> Iterator[tuple[str, set[str], set[str] | None]]:
@@ -99,23 +97,23 @@ def test_each_message_can_be_said(key: str) -> None:
     assert "--" not in text + advice  # apps and notebooks say it, too
 
 
-def in_german(reason: Reason) -> str:
-    return fill(GERMAN[reason.key], reason.arguments)
-
-
 def test_an_overexposed_photo_and_a_reason_in_german() -> None:
-    assert SHOT.white is not None
     bright = replace(SHOT, white=replace(SHOT.white, clipped=np.full((24, 3), 0.25)))
     with pytest.raises(Overexposed) as caught:
         normalise([bright], CLASSIC)
     reason = reason_of(caught.value)
     assert "25.0% of a patch's samples" in reason.message
-    assert in_german(reason) == "Aufnahme 1: bis zu 25.0% der Werte eines Feldes sind übersteuert."
     veil = because("veil", 9.0, {"shot": 2, "amount": np.float64(0.0312)})
     assert veil.message.startswith("shot 2: dark patches are too bright.")
-    assert in_german(veil) == "Aufnahme 2: dunkle Felder sind zu hell, Streulicht fügt 3.1% Weiß hinzu."
-    for said in (reason, veil):  # an app that stored the result says it later
-        assert in_german(forms.part_of(Reason, forms.to_plain(said))) == in_german(said)
+    for said, german in (
+        (reason, "Aufnahme 1: bis zu 25.0% der Werte eines Feldes sind übersteuert."),
+        (veil, "Aufnahme 2: dunkle Felder sind zu hell, Streulicht fügt 3.1% Weiß hinzu."),
+    ):
+        for each in (
+            said,
+            forms.part_of(Reason, forms.to_plain(said)),
+        ):  # an app may store the result
+            assert fill(GERMAN[each.key], each.arguments) == german
 
 
 def test_arguments_are_texts_and_finite_numbers() -> None:

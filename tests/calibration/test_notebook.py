@@ -50,7 +50,6 @@ def test_a_result_is_one_line(result: Result) -> None:
 
 def test_a_refusal_says_why() -> None:
     found = attempt(shot().white, "D55")
-    assert found.error is not None
     assert "refused (chart_not_found)" in repr(found)
     assert escape(found.error.advice) in found._repr_html_()
     numbers = (lambda: found.at(550), lambda: found.sample(1, 0), lambda: found.curves)
@@ -87,7 +86,7 @@ def test_hostile_names_stay_text() -> None:
 def test_curves_at_wavelengths_are_linear_between_the_grid_s(result: Result) -> None:
     values, std = result.at(550.0)
     assert np.array_equal(values, result.curves[340])
-    assert np.array_equal(std, result.std[340])  # type: ignore[arg-type, index]
+    assert np.array_equal(std, result.std[340])
     values, std = result.at([[380.0, 550.25], [600.0, 720.0]])
     assert values.shape == np.shape(std) == (2, 2, 3)
     assert values[0, 1] == pytest.approx(result.curves[340:342].mean(axis=0), abs=1e-12)
@@ -99,7 +98,6 @@ def test_curves_at_wavelengths_are_linear_between_the_grid_s(result: Result) -> 
 
 def test_draws_have_the_result_s_mean_bands_and_covariance(result: Result) -> None:
     covariance, std = result.covariance, result.std
-    assert covariance is not None is not std
     variance = np.einsum("mcmc->mc", covariance)
     np.testing.assert_allclose(variance, std**2, atol=1e-5 * float((std**2).max()))
     draws = result.sample(2000, 7)
@@ -116,10 +114,8 @@ def test_draws_have_the_result_s_mean_bands_and_covariance(result: Result) -> No
 def test_z_scores_and_coverage_need_a_truth(result: Result) -> None:
     assert result.z_scores is result.coverage is None
     std = result.std
-    assert std is not None
     beyond = np.where(WAVELENGTHS < 460.0, 3.0, 1.0)[:, None] * std  # 120 of the 601 points from 400 to 700 nm
     judged = replace(result, truth=Truth("made", Curves.of(result.curves - beyond)))
-    assert judged.z_scores is not None
     np.testing.assert_allclose(judged.z_scores, beyond / std, rtol=1e-9)
     assert judged.coverage == pytest.approx([481 / 601] * 3)
     assert changed(judged, answer__std=None).coverage is None
@@ -140,10 +136,10 @@ def test_plots_hold_the_result_s_numbers(result: Result) -> None:
     said = shots_of(result)[0].patches
     axes = result.plot("residuals")
     green = dict(zip(np.rint(axes.lines[1].get_xdata()), axes.lines[1].get_ydata(), strict=True))
-    for i in np.flatnonzero(said.used):  # type: ignore[union-attr]
-        assert green[i + 1] == pytest.approx(100 * (said.unseen[i, 1] / said.signal[i, 1] - 1))  # type: ignore
+    for i in np.flatnonzero(said.used):
+        assert green[i + 1] == pytest.approx(100 * (said.unseen[i, 1] / said.signal[i, 1] - 1))
     picture = result.plot("patches").images[0].get_array()
-    assert np.allclose(picture[1, 2], said.measured_srgb[7])  # type: ignore[union-attr, index]
+    assert np.allclose(picture[1, 2], said.measured_srgb[7])
     bars = result.plot("budget").patches
     assert sum(bar.get_width() for bar in bars) == pytest.approx(300.0)
 
@@ -164,13 +160,13 @@ def test_several_results_are_in_one_plot(result: Result) -> None:
 
 def test_plots_refuse_what_they_cannot_draw(result: Result) -> None:
     for call, words in (
-        (lambda: result.plot("spectrum"), "no plot 'spectrum'"),  # type: ignore[arg-type]
+        (lambda: result.plot("spectrum"), "no plot 'spectrum'"),
         (lambda: result.plot(shot=2), "no shot 2"),
         (lambda: result.plot("budget", others=[result]), "'budget' shows one result"),
         (lambda: result.plot(others=[refused()]), "refused"),
         (lambda: result.plot(shot=True), "no shot True"),
-        (lambda: result.plot(ax="axes"), "A str is not a matplotlib axes"),  # type: ignore[arg-type]
-        (lambda: result.to_pandas("all"), "no table 'all'"),  # type: ignore[arg-type]
+        (lambda: result.plot(ax="axes"), "A str is not a matplotlib axes"),
+        (lambda: result.to_pandas("all"), "no table 'all'"),
     ):
         with pytest.raises(InvalidArgument, match=words):
             call()
@@ -198,7 +194,6 @@ def test_a_pickle_is_small_and_whole_but_for_the_pictures(result: Result) -> Non
     assert result.previews[0] is not None
     assert again.previews == (None,)
     assert document_bytes(copy.copy(result)) == document_bytes(result)
-    assert result.capture is not None
     assert result.capture.shots[0].thumbnail is not None
 
 
@@ -211,7 +206,7 @@ def test_pandas_has_curves_patches_and_budget(result: Result) -> None:
     table = result.to_pandas()
     assert table.index.name == "wavelength_nm"
     assert np.array_equal(table[["red", "green", "blue"]].to_numpy(), result.curves)
-    assert np.array_equal(table[["red_std", "green_std", "blue_std"]].to_numpy(), result.std)  # type: ignore[arg-type]
+    assert np.array_equal(table[["red_std", "green_std", "blue_std"]].to_numpy(), result.std)
     patches = result.to_pandas("patches")
     assert len(patches) == 24 * 3
     row = patches[(patches.patch == patches.patch[21]) & (patches.channel == "green")].iloc[0]
@@ -253,8 +248,8 @@ def test_a_lamp_may_be_an_object_or_arrays() -> None:
     for given in (lamp, pair, [list(each) for each in pair], np.array(pair)):
         found = read_light(given)
         assert found.name != "D65"  # a result that says D65 means the table
-        assert np.abs(found.values / named - 1).max() < 1e-12  # type: ignore[union-attr]
-        assert found.tolerance == 0.01  # type: ignore[union-attr]
+        assert np.abs(found.values / named - 1).max() < 1e-12
+        assert found.tolerance == 0.01
     assert "SpectralDistribution" in read_lamp(lamp).source
     given = read_lamp("A")
     assert read_lamp(given) is given
@@ -274,7 +269,7 @@ def test_a_lamp_that_is_none_is_a_typed_error() -> None:
         ({}, InvalidArgument, "dict is no lamp"),
     ):
         with pytest.raises(kind, match=words) as caught:
-            read_lamp(given)  # type: ignore[arg-type]
+            read_lamp(given)
         assert caught.value.advice
 
 
@@ -293,7 +288,7 @@ def test_a_chart_may_be_objects_or_arrays() -> None:
     with pytest.raises(InvalidArgument, match="23 patches"):
         read_chart((many.wavelengths, np.asarray(many.values).T[:23]))
     with pytest.raises(InvalidArgument, match="int is no chart"):
-        read_chart(24)  # type: ignore[arg-type]
+        read_chart(24)
     with pytest.raises(ChartUnfit, match="upside down"):
         read_chart((many.wavelengths, np.asarray(many.values).T[::-1]))
 
@@ -306,10 +301,9 @@ def test_calibrate_takes_objects_and_arrays(result: Result) -> None:
     )
     found = calibrate(replace(shot(), lamp=lamp), chart=chart, truth=truth, options=Options(basis="cameras"))
     assert np.abs(found.curves - result.curves).max() < 0.05
-    assert found.capture is not None
     stated = found.capture.shots[0].lamp
     assert isinstance(stated, Lamp)
     assert (stated.name, stated.tolerance, stated.source) == ("lamp (given)", 0.01, "given as arrays")
     assert found.scores.rmse is not None
     with pytest.raises(InvalidArgument, match="is no lamp"):
-        calibrate(shot().photo, ["D55", lamp])  # type: ignore[arg-type]
+        calibrate(shot().photo, ["D55", lamp])

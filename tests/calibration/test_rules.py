@@ -28,8 +28,7 @@ def test_the_stages_read_the_file() -> None:
 
 
 def limit(document: Json, name: str = "goodness_of_fit") -> Json:
-    found: Json = document["numbers"]["verdict"][name]
-    return found
+    return document["numbers"]["verdict"][name]
 
 
 BREAKS: dict[str, tuple[Callable[[Json], object], str]] = {

@@ -43,7 +43,7 @@ class Wrong(NamedTuple):
 
 def calls(template: str, *rows: tuple[object, ...]) -> list[Wrong]:
     """Rows whose first word is a part of the command."""
-    return [Wrong(template.format(word), *rest) for word, *rest in rows]  # type: ignore[arg-type]
+    return [Wrong(template.format(word), *rest) for word, *rest in rows]
 
 
 def alike(status: int, object_: str, step: str, *words: str) -> list[Wrong]:
@@ -160,6 +160,7 @@ OPTIONS = [
         ("--lamp D55 --size 30000x30000", 2, "megapixels"),
         ("--lamp auto", 2, "A light that is not named has no spectrum", "Lamps:"),
     ),
+    *alike(2, "", "--make-manifest", "batch", "batch manifest.csv --make-manifest folder"),
     Wrong("batch manifest.csv --workers tcp://127.0.0.1:9", 2, "", "--registry"),
     Wrong("batch manifest.csv -o chart.dng", 2, "chart.dng is a file", "Name a folder."),
     Wrong("batch manifest.csv --workers 0", 2, "--workers '0'", "Give 1 or more"),
@@ -215,6 +216,7 @@ RESULTS = [
         ("result.json", 5, "of another camera than", "Give the result of this unit"),
     ),
     Wrong("calibrate chart.dng --previous result.json", 2, "is already in the previous result", "Take a new photo."),
+    Wrong("calibrate x.dng --previous good/result.json -o good", 2, "holds the previous result", "another folder"),
     Wrong("parity result.json other.dng", 2, "used the white frame white.dng", "Give just that"),
 ]  # fmt: skip
 """Results that are damaged, foreign, or of another camera."""

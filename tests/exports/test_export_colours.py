@@ -55,9 +55,8 @@ WorkingProfile=ProPhoto
 OutputProfile=RTv4_sRGB
 OutputProfileIntent=Relative
 """
-SRGB = np.array(
-    [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.072175], [0.0193339, 0.119192, 0.9503041]]
-)
+RGB = [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.072175], [0.0193339, 0.119192, 0.9503041]]
+SRGB = np.array(RGB)
 
 
 def by_rawtherapee(document: Result, photo: Path, folder: Path) -> Floats:
@@ -70,7 +69,7 @@ def by_rawtherapee(document: Result, photo: Path, folder: Path) -> Floats:
     run("rawtherapee-cli", "-q", "-o", picture, "-Y", "-t", "-b16", "-p", steps, "-c", photo, home=folder)
     coded = tifffile.imread(io.BytesIO(picture.read_bytes())) / 65535.0
     linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
-    outlines = document.capture.shots[0].pose.patches  # type: ignore[union-attr]
+    outlines = document.capture.shots[0].pose.patches
     low, high = outlines.min(axis=1).astype(int) + 20, outlines.max(axis=1).astype(int) - 20
     rgb = np.array([linear[b:d, a:c].mean(axis=(0, 1)) for (a, b), (c, d) in zip(low, high, strict=True)])
     return np.asarray(rgb @ SRGB.T)

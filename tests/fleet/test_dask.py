@@ -35,13 +35,10 @@ QUIET = {"dashboard_address": None, "silence_logs": 50}
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[Any]:
     """Two workers; nannies begin a new one where one dies."""
-    before = os.environ.get("PYTHONPATH")
-    os.environ["PYTHONPATH"] = SEARCH
-    try:
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setenv("PYTHONPATH", SEARCH)
         with distributed.LocalCluster(n_workers=2, threads_per_worker=1, **QUIET) as started:
             yield started
-    finally:
-        os.environ.pop("PYTHONPATH") if before is None else os.environ.update(PYTHONPATH=before)
 
 
 def test_a_cluster_that_lost_all_workers_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -99,18 +96,15 @@ def test_a_scheduler_that_is_lost_is_told_and_the_next_goes_on(
     monkeypatch.setattr(cluster_module, "SCHEDULER_TIMEOUT", 15.0)  # so long a client looks for a lost one
     names = desk.fill(12)
     processes: list[subprocess.Popen[bytes]] = []
+    environment = os.environ | {"PYTHONPATH": SEARCH}
 
     def begin(number: int) -> str:
         """The address of a new scheduler with a worker."""
         file = tmp_path / f"scheduler-{number}.json"
-        place = ["--scheduler-file", str(file), "--no-dashboard"]
-        for words in (
-            ["scheduler", "--port", "0", "--host", "127.0.0.1"],
-            ["worker", "--nthreads", "1", "--no-nanny"],
-        ):
-            how: Any = dict.fromkeys(("stdout", "stderr"), subprocess.DEVNULL)
-            how["env"] = os.environ | {"PYTHONPATH": SEARCH}
-            processes.append(subprocess.Popen([sys.executable, "-m", "dask", *words, *place], **how))
+        how: Any = dict.fromkeys(("stdout", "stderr"), subprocess.DEVNULL) | {"env": environment}
+        for words in ("scheduler --port 0 --host 127.0.0.1", "worker --nthreads 1 --no-nanny"):
+            line = [sys.executable, "-m", "dask", *words.split(), "--scheduler-file", str(file), "--no-dashboard"]
+            processes.append(subprocess.Popen(line, **how))
         until(file.exists)
         return str(json.loads(file.read_text())["address"])
 

@@ -163,9 +163,6 @@ def command(*words: object) -> int:
     return cli.main(list(map(str, words)))
 
 
-# A fleet's
-
-
 @pytest.mark.full
 def test_a_fleet_s_passports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     make_key(tmp_path)
@@ -209,9 +206,6 @@ def test_a_fleet_s_passports(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     with pytest.raises(PassportInvalid, match="revoked"):
         verify(a1.read_bytes(), trusted, revoked=names)
     verify(b2.read_bytes(), trusted, revoked=names)
-
-
-# One unit's
 
 
 def test_colour_takes_a_passport(

@@ -211,8 +211,7 @@ def test_another_release_has_other_columns(one: Registry, monkeypatch: pytest.Mo
 def test_what_is_silent_empties_nothing_and_what_contradicts_is_refused(one: Registry) -> None:
     full = made(1, bells(), captured=START, lens="50mm", focal_length=24.0, extra='{"site": "lab"}')
     empty = replace(full, serial="", captured=None, lens="", focal_length=None, extra="", make="", model="", red=())
-    (said,) = one.add([empty])
-    assert said.new
+    assert one.add([empty])[0].new
     (said,) = one.add([full])
     assert said.changes == (
         "make set to Maker", "model set to Model", "serial set to A1", "lens set to 50mm", "focal length set to 24.0",

@@ -183,6 +183,8 @@ CALLS = [
     ("compare phones --serial none", "The registry has no result of a unit with the serial number none."),
     ("compare phones --model Model", "There is 1 unit of Model with a serial number and accepted results"),
     ("export phones -o x.txt", "x.txt ends in neither .parquet nor .csv."),
+    ("report phones -o fleet.pdf", "does not end in .html"),
+    ("report missing -o x.html", ""),
     ("add phones no.json", ""),
     ("add phones else/letter.txt", "else/letter.txt is text, no result and no passport"),
     ("add phones empty.json", ""),

@@ -244,7 +244,6 @@ def test_six_writers_two_of_them_killed(one: Registry) -> None:
         until(one.files.sizes, 240)
         reader = Registry(one.folder)
         for victim in writers[:2]:
-            assert victim.stdout is not None
             acknowledged_first = victim.stdout.readline().decode().strip()
             stored = keys(reader)
             assert acknowledged_first in stored

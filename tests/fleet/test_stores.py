@@ -82,7 +82,6 @@ def test_writers_at_once_two_of_them_killed(bucket: str) -> None:
     added: list[str] = []
     with writing(f"{bucket}/phones", rows) as writers:
         for victim in writers[:2]:
-            assert victim.stdout is not None
             added += [victim.stdout.readline().decode().strip()]
             victim.kill()
         for process in writers:
@@ -162,7 +161,7 @@ def test_a_server_that_is_gone_is_told(
     monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "another-secret-5678")
     monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
     monkeypatch.setenv("AWS_MAX_ATTEMPTS", "1")
-    type(place(bucket).fs).clear_instance_cache()  # type: ignore[attr-defined]  # it knows the server that is there
+    type(place(bucket).fs).clear_instance_cache()  # it knows the server that is there
     assert run("list", f"{bucket}/phones") == InvalidArgument.exit_status
     message = capsys.readouterr().err
     assert "cannot be used" in message

@@ -79,18 +79,13 @@ class Desk:
     def __init__(self, home: Path, header: str = HEADER) -> None:
         self.home, self.header = home, header
 
-    @property
-    def out(self) -> Path:
-        return self.home / "out"
+    out = property(lambda self: self.home / "out")
+    manifest = property(lambda self: self.home / "manifest.csv")
 
-    @property
-    def manifest(self) -> Path:
-        return self.home / "manifest.csv"
-
-    def write(self, rows: list[str], photos: dict[str, str], header: str = "") -> None:
+    def write(self, rows: list[str], photos: dict[str, str]) -> None:
         for name, text in photos.items():
             (self.home / name).write_text(text)
-        self.manifest.write_text("\n".join([header or self.header, *rows]) + "\n", "utf-8")
+        self.manifest.write_text("\n".join([self.header, *rows]) + "\n", "utf-8")
 
     def fill(self, count: int) -> list[str]:
         """So many cameras c0, c1, ... with a photo each."""
@@ -133,12 +128,12 @@ class Desk:
 
     def visits(self) -> Counter[str]:
         """How often each job was begun with `stub`."""
-        return Counter(name for name, _ in self._begun())
+        return Counter(self._begun()[::2])
 
     def workers(self) -> set[int]:
         """The processes that began jobs."""
-        return {int(process) for _, process in self._begun()}
+        return set(map(int, self._begun()[1::2]))
 
-    def _begun(self) -> list[list[str]]:
+    def _begun(self) -> list[str]:
         file = self.home / "visits"
-        return [line.split() for line in file.read_text().splitlines()] if file.exists() else []
+        return file.read_text().split() if file.exists() else []

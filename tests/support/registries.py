@@ -56,7 +56,7 @@ def made(number: int, curves: Floats | None = None, **more: object) -> Row:
         red, green, blue = (tuple(curve.tolist()) for curve in curves)
         band = (0.02,) * len(NM)
         each = replace(each, red=red, green=green, blue=blue, red_std=band, green_std=band, blue_std=band)
-    return replace(each, **more)  # type: ignore[arg-type]
+    return replace(each, **more)
 
 
 def ended(name: str, key: str = "", **more: Any) -> JobEnd:

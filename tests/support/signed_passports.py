@@ -28,7 +28,6 @@ from camssf.documents.excerpt import Excerpt
 from camssf.errors import PassportInvalid
 from camssf.files import write_file
 from camssf.photo.read.unit import Unit
-from camssf.result import Result
 from camssf.verdict.reasons import Reason, Verdict
 from camssf_fleet.passport import revocations
 from camssf_fleet.passport.document import Passport, PassportRequest, create_passport, read, sign, verify
@@ -181,17 +180,16 @@ def numbers(r: int, s: int) -> bytes:
     return b64(r.to_bytes(32, "big") + s.to_bytes(32, "big"))
 
 
-def small_document() -> Result:
+def small_document() -> Any:
     """A whole result with letters that are easily written wrong."""
     red = np.array([1.0, 0.123455, 0.123445, 0.015625, -1e-7, 12e-6] + [0] * 675)
     flat = np.array([1.0] + [0.0] * 680)
-    made: Result = changed(
+    return changed(
         document(), capture__shots__0__photo__make="Maker", capture__shots__0__photo__model="Model A",
         capture__chart__source='"a  b" \\ {\ud800} \u00e9 \u2028', answer__curves=Curves(red, flat, flat),
         answer__std=Curves(np.abs(red), flat, flat),
         verdict=Verdict("doubtful", (Reason("glare", "m", "a", None, 1e-300),)),
     )  # fmt: skip
-    return made
 
 
 RESULTS: dict[str, Any] = {
@@ -357,10 +355,9 @@ def lists() -> list[dict[str, Any]]:
     ]
 
 
-def read_list(data: bytes, trusted: dict[str, Any]) -> list[str] | str:
+def read_list(data: bytes, trusted: dict[str, Any]) -> Any:
     """The names in a signed list, or the words of the refusal."""
-    names: list[str] | str = told(lambda: sorted(revocations.read_revoked(data, trusted, LATER)))
-    return names
+    return told(lambda: sorted(revocations.read_revoked(data, trusted, LATER)))
 
 
 def stored() -> dict[str, Any]:
