@@ -135,24 +135,6 @@ def test_fallbacks_are_named(two_lamps: Simulation, camera: CameraCurves) -> Non
     assert "uneven_light" not in {reason.code for reason in result.verdict.reasons}
 
 
-@pytest.mark.requirement("R-REFUSAL")
-def test_refusals_keep_their_evidence(tmp_path: Path, two_lamps: Simulation) -> None:
-    shot = two_lamps.shots[0]
-    found = attempt(shot.white, "D55")
-    assert isinstance(found.error, ChartNotFound)
-    assert (found.verdict.status, found.verdict.reasons[0].code) == ("refused", "chart_not_found")
-    assert found.answer is None
-    last = found.capture.unfinished
-    assert (last.photo.unique_model, last.pose) == ("camssf simulated camera", None)
-    assert list(found.capture.hashes) == ["shot 1, chart: white-D55.dng"]
-    assert "pixels of the active area" in report(found, found.previews).html
-    dark_lamp = tmp_path / "dark.csv"
-    dark_lamp.write_text("400,0\n500,0\n600,0\n700,0\n")
-    dark = attempt(shot.chart, str(dark_lamp))
-    assert isinstance(dark.error, LampUnfit)
-    assert list(dark.capture.hashes) == ["shot 1, lamp: dark.csv"]
-
-
 @pytest.mark.parametrize(("change", "options", "words"), [
     ({"shots": 5, "lamp": None}, {}, "5 is no shot"), ({"shots": ["a.dng"], "lamp": None}, {}, "'a.dng' is no Shot"),
     ({"shots": Shot("a.dng")}, {}, "in addition to shots"), ({"shots": [], "lamp": None}, {}, "no photo"),
@@ -178,24 +160,33 @@ def test_every_option_is_one_that_the_product_uses() -> None:
     assert all(f"options.{field.name}" in source for field in fields(Options))
 
 
-def test_a_refusal_is_a_product(two_lamps: Simulation) -> None:
+@pytest.mark.requirement("R-REFUSAL")
+def test_a_refusal_is_a_product_that_keeps_its_evidence(tmp_path: Path, two_lamps: Simulation) -> None:
     """What `calibrate` raises, `attempt` gives; its capture holds the shots that were measured."""
-    shots = two_lamps.shots
-    pair = [Shot(shots[0].chart, "D55"), Shot(shots[1].white, "A")]
+    first, second = two_lamps.shots
+    pair = [Shot(first.chart, "D55"), Shot(second.white, "A")]
     found = attempt(pair)
     assert isinstance(found.error, ChartNotFound)
-    assert [shot.lamp.name for shot in found.capture.shots] == ["D55"]
-    assert found.capture.unfinished.lamp.name == "A"
+    assert (found.answer, found.verdict.status, found.verdict.reasons[0].code) == (None, "refused", "chart_not_found")
+    last = found.capture.unfinished
+    assert (last.lamp.name, last.photo.unique_model, last.pose) == ("A", "camssf simulated camera", None)
+    assert list(found.capture.hashes) == ["shot 1, chart: chart-D55.dng", "shot 2, chart: white-A.dng"]
     assert [shot.patches is not None for shot in shots_of(found)] == [True, False]
     assert [preview is not None for preview in found.previews] == [True, True]
+    assert "pixels of the active area" in report(found, found.previews).html
     with pytest.raises(ChartNotFound) as raised:
         calibrate(pair)
-    assert [shot.lamp.name for shot in raised.value.capture.shots] == ["D55"]
+    for capture in (found.capture, raised.value.capture):
+        assert [shot.lamp.name for shot in capture.shots] == ["D55"]
     document = json.loads(document_bytes(found))
     assert [len(shot["means"]["chart"]["mean"]) for shot in document["capture"]["shots"]] == [24]
     assert document["capture"]["unfinished"]["photo"]["name"] == "white-A.dng"
     with pytest.raises(InvalidArgument, match="Measure it anew"):
         solve(found.capture)
+    (tmp_path / "dark.csv").write_text("400,0\n500,0\n600,0\n700,0\n")
+    dark = attempt(first.chart, str(tmp_path / "dark.csv"))
+    assert isinstance(dark.error, LampUnfit)
+    assert list(dark.capture.hashes) == ["shot 1, lamp: dark.csv"]
 
 
 def test_frames_that_do_not_go_together(two_lamps: Simulation) -> None:
