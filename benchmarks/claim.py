@@ -68,7 +68,7 @@ class Run:
             yield from bar.track(steps, total=len(steps) if isinstance(steps, Sized) else None, description=label)
 
     def table(self, title: str, columns: Mapping[str, str], rows: Iterable[Sequence[Any]]) -> None:
-        """Print rows by the formats of their columns; a tuple fills a pattern, None is left empty."""
+        """Print rows by the formats of their columns; a tuple fills a pattern, None and NaN are left empty."""
         kept = [[_plain(cell) for cell in row] for row in rows]
         words = [[_cell(*pair) for pair in zip(row, columns.values(), strict=True)] for row in kept]
         self.print_table(title, tuple(columns), words)
@@ -114,7 +114,7 @@ def _plain(cell: Any) -> Any:
 
 
 def _cell(cell: Any, pattern: str) -> str:
-    if cell is None or cell == ():
+    if cell is None or cell == () or cell != cell:
         return ""
     return (
         pattern.format(*cell) if isinstance(cell, tuple) else format(cell, "" if isinstance(cell, str) else pattern)

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from benchmarks.claims.colour import cases
-from benchmarks.claims.pictures import SEED, WAYS, show
+from benchmarks.claims.pictures import SEED, show
 from benchmarks.claims.real import CLAIM, MEASURED, PAPER, TOLERANCES, d70, solve
 from benchmarks.shared import one_thread
 from camssf.colorimetry import delta_e00
@@ -30,7 +30,7 @@ from camssf.spectra import colour_science
 NAMES = ("Canon EOS 5D", "Sony ILCE-7M3")
 UNDER = "A"
 COLUMNS, TILE = 11, 40
-TITLES = {"camssf": "through the recovered curves", "matrix": "through the cameras' colour matrices"}
+TITLES = {"stored": "through the cameras' colour matrices", "camssf": "through the recovered curves"}
 RGB = ("#c0392b", "#1e8449", "#2455a4")
 """Colours of the lines of red, green and blue."""
 PLACE = Path(__file__).parents[1] / "docs" / "images"
@@ -56,11 +56,11 @@ def draw_story() -> None:
     science, by_name = colour_science(), {case.name: case for case in cases(52, None)}
     shown = [show(by_name[name], UNDER, np.random.default_rng([SEED, i])) for i, name in enumerate(NAMES)]
     figure = Figure(figsize=(9.0, 4.4), layout="constrained")
-    for panel, way in zip(figure.subplots(1, 2), reversed(WAYS), strict=True):
-        first, second = (getattr(one, way).mean(axis=1) for one in shown)
+    for panel, (way, title) in zip(figure.subplots(1, 2), TITLES.items(), strict=True):
+        first, second = (one.by[way].mean(axis=1) for one in shown)
         seen = (science.XYZ_to_sRGB(science.Lab_to_XYZ(each)).clip(0.0, 1.0) for each in (first, second))
         panel.imshow(tiles(*seen))
-        panel.set_title(f"{TITLES[way]}: ΔE00 {np.median(delta_e00(first, second)):.1f}", fontsize=10)
+        panel.set_title(f"{title}: ΔE00 {np.median(delta_e00(first, second)):.1f}", fontsize=10)
         panel.set_axis_off()
     save_png(figure, "picture-story.png", 250, dpi=110)
 

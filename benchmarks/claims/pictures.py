@@ -6,17 +6,19 @@ and a white that is off by 1 %, with the noise of a phone, under D65, A, LED-B3 
 Pixels away from the surfaces' borders, as
 
 - camssf: the picture in standard colour (`camssf picture`),
-- matrix: the same demosaiced and white-balanced signals through the colour matrix that LibRaw holds for the camera,
-  Adobe's; of phones, which it does not know, those that their true curves give for A and D65.
+- exact: the same through the true curves, what no recovery can surpass,
+- stored: the same demosaiced and white-balanced signals through the colour matrix that LibRaw holds for the camera,
+  Adobe's,
+- ideal: through the matrix that the true curves give for that very lamp.
 
-ΔE00 between two cameras' pictures and from the truth, medians over pixels; and the share of the pixels' L*, a* and b*
-that lie within 1.96 of the stated standard deviations from the truth.
+ΔE00 between two cameras' pictures (single pixels, and the mean of a surface's) and from the truth, medians; and the
+share of the pixels' L*, a* and b* that lie within 1.96 of the stated standard deviations from the truth.
 """
 
 from __future__ import annotations
 
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -33,7 +35,6 @@ from camssf.colorimetry import adaptation, delta_e00, lab, white_of
 from camssf.grid import BAND, WAVELENGTHS, Floats
 from camssf.photo.read.dng import Mosaic
 from camssf.recovery.covariance import CHART_CORRELATION, smooth_errors
-from camssf.spectra.bundled import correlated_temperature
 from camssf.spectra.cameras import CameraCurves
 from camssf_colour import View, of_surfaces
 from camssf_colour.demosaic import demosaic, interleaved
@@ -56,30 +57,24 @@ class Shown:
     """The judged pixels of one camera's pictures in one light, Lab (99, n, 3).
 
     Attributes:
-        camssf, matrix: by way.
+        by: of each way but `stored` where LibRaw does not know the camera.
         truth: (99, 1, 3).
         inside: whether it is within the intervals of `camssf`.
     """
 
-    camssf: Floats
-    matrix: Floats
+    by: dict[str, Floats]
     truth: Floats
     inside: NDArray[np.bool_]
 
 
-WAYS = ("camssf", "matrix")
-
-
-def scene() -> Floats:
-    """(100, 681) the surfaces in rows of COLUMNS; the last is the white."""
-    return np.concatenate([unseen(), np.ones((1, WAVELENGTHS.size))])
+WAYS = ("camssf", "exact", "stored", "ideal")
+MEASURES = ("two cameras' pixels", "two cameras' surfaces", "pixels from the truth")
 
 
 def photograph(case: Case, power: Floats, rng: np.random.Generator) -> Mosaic:
-    """The mosaic of the scene."""
+    """The mosaic of the surfaces in rows of COLUMNS, and of the white, which is the last."""
     smooth = smooth_errors(CHART_CORRELATION, WAVELENGTHS)
-    surfaces = scene()
-    surfaces[-1] *= 1.0 + WHITE * (smooth @ rng.normal(size=smooth.shape[1]))
+    surfaces = np.append(unseen(), [1.0 + WHITE * (smooth @ rng.normal(size=smooth.shape[1]))], axis=0)
     raw = (surfaces * power) @ case.curves
     sensor = Sensor()
     raw *= sensor.exposure * (sensor.white_level - sensor.black) / raw[-1].max()
@@ -104,20 +99,26 @@ def show(case: Case, name: str, rng: np.random.Generator) -> Shown:
     """One camera's pictures of the scene in a light near the named one."""
     power = drawn(lamp(name), rng)
     photo = photograph(case, power, rng)
-    last = len(scene()) // COLUMNS - 1
+    last = len(photo.samples) // BLOCK - 1
     (white,) = measure_regions(photo, [((COLUMNS - 1) * BLOCK + 2.0, last * BLOCK + 2.0, BLOCK - 4.0, BLOCK - 4.0)])
     camera = calibrate(case, SHOTS["two"], rng, off=True)
-    made = standard_picture(camera, name, photo, white=white_of_region(white, 1.0), space="xyz-d65")
-    pixels, layer = (np.concatenate(strips) for strips in zip(*made.strips(), strict=True))
-    white_xyz = of_surfaces(np.ones((1, WAVELENGTHS.size)), power, View(white="D65"))[0][0]
-    ours = lab(judged(pixels / XYZ_ONE), white_xyz)
+    exact = replace(camera, values=case.curves / case.curves.max(axis=0), modes=camera.modes[:0])
+    standard = View(white="D65")
+    white_xyz = of_surfaces(np.ones((1, WAVELENGTHS.size)), power, standard)[0][0]
+    by = {}
+    for way, curves in (("exact", exact), ("camssf", camera)):
+        made = standard_picture(curves, name, photo, white=white_of_region(white, 1.0), space="xyz-d65")
+        pixels, layer = (np.concatenate(strips) for strips in zip(*made.strips(), strict=True))
+        by[way] = lab(judged(pixels / XYZ_ONE), white_xyz)
     deviation = judged(layer.repeat(2, axis=0).repeat(2, axis=1) / PER_UNIT)
-    truth = of_surfaces(unseen(), power, View(white="D65"))[1][:, None, :]
-    signals = judged(malvar(photo.samples - 512.0) / white.raw)
-    matrix, own = matrix_for(case, power), white_of(power)
-    to_xyz = adaptation(own, white_xyz) @ (np.linalg.inv(matrix) * (matrix @ own))
-    theirs = lab(signals @ to_xyz.T, white_xyz)
-    return Shown(ours, theirs, truth, np.abs(ours - truth) <= BAND * deviation)
+    truth = of_surfaces(unseen(), power, standard)[1][:, None, :]
+    signals, own = judged(malvar(photo.samples - 512.0) / white.raw), white_of(power)
+    fitted = color_matrix(CameraCurves(case.name, case.curves, ""), name)
+    for way, matrix in (("stored", stored_matrix(case.name)), ("ideal", fitted)):
+        if matrix is not None:
+            to_xyz = adaptation(own, white_xyz) @ (np.linalg.inv(matrix) * (matrix @ own))
+            by[way] = lab(signals @ to_xyz.T, white_xyz)
+    return Shown(by, truth, np.abs(by["camssf"] - truth) <= BAND * deviation)
 
 
 def malvar(light: Floats) -> Floats:
@@ -127,31 +128,17 @@ def malvar(light: Floats) -> Floats:
     return np.moveaxis(interleaved(demosaic(cells)).reshape(3, height, width), 0, 2)
 
 
-def numbers(shown: list[Shown]) -> dict[str, float]:
-    """The columns of the table for one light; between cameras over all pairs of neighbours in the list."""
+def numbers(shown: list[Shown]) -> Floats:
+    """(3, 4) MEASURES by WAYS, between cameras over all pairs of neighbours; NaN where LibRaw does not know all."""
     pairs = list(zip(shown, [*shown[1:], shown[0]], strict=True))
-    found = {}
-    for way in WAYS:
-        own = [(getattr(one, way), getattr(other, way)) for one, other in pairs]
-        found[f"{way}: apart"] = np.median([delta_e00(*pair) for pair in own])
-        found[f"{way}: averaged"] = np.median([delta_e00(a.mean(axis=1), b.mean(axis=1)) for a, b in own])
-        found[f"{way}: from truth"] = np.median([delta_e00(getattr(one, way), one.truth) for one in shown])
-    found["inside 95 %"] = np.mean([one.inside for one in shown])
-    return {name: float(value) for name, value in found.items()}
-
-
-def matrix_for(case: Case, power: Floats) -> Floats:
-    """(3, 3) XYZ to camera: what LibRaw holds of the maker's or Adobe's for D65, or those that the curves give.
-
-    The latter, for A and D65, are interpolated by the light's temperature as DNG readers do.
-    """
-    known = stored_matrix(case.name)
-    if known is not None:
-        return known
-    bulb, daylight = (color_matrix(CameraCurves(case.name, case.curves, ""), name) for name in ("A", "D65"))
-    mired = np.array([1e6 / correlated_temperature(white_of(each)) for each in (lamp("A"), lamp("D65"), power)])
-    share = float(np.clip((mired[2] - mired[0]) / (mired[1] - mired[0]), 0.0, 1.0))
-    return np.asarray((1.0 - share) * bulb + share * daylight)
+    found = np.full((len(MEASURES), len(WAYS)), np.nan)
+    for at, way in enumerate(WAYS):
+        if all(way in one.by for one in shown):
+            own = [(one.by[way], other.by[way]) for one, other in pairs]
+            means = [(a.mean(axis=1), b.mean(axis=1)) for a, b in own]
+            from_truth = [(one.by[way], one.truth) for one in shown]
+            found[:, at] = [np.median([delta_e00(*pair) for pair in kind]) for kind in (own, means, from_truth)]
+    return found
 
 
 @cache
@@ -172,15 +159,30 @@ def stored_matrix(name: str) -> Floats | None:
 
 
 def claim(run: Run) -> None:
-    """A row a light, and their mean, for cameras and phones."""
+    """A row a light and a measure, for cameras and phones; those that LibRaw knows by themselves, too, if not all."""
     for title, group in case_groups(run, 52):
-        known = [case for case in group if stored_matrix(case.name) is not None] if title == LEFT_OUT else []
-        shown = known[:: max(1, len(known) // run.options.cameras)][: run.options.cameras] if known else group
-        rows = {}
-        for at, name in enumerate(run.track(LAMPS, title)):
-            rngs = [np.random.default_rng([SEED, number, at]) for number in range(len(shown))]
-            rows[name] = numbers([show(case, name, rng) for case, rng in zip(shown, rngs, strict=True)])
-        rows["all"] = {key: float(np.mean([rows[name][key] for name in LAMPS])) for key in rows[LAMPS[0]]}
-        columns = {"light": ""} | dict.fromkeys(rows["all"], ".3f")
-        lines = [(name, *row.values()) for name, row in rows.items()]
-        run.table(f"{title}: median ΔE00 of pictures, {len(shown)} cameras", columns, lines)
+        cases = [case for case in group if title != LEFT_OUT or stored_matrix(case.name) is not None]
+        if title == LEFT_OUT:
+            cases = cases[:: max(1, len(cases) // run.options.cameras)][: run.options.cameras]
+        shown = {
+            name: [show(case, name, np.random.default_rng([SEED, number, at])) for number, case in enumerate(cases)]
+            for at, name in enumerate(run.track(LAMPS, title))
+        }
+        report(run, f"{title}, {len(cases)}", shown)
+        some = {name: [one for one in row if "stored" in one.by] for name, row in shown.items()}
+        if len(some[LAMPS[0]]) < len(cases):
+            report(run, f"{title}, {len(some[LAMPS[0]])} that LibRaw knows", some)
+
+
+def report(run: Run, title: str, shown: dict[str, list[Shown]]) -> None:
+    """Table and bars of some cameras' pictures, by the light."""
+    table = {name: numbers(row) for name, row in shown.items()}
+    table["all"] = np.mean(list(table.values()), axis=0)
+    columns = {"light": "", "ΔE00": ""} | dict.fromkeys(WAYS, ".2f")
+    lines = [(name, *row) for name, rows in table.items() for row in zip(MEASURES, *rows.T, strict=True)]
+    run.table(f"{title}: median ΔE00", columns, lines)
+    for measure, (camssf, _, stored, _) in zip(MEASURES[:2], table["all"], strict=False):
+        if np.isfinite(stored):
+            run.bar(f"{title}: {measure} over stored", camssf / stored, most=0.6)
+    inside = np.mean([one.inside for row in shown.values() for one in row])
+    run.bar(f"{title}: pixels inside the 95 % bands", inside, least=0.9, most=0.98)

@@ -65,17 +65,14 @@ class D70:
         radiance: (24, 681) W sr⁻¹ m⁻² per band, on the grid.
         truth: pass → (681, 3) curves of peak 1 at the monochromator's wavelengths, straight between them, 0 beyond.
         at: (31,) places of these wavelengths on the grid.
+        white: the index of the white patch.
     """
 
     raw: Floats
     radiance: Floats
     truth: Mapping[str, Floats]
     at: Any
-
-    @property
-    def white(self) -> int:
-        """The white patch, number 19."""
-        return 18
+    white: int = 18
 
     @property
     def used(self) -> Any:
