@@ -6,12 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from camssf.recovery.basis import read_basis
 from camssf.recovery.elastic_net import ElasticNet
 from camssf.recovery.optimum import optimum
 from camssf.recovery.pivoting import PROVEN, SETTLED
 from golden.compare import optimality
-from golden.linear_model import LinearModel
-from tests.support.problems import duality_gap, gamma_max, joint_sensing, random_sensing, whiten, whiten_in_80_bits
+from golden.linear_model import LinearModel, linear_model
+from tests.recovery.test_dense_model import BASES, random_captures
+from tests.support.problems import duality_gap, random_sensing, seeds, whiten, whiten_in_80_bits
 
 pytestmark = pytest.mark.requirement("R-OPTIMUM")
 
@@ -35,7 +37,8 @@ def in_80_bits(
 def test_where_nothing_is_worth_its_penalty_zero_is_proven(nonnegative: bool) -> None:
     """γ twice what makes every code 0: the residual itself is dual, and must not be scaled up."""
     sensing = random_sensing(6, 20, 12)
-    problem = ElasticNet(sensing.matrix[0], sensing.target[0], 0.0, 2.0 * gamma_max(sensing)[0], nonnegative)
+    A, b = sensing.matrix[0], sensing.target[0]
+    problem = ElasticNet(A, b, 0.0, 2.0 * np.abs(A.T @ b).max(), nonnegative)
     assert duality_gap(problem, np.zeros(12))[1] == pytest.approx(0.0, abs=1e-15)
 
 
@@ -71,18 +74,17 @@ def test_small_problems_are_proven(name: str, l2: float, gamma: float, nonnegati
 
 # -- the one problem of three channels ----------------------------------------------------------------------------
 
-CAPTURES: list[dict[str, Any]] = [
-    {"patches": 12},
-    {"patches": 24, "lamps": ("FL2", "LED-B3", "A")},
-    {"patches": 12, "lamps": ("D55", "A"), "kind": "fluorescent"},
-]
+
+def one_problem(seed: int) -> LinearModel:
+    """The product's one problem of 72 atoms, of a random capture."""
+    (observation,) = random_captures(seed)
+    return linear_model(observation, read_basis(BASES[seed % 3]))
 
 
-@pytest.mark.parametrize("capture", CAPTURES, ids=lambda capture: " ".join(map(str, capture.values())))
-def test_the_layers_carry_the_product_s_problem(capture: dict[str, Any]) -> None:
+@pytest.mark.parametrize("seed", seeds(8))
+def test_the_layers_carry_the_product_s_problem(seed: int) -> None:
     """With the product's penalties the layers' own proof is enough: no step of the finish, and the same answer."""
-    sensing = joint_sensing(**capture)
-    problem = sensing.whitened(1.0, 0.05)
+    problem = one_problem(seed).whitened(1.0, 0.05)
     code, walked = optimum(problem), optimum(problem, depth=0)
     assert code.x.shape == (1, 72, 1)
     assert code.pivots == 0
@@ -98,7 +100,7 @@ def test_the_layers_carry_the_product_s_problem(capture: dict[str, Any]) -> None
 @pytest.mark.parametrize(("l2", "gamma"), [(1.0, 0.05), (1.0, 5.0), (0.0, 1.4)])
 def test_the_proof_of_the_one_problem_holds_in_80_bits(l2: float, gamma: float, nonnegative: bool) -> None:
     """From A, b and Σ themselves, whitened anew: of the answer, and of answers that are off."""
-    sensing = joint_sensing(patches=12, lamps=("D55", "A"), lamp_tolerance=0.02)
+    sensing = one_problem(1)
     A, b, sigma = sensing.matrix[0], sensing.target[0], sensing.covariance[0]
     code = optimum(sensing.whitened(l2, gamma, nonnegative))
     wide = partial(in_80_bits, *whiten_in_80_bits(A, b, sigma), l2, gamma, nonnegative)

@@ -7,16 +7,15 @@ import pytest
 
 from camssf.errors import InvalidArgument
 from camssf.grid import STEP, WAVELENGTHS, Floats
+from camssf.recovery import explain, predict
 from camssf.recovery.basis import NODES, gaussian_basis, misfit_profile, read_basis
 from camssf.recovery.rows import anchor
 from camssf.spectra import read_lamp
 from tests.support.dense_model import dense_model
 from tests.support.problems import (
     chart_and_lamp,
-    explained,
     measured_cameras,
     observed,
-    predicted,
     recovered,
     theory,
     toy_camera,
@@ -133,8 +132,8 @@ def test_bands_and_the_budget_s_parts_are_the_posterior_s(shots: int) -> None:
     """The covariance of x as I - Aᵀ (Σ + A Aᵀ)⁻¹ A; that of curves and of sources, G Σ_t Gᵀ, by finite differences
     of the curve of peak 1. With what no patch has seen the sources add up to the band, channel by channel."""
     arguments = declared(shots)
-    shares, answer = explained(**arguments), recovered(**arguments, basis="cameras", gamma=0.0)
-    rows = dense_model(observed(**arguments)[0], read_basis("cameras"))
+    (given, _), answer = observed(**arguments), recovered(**arguments, basis="cameras", gamma=0.0)
+    shares, rows = explain(given), dense_model(given, read_basis("cameras"))
     A, sigma = rows.A, rows.sigma
     spread = np.eye(72) - A.T @ np.linalg.solve(sigma + A @ A.T, A)
     assert answer.code_covariance is not None
@@ -165,7 +164,7 @@ def test_prediction_bands_are_those_of_their_model(shots: int) -> None:
     arguments, book = declared(shots), read_basis("cameras")
     others = chart_and_lamp("D55", slice(0, 24))[0][1::2]
     answer = recovered(**arguments)
-    found = predicted(answer, **arguments, of=others, of_tolerance=0.02)
+    found = predict(answer, observed(**arguments)[0], of=others, of_tolerance=0.02)
     assert found.values[:, :12] == pytest.approx(answer.predicted, rel=1e-9)
     k, n = shots, 24
     y = np.concatenate([arguments["signals"], found.values[:, 12:]], axis=1)

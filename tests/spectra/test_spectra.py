@@ -90,7 +90,8 @@ def test_a_missing_lamp_is_explained(nothing: str) -> None:
 WRONG: dict[Callable[[Any], Any], dict[str | None, str]] = {
     read_lamp: {
         "D56": "Did you mean D:5600?", "LED-B33": "Did you mean LED-B3", "daylihgt": "Lamps:", "500K": "1000K",
-        "99999K": "20000K", "D:3000": "3000K, without D", "nowhere.csv": "Check the path",
+        "5500": "D:5500 for daylight", "2700": "2700K for a bulb", "99999K": "20000K", "D:3000": "3000K, without D",
+        "nowhere.csv": "Check the path",
         "no/such/lamp.spd": "Check the path", "a\0b": "Lamps:", "x" * 5000: "Lamps:", ".": "Lamps:",
     },
     read_chart: {

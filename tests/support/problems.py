@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from camssf.grid import WAVELENGTHS, Floats
-from camssf.recovery import Observation, Prediction, Ssf, arrays, explain, predict, recover
+from camssf.recovery import Observation, Ssf, arrays, recover
 from camssf.recovery import duality_gap as gaps
 from camssf.recovery.basis import read_basis
 from camssf.recovery.elastic_net import ElasticNet
@@ -17,7 +17,7 @@ from camssf.recovery.inputs import observation_arrays
 from camssf.recovery.pivoting import pivot_to_optimum
 from camssf.recovery.sensitivity import SolverSettings
 from camssf.spectra import read_chart, read_lamp
-from golden.linear_model import LinearModel, linear_model
+from golden.linear_model import LinearModel
 
 CURVES = Path(__file__).parents[2] / "data" / "ssf" / "rawtoaces.csv"
 
@@ -77,39 +77,6 @@ def random_sensing(seed: int, rows: int, atoms: int, *, correlated: bool = False
     return LinearModel(matrix, target, sigma)
 
 
-def joint_sensing(
-    patches: int = 24,
-    lamps: tuple[str, ...] = ("D55",),
-    kind: str | None = None,
-    lamp_tolerance: float = 0.0,
-    seed: int = 0,
-) -> LinearModel:
-    """The product's one problem of 72 atoms: the toy camera's noisy signals, the usual tolerances.
-
-    kind: of the last lamp, which is then told by its kind alone.
-    """
-    reflectance = read_chart("classic24").values[slice(6, 18) if patches == 12 else slice(patches)]
-    true = np.stack([read_lamp(name).values for name in lamps])
-    y = np.stack([theory(reflectance, lamp, toy_camera()) for lamp in true])
-    error = np.hypot(0.005 * y, 0.001)
-    stated, modes = true.copy(), np.zeros((len(lamps), 0, WAVELENGTHS.size))
-    if kind is not None:
-        family = read_lamp(kind)
-        stated[-1], modes = family.values, np.zeros((len(lamps), len(family.modes), WAVELENGTHS.size))
-        modes[-1] = family.modes
-    observation = Observation(
-        y + error * np.random.default_rng(seed).normal(size=y.shape),
-        reflectance,
-        stated,
-        standard_error=error,
-        chart_tolerance=0.03,
-        white_tolerance=0.01,
-        lamp_tolerance=lamp_tolerance,
-        lamp_modes=modes,
-    )
-    return linear_model(observation, read_basis("cameras"))
-
-
 def whiten(A: Floats, b: Floats, sigma: Floats) -> tuple[Floats, Floats]:
     """L⁻¹ A (N, r) and L⁻¹ b (N,) of one problem."""
     rows, _ = arrays.whiten(sigma, np.column_stack([A, b]))
@@ -141,13 +108,6 @@ def whiten_in_80_bits(A: NDArray[Any], b: NDArray[Any], sigma: NDArray[Any]) -> 
     return X[:, :-1], X[:, -1]
 
 
-def gamma_max(linear: LinearModel) -> Floats:
-    pulls = [
-        A.T @ np.linalg.solve(S, b) for A, b, S in zip(linear.matrix, linear.target, linear.covariance, strict=True)
-    ]
-    return np.abs(pulls).max(axis=1)
-
-
 def model_inputs(observation: Observation, basis: str) -> dict[str, Floats]:
     """The inputs of a shipped model for it, with the usual penalties."""
     y = observation.signals
@@ -171,15 +131,3 @@ def recovered(*positional: Any, **named: Any) -> Ssf:
         **{name: rest.pop(name) for name in SolverSettings.__dataclass_fields__ if name in rest}
     )
     return recover(evidence, **rest, settings=settings)
-
-
-def explained(*positional: Any, **named: Any) -> dict[str, Floats]:
-    """`explain`, likewise."""
-    evidence, rest = observed(*positional, **named)
-    return explain(evidence, **rest)
-
-
-def predicted(ssf: Ssf, *positional: Any, **named: Any) -> Prediction:
-    """`predict`, likewise."""
-    evidence, rest = observed(*positional, **named)
-    return predict(ssf, evidence, **rest)
