@@ -14,7 +14,7 @@ from camssf.spectra.bundled import SURFACE_NODES, surface_sets, surfaces
 from camssf_colour import Camera, Reference, View
 from camssf_colour.absorbance import INDICES, absorbance, index_weights, indices, shipped_index
 from camssf_colour.posterior import LinearResponse, surface_posterior
-from camssf_colour.reflectance import LitSurfaces, SurfaceSpectra, spectrum
+from camssf_colour.reflectance import LitSurfaces, spectrum
 from camssf_colour.surface_prior import SurfacePrior, prior_of, read_prior
 from tests.colour.conftest import exact, known, power
 
@@ -65,10 +65,6 @@ def photographed(name: str = "D55", rows: Floats | None = None, camera: Camera |
     return signals_of(on_grid(rows), power(name), (camera or exact()).values)
 
 
-def rms(found: SurfaceSpectra, truth: Floats) -> float:
-    return float(np.sqrt(np.mean((found.reflectance - truth)[:, 2:33] ** 2)))
-
-
 def test_spectra_reproduce_their_signals_and_colours() -> None:
     y = photographed()
     found = spectrum(exact(), LitSurfaces(known(), y, 1e-6, Reference(0.0)))
@@ -79,7 +75,7 @@ def test_spectra_reproduce_their_signals_and_colours() -> None:
     xyz, colours = of_surfaces(on_grid(found.reflectance), power(), View())
     assert np.abs(found.xyz - xyz).max() < 1e-12
     assert np.abs(found.lab - colours).max() < 1e-9
-    assert rms(found, a_few()) < 0.1
+    assert np.sqrt(np.mean((found.reflectance - a_few())[:, 2:33] ** 2)) < 0.1
 
 
 # -- priors -------------------------------------------------------------------------------------------------------

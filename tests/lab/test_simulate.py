@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.photo.read.dng import CFA_ORDERS, read_dng
-from camssf.spectra import CameraCurves, ChartTable, Lamp, read_camera
+from camssf.spectra import CameraCurves, Lamp, read_camera, read_chart
 from camssf.spectra.layouts import LAYOUTS
 from camssf_lab.simulation import frames as module
 from camssf_lab.simulation.camera import Sensor
@@ -29,24 +29,17 @@ QUIET = Sensor(noise=False)
 
 def shoot(folder: Path, lamps: Any = None, **more: Any) -> Simulation:
     """A simulation of the toy camera and chart."""
-    return simulate(CAMERA, lamps or FLAT, folder, **({"chart": table(), "scene": Scene(size=SIZE)} | more))
+    return simulate(CAMERA, lamps or FLAT, folder, **({"chart": TABLE, "scene": Scene(size=SIZE)} | more))
 
 
 def taken(lamp: Lamp | None = None, sensor: Sensor = QUIET, seeds: tuple[int, ...] = (), **scene: Any) -> Frames:
-    return photograph(CAMERA, lamp or FLAT, table(), Scene(**({"size": SIZE} | scene)), sensor, seeds or (0,))
+    return photograph(CAMERA, lamp or FLAT, TABLE, Scene(**({"size": SIZE} | scene)), sensor, seeds or (0,))
 
 
+TABLE = read_chart("classic24")
 CAMERA = CameraCurves("toy", np.stack([0.9 * bell(600, 35), bell(540, 40), 0.7 * bell(460, 30)], axis=1), "test")
 FLAT = Lamp("flat", np.ones(681), 0.0, np.zeros((0, 681)), "test")
 RED = Lamp("red lamp", np.linspace(0.3, 2, 681), 0.0, np.zeros((0, 681)), "test")
-
-
-def table(layout: str = "classic24") -> ChartTable:
-    count = LAYOUTS[layout].columns * LAYOUTS[layout].rows
-    level = np.random.default_rng(3).permutation(np.linspace(0.05, 0.9, count))[:, None]
-    values = level * (0.7 + 0.3 * np.sin(WAVELENGTHS / 40 + np.arange(count)[:, None]))
-    names = tuple(f"p{number}" for number in range(count))
-    return ChartTable(layout, "test", LAYOUTS[layout], names, WAVELENGTHS, values, np.full(count, 0.03), 0, "test")
 
 
 def inside(patch: Floats, shape: tuple[int, int], share: float = 0.7) -> NDArray[np.bool_]:
@@ -70,7 +63,7 @@ def test_libraw_reads_back_what_was_taken(tmp_path: Path, cfa: str, compression:
     size, black, white = (404, 303), 256.25, 4095
     sensor = Sensor(cfa=cfa, black=black, white_level=white)
     done = shoot(tmp_path, scene=Scene(size=size), seed=5, sensor=replace(sensor, compression=compression))
-    frames = photograph(CAMERA, FLAT, table(), done.scene, sensor, (5, 0))
+    frames = photograph(CAMERA, FLAT, TABLE, done.scene, sensor, (5, 0))
     shot = done.shots[0]
     for path, samples in ((shot.chart, frames.chart), (shot.white, frames.white), (shot.dark, frames.dark)):
         with rawpy.imread(str(path)) as raw:
@@ -91,7 +84,7 @@ def test_patches_hold_theory_to_rounding(turn: float) -> None:
     scene = Scene(size=SIZE, fill=0.5, rotation=turn, tilt=20)
     within = [inside(patch, SIZE[::-1]) for patch in true_pose(scene).patches]
     for cfa in CFA_ORDERS if turn == 33 else CFA_ORDERS[:1]:
-        frames = photograph(CAMERA, FLAT, table(), scene, replace(QUIET, cfa=cfa))
+        frames = photograph(CAMERA, FLAT, TABLE, scene, replace(QUIET, cfa=cfa))
         colours = colour_map(cfa, frames.chart.shape)
         for patch, levels in zip(within, frames.levels, strict=True):
             seen, of = frames.chart[patch], colours[patch]
@@ -106,7 +99,7 @@ def test_patches_hold_theory_to_rounding(turn: float) -> None:
 
 def test_levels_are_the_formula() -> None:
     """Trapezoids on a 1-nm grid, written out: black + full scale · exposure · Σ R L S / max Σ L S."""
-    chart, sensor = table(), Sensor(noise=False, exposure=0.5, black=100, white_level=1100)
+    chart, sensor = TABLE, Sensor(noise=False, exposure=0.5, black=100, white_level=1100)
     frames = taken(RED, sensor)
     every = slice(None, None, 2)
     R, L, S = chart.values[:, every], RED.values[every], CAMERA.values[every]

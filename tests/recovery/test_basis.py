@@ -8,6 +8,7 @@ import json
 import math
 import os
 from dataclasses import replace
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -218,17 +219,11 @@ def test_the_shipped_basis_is_the_one_that_was_judged() -> None:
 
 def test_no_phone_can_be_read_out_of_it() -> None:
     """Nothing in the file is a curve of one phone: the mean is no phone's, and no array has one row for each."""
-    with np.load(str(phones_file()), allow_pickle=False) as content:
+    with np.load(str(files("camssf") / "data" / "phones.npz"), allow_pickle=False) as content:
         shapes = {name: content[name].shape for name in content.files}
     assert shapes.pop("known") == (6,)
     assert shapes.pop("curves") == (0, 69, 3)
     assert not any(6 in shape for shape in shapes.values())
-
-
-def phones_file() -> Path:
-    import camssf
-
-    return Path(camssf.__file__).parent / "data" / "phones.npz"
 
 
 def test_extended_by_nothing_it_is_itself(tmp_path: Path) -> None:
@@ -308,7 +303,9 @@ def test_the_benchmark_runs_on_any_table(
     """One setting, one draw, no cameras."""
     monkeypatch.setattr(_common, "RESULTS", tmp_path)
     monkeypatch.setattr(phones, "EVERY", (Setting("x", ("D55",)),))
-    monkeypatch.setattr(phones, "measured_cameras", lambda: phones_left_out(toy_phones())[:0] or stand_in())
+    toy = phones_left_out(toy_phones())[0]  # in the place of the 52 cameras
+    bases = {CAMERAS: toy.bases[CAMERAS], PHONES: read_basis("phones")}
+    monkeypatch.setattr(phones, "measured_cameras", lambda: [Device(toy.name, toy.curves, bases)])
     table = str(write_curves(tmp_path / "toys.csv", toy_phones()))
     monkeypatch.delenv("CAMSSF_FOREIGN", raising=False)
     assert benchmark(["phones", "--phones", table, "--draws", "1"]) == 0
@@ -318,13 +315,6 @@ def test_the_benchmark_runs_on_any_table(
     assert {OTHERS, OTHER_MAKER, CAMERAS, APART, auto(OTHERS), auto(OTHER_MAKER)} < set(row)
     assert row[OTHERS][0] < float(no_photo[OTHERS])
     assert "--foreign or CAMSSF_FOREIGN" in out
-
-
-def stand_in() -> list[Device]:
-    """One toy in the place of the 52 cameras."""
-    device = phones_left_out(toy_phones())[0]
-    bases = {CAMERAS: device.bases[CAMERAS], PHONES: read_basis("phones")}
-    return [Device(device.name, device.curves, bases)]
 
 
 @needs_the_table

@@ -47,13 +47,6 @@ def states(layer: Layer, depth: int) -> list[Floats]:
     return found
 
 
-def optimum(problem: ElasticNet) -> Floats:
-    """By the pivoting walk, which needs no layers; its KKT conditions are checked here."""
-    x = walked(problem, np.zeros(problem.g.size))[0]
-    assert kkt(problem, x) < 1e-9
-    return x
-
-
 def kkt(problem: ElasticNet, x: Floats) -> float:
     """How far w = Aᵀ (b - A x) - λ₂ x is from γ ∂‖x‖₁ (x ≥ 0: from γ minus the cone's normals)."""
     w = problem.A.T @ (problem.b - problem.A @ x) - problem.l2 * x
@@ -114,7 +107,7 @@ def test_a_fixed_point_is_an_optimum(l2: float, gamma: float, nonnegative: bool,
     x = layer.answer(v)
     assert kkt(problem, x) < 1e-9
     assert (constants(problem)[0] + l2) * (v - x) == pytest.approx(problem.residual(x), abs=1e-9)
-    assert x == pytest.approx(optimum(problem), abs=1e-9)
+    assert x == pytest.approx(walked(problem, np.zeros(problem.g.size))[0], abs=1e-9)  # which needs no layers
 
 
 # How fast.

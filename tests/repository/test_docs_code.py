@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 import pytest
 
-from camssf import Options, calibrate
+from camssf import calibrate
 from camssf.cli import main
 from camssf.exports import export
 from camssf.grid import WAVELENGTHS
@@ -29,8 +29,7 @@ from camssf.report.build import report
 from camssf.spectra import camera_names, read_camera
 from camssf_fleet.batch import run_batch
 from camssf_fleet.manifest import Manifest
-from camssf_lab.simulation.frames import simulate
-from camssf_lab.simulation.scene import Scene
+from tests.support.captures import calibrated, photos
 from tests.support.pages import DOCS, ROOT, blocks, calls, text_of
 from tools import tutorials
 from tools.tutorials import TUTORIALS, WITH_OUTPUT
@@ -52,17 +51,13 @@ WITH_PYTHON = [
 def field(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What pages speak of: photo.dng under D55 and bulb.dng with their frames, results, and measured curves."""
     folder = tmp_path_factory.mktemp("field")
-    body = read_camera("Nikon 5100 (NPL)")
     for lamp, names in (("D55", ("photo", "white", "dark")), ("A", ("bulb", "bulb-white", "bulb-dark"))):
-        made = simulate(body, lamp, folder / lamp, scene=Scene(size=(900, 675), vignetting=0.3)).shots[0]
+        (made,) = photos(lamp, vignetting=0.3).shots
         for path, name in zip((made.chart, made.white, made.dark), names, strict=True):
             assert path is not None
-            shutil.move(path, folder / f"{name}.dng")
-    shutil.move(folder / "D55" / "truth.csv", folder / "truth.csv")
-    found = calibrate(
-        Shot(str(folder / "photo.dng"), "D55", white=str(folder / "white.dng"), dark=str(folder / "dark.dng")),
-        options=Options(basis="cameras"),
-    )
+            shutil.copy(path, folder / f"{name}.dng")
+    shutil.copy(photos(vignetting=0.3).truth, folder / "truth.csv")
+    found = calibrated(vignetting=0.3)
     report(found, found.previews).save(folder / "out")
     (folder / "curves.csv").write_bytes(export(found, "colour"))
     for name in ("a.dng", "b.dng"):
@@ -147,17 +142,14 @@ def workshop(field: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     calibrate(Shot(folder / "photo.dng", "D55", white=folder / "white.dng")).save(folder / "phone.json")
     (folder / "manifest.csv").write_text("name,photo,lamp,white,dark\nday,photo.dng,D55,white.dng,dark.dng\n")
     nm = np.arange(400.0, 701.0, 10.0)
-    rows = np.column_stack([nm, *(np.interp(nm, WAVELENGTHS, each) for each in camera("Canon EOS 5D").T), nm**0])
+    curves = read_camera(next(name for name in camera_names() if name.startswith("Canon EOS 5D"))).values.T
+    rows = np.column_stack([nm, *(np.interp(nm, WAVELENGTHS, each) for each in curves), nm**0])
     np.savetxt(folder / "sweep.csv", rows, delimiter=",", header="wavelength_nm,red,green,blue,power", comments="")
     shim = folder / "bin" / "camssf"
     shim.parent.mkdir()
     shim.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m camssf "$@"\n')
     shim.chmod(0o755)
     return folder
-
-
-def camera(name: str) -> Any:
-    return read_camera(next(each for each in camera_names() if each.startswith(name))).values
 
 
 AS_PROCESSES = "README"

@@ -16,7 +16,7 @@ from camssf.errors import InvalidArgument, LampUnfit
 from camssf.exports import export, exported
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import colour_science, lamp_names, read_camera, read_lamp, shipped_cameras
-from camssf.spectra.lamps import NAMES_FORMAT, Lamp, lamp_aliases
+from camssf.spectra.lamps import NAMES_FORMAT, lamp_aliases
 from camssf.spectra.readers import CURVES, LAMPS
 from camssf.spectra.tables import read_curves, read_spectrum
 from camssf.spectra.text import plain
@@ -41,11 +41,6 @@ def theirs(name: str) -> Path:
     return path
 
 
-def same_lamp(lamp: Lamp, nm: Any, power: Any, off: float = 1e-12) -> None:
-    expected = np.interp(WAVELENGTHS, np.asarray(nm, float), np.asarray(power, float))
-    np.testing.assert_allclose(lamp.values, expected / expected.mean(), rtol=off, atol=1e-15)
-
-
 # -- lamps ------------------------------------------------------------------------------------------------------
 
 
@@ -62,7 +57,8 @@ def test_meters_files_are_read_as_colour_science_reads_them(name: str, reader: s
     judge = getattr(colour_science(), reader)(str(path)).read()
     assert len(judge.wavelengths) == 401
     lamp = read_lamp(str(path))
-    same_lamp(lamp, judge.wavelengths, judge.values)
+    expected = np.interp(WAVELENGTHS, judge.wavelengths, judge.values)
+    np.testing.assert_allclose(lamp.values, expected / expected.mean(), rtol=1e-12, atol=1e-15)
     assert lamp.source == f"file {name}"
     assert lamp.tolerance == 0.01
 

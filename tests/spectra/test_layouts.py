@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from camssf.errors import ChartNotFound, InvalidArgument
-from camssf.grid import WAVELENGTHS, Floats
+from camssf.grid import WAVELENGTHS
 from camssf.photo.capture import measure
 from camssf.photo.find.geometry import block_corners, homography, map_points
 from camssf.photo.find.pose import Pose, find_chart
@@ -134,25 +134,19 @@ def card(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str, ChartTabl
     return folder, spec, *photographed(folder, spec, rotation=110, tilt=20)
 
 
-def test_such_a_chart_is_found(card: tuple[Path, str, ChartTable, Scene]) -> None:
-    folder, _, table, scene = card
-    pose = find_chart(read_dng(folder / "chart.dng"), table)
-    assert worst(pose, true_pose(scene)) < 0.02
-    assert (pose.layout, pose.quarter_turns, pose.method) == ("garden card", 1, "detected")
-
-
-def marks_in(true: Pose, table: ChartTable) -> Floats:
-    """The fiducials' places in the photo, px."""
-    block = block_corners(table.layout, table.layout.side)
-    return map_points(homography(block, true.corners), np.array(table.layout.fiducials))
-
-
 @pytest.mark.parametrize("first", [0, 3])
-def test_corners_by_hand_may_be_the_fiducials(card: tuple[Path, str, ChartTable, Scene], first: int) -> None:
+def test_such_a_chart_is_found_and_corners_by_hand_may_be_the_fiducials(
+    card: tuple[Path, str, ChartTable, Scene], first: int
+) -> None:
     folder, _, table, scene = card
     true = true_pose(scene)
     photo = read_dng(folder / "chart.dng")
-    marks = np.roll(marks_in(true, table), -first, axis=0)
+    found = find_chart(photo, table)
+    assert worst(found, true) < 0.02
+    assert (found.layout, found.quarter_turns, found.method) == ("garden card", 1, "detected")
+    block = block_corners(table.layout, table.layout.side)
+    places = map_points(homography(block, true.corners), np.array(table.layout.fiducials))
+    marks = np.roll(places, -first, axis=0)
     for corners in (marks + 2.0, marks[::-1] - 2.0, np.roll(true.corners, first, axis=0)):
         pose = find_chart(photo, table, corners=corners)
         assert worst(pose, true) < 0.02

@@ -33,12 +33,6 @@ def at(values: Floats, nm: float) -> Floats:
     return values[int(np.flatnonzero(nm == WAVELENGTHS)[0])]
 
 
-def relative(spec: str) -> Floats:
-    """A lamp with 560 nm = 100, as CIE tables give it."""
-    values = read_lamp(spec).values
-    return 100 * values / at(values, 560)
-
-
 def write(path: Path, text: str) -> str:
     path.write_bytes(text.encode())
     return str(path)

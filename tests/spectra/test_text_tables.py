@@ -57,8 +57,7 @@ CURVES = {
 
 @pytest.mark.parametrize("name", CURVES)
 @pytest.mark.parametrize(
-    "head",
-    ["wavelength_nm,red,green,blue", "Wavelength (nm), R, G, B", "Meter 5\nnm,r,g,b", "wavelength_nm,power"],
+    "head", ["wavelength_nm,red,green,blue", "Wavelength (nm), R, G, B", "Meter 5\nnm,r,g,b", "wavelength_nm,power"]
 )
 def test_a_table_of_a_camera_or_of_a_sweep(name: str, head: str, tmp_path: Path) -> None:
     values, mark, words = CURVES[name]

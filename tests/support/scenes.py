@@ -18,22 +18,10 @@ SIZE = (1600, 1200)
 def mosaic(samples: NDArray[np.uint16], sensor: Sensor | None = None, **changes: object) -> Mosaic:
     sensor = sensor or Sensor()
     plain = Mosaic(
-        path="scene",
-        samples=samples,
-        cfa=sensor.cfa,
-        black=np.full((2, 2), sensor.black),
-        white=float(sensor.white_level),
-        make="",
-        model="",
-        exposure=0.01,
-        iso=100.0,
-        orientation=1,
-        gain_maps=(),
-        color_matrix1=None,
-        color_matrix2=None,
-        as_shot_neutral=None,
-        sha256="",
-    )
+        path="scene", samples=samples, cfa=sensor.cfa, black=np.full((2, 2), sensor.black),
+        white=float(sensor.white_level), make="", model="", exposure=0.01, iso=100.0, orientation=1, gain_maps=(),
+        color_matrix1=None, color_matrix2=None, as_shot_neutral=None, sha256="",
+    )  # fmt: skip
     return replace(plain, **changes)
 
 

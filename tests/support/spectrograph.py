@@ -82,11 +82,7 @@ def silicon(wavelengths: Floats) -> Floats:
 
 
 def frame(
-    response: Floats,
-    device: Spectrograph,
-    rng: np.random.Generator,
-    sensor: Sensor,
-    cell: NDArray[np.int64],
+    response: Floats, device: Spectrograph, rng: np.random.Generator, sensor: Sensor, cell: NDArray[np.int64]
 ) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
     """One frame, whose brightest pixel is 0.7 of full scale, and its dark frame, (h, w) uint16.
 
