@@ -29,9 +29,6 @@ from tests.support.problems import measured_cameras, toy_camera
 CHART = read_chart("classic24").values
 
 
-# -- standard colour --------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("view", [View(), View("1964"), View(white="D65"), View("1964", "D50")])
 def test_colours_of_a_camera_that_is_nearly_an_observer_are_true(view: View) -> None:
     curves = observer(view.observer)
@@ -74,9 +71,6 @@ def test_colours_say_what_they_are() -> None:
     assert repr(found).endswith("; 2 more>")
 
 
-# -- the colour error of a result -------------------------------------------------------------------------------
-
-
 def test_the_expected_colour_error_is_that_of_draws_from_the_covariance() -> None:
     """ΔE00 between each colour of the chart and draws of it: root mean square, then the mean over the colours."""
     made = document("D55")
@@ -99,9 +93,6 @@ def test_the_true_colour_error_is_least_for_the_true_curves() -> None:
     assert own < 1.0 < foreign
 
 
-# -- lamps by what the reference says ---------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("true", "kind"), [("D65", "daylight"), ("2500K", "bulb"), ("LED-B4", "white-led"), ("FL2", "fluorescent")]
 )
@@ -121,9 +112,6 @@ def test_auto_gives_nearly_the_colours_of_the_lamp_named(true: str, kind: str) -
     chi = np.einsum("mc,mc->m", apart, np.linalg.solve(auto.lab_covariance, apart[..., None])[..., 0])
     assert np.mean(chi < 7.815) > 0.8
     assert sizes(auto.parts["lamp"][1]).mean() > sizes(named.parts["lamp"][1]).mean()
-
-
-# -- cameras ----------------------------------------------------------------------------------------------------
 
 
 def test_a_camera_of_an_ssf_has_its_bands() -> None:
@@ -160,9 +148,6 @@ def test_a_camera_must_have_the_grid_and_a_peak() -> None:
 
 def other() -> Camera:
     return exact(measured_cameras()["Canon EOS 5D"])
-
-
-# -- limits that can be done by hand ----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("lamp", ["D55", "FL2", "bulb", "LED-B3"])
@@ -210,9 +195,6 @@ def test_curves_that_are_mixtures_give_the_very_matrix(lamp: str) -> None:
     assert (sizes(found.parts["reference"])[18] > 0.005).all()
 
 
-# -- what is not known ------------------------------------------------------------------------------------------
-
-
 def test_white_stays_white_and_more_light_changes_nothing() -> None:
     for kind in KINDS:
         found = convert(exact(), other(), "D55", np.ones(3), kind=kind)
@@ -232,9 +214,6 @@ def test_metamers_are_what_unseen_surfaces_miss() -> None:
     chi = np.einsum("mc,mc->m", missed, np.linalg.solve(covariance, missed[..., None])[..., 0])
     assert 0.9 < np.mean(chi < 7.815) < 0.99
     assert np.sqrt(np.mean((conversion.apply(y) - truth) ** 2)) < conversion.rms[conversion.kind]
-
-
-# -- lamps, white, reach ----------------------------------------------------------------------------------------
 
 
 def test_whites_balance_and_unbalance() -> None:

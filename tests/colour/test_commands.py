@@ -39,7 +39,6 @@ Capture = pytest.CaptureFixture[str]
 
 @pytest.fixture(scope="session")
 def result(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Result]:
-    """The path of a result.json, and the result."""
     path = tmp_path_factory.mktemp("spectrum") / "result.json"
     path.write_bytes(document_bytes(calibrated()))
     return str(path), calibrated()

@@ -122,15 +122,9 @@ def inner(pixels: Floats) -> Floats:
     return blocks.transpose(0, 2, 1, 3, 4).reshape(24, -1, 3)
 
 
-# -- demosaicing --------------------------------------------------------------------------------------------------
-
-
 def test_the_noise_of_colours_is_what_the_filters_make_of_the_samples() -> None:
     samples = np.random.default_rng(2).normal(size=(300, 2, 300, 2)) * np.array([[1.0, 2.0], [2.0, 3.0]])[:, None, :]
     assert np.cov(demosaic(samples).reshape(3, -1)) == pytest.approx(noise_shares() @ (1.0, 4.0, 9.0), rel=0.02)
-
-
-# -- colours ------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("R-COLOUR")
@@ -168,9 +162,6 @@ def test_a_signal_to_noise_ratio_is_that_of_the_white_surfaces_pixels() -> None:
     ratio = np.mean(greens) / np.std(np.stack(greens) - np.mean(greens))
     stated = white(*pairs[0]).signal_to_noise
     assert stated[1] == pytest.approx(ratio, rel=0.15)
-
-
-# -- the file -----------------------------------------------------------------------------------------------------
 
 
 @cache
@@ -249,9 +240,6 @@ def test_a_file_s_matrices_give_the_colours_of_its_camera() -> None:
     )
     with pytest.raises(InvalidArgument, match="colour matrix"):
         matrix_of_file(scene(), white_xyz)
-
-
-# -- the model ----------------------------------------------------------------------------------------------------
 
 
 def test_the_model_computes_the_same_strip() -> None:

@@ -18,8 +18,6 @@ from camssf_colour.reflectance import LitSurfaces, spectrum
 from camssf_colour.surface_prior import SurfacePrior, prior_of, read_prior
 from tests.colour.conftest import exact, known, power
 
-# -- data -------------------------------------------------------------------------------------------------------
-
 
 def test_the_library_holds_760_surfaces_and_97_skins() -> None:
     counts = dict.fromkeys(("general", "skin"), 0)
@@ -31,8 +29,6 @@ def test_the_library_holds_760_surfaces_and_97_skins() -> None:
     assert counts == {"general": 760, "skin": 97}
     assert np.array_equal(surface_sets()[0].values, surfaces()[:, ::20])  # those of training are not stored twice
 
-
-# -- the posterior against judges of its own -----------------------------------------------------------------------
 
 NODES = SURFACE_NODES.size
 
@@ -56,9 +52,6 @@ def a_few(count: int = 6) -> Floats:
     return surface_sets()[0].values[:: 190 // count][:count]
 
 
-# -- spectra ------------------------------------------------------------------------------------------------------
-
-
 def photographed(name: str = "D55", rows: Floats | None = None, camera: Camera | None = None) -> Floats:
     """Signals of surfaces on the grid."""
     rows = a_few() if rows is None else rows
@@ -76,9 +69,6 @@ def test_spectra_reproduce_their_signals_and_colours() -> None:
     assert np.abs(found.xyz - xyz).max() < 1e-12
     assert np.abs(found.lab - colours).max() < 1e-9
     assert np.sqrt(np.mean((found.reflectance - a_few())[:, 2:33] ** 2)) < 0.1
-
-
-# -- priors -------------------------------------------------------------------------------------------------------
 
 
 def test_a_file_is_a_prior(tmp_path: Path) -> None:
@@ -122,9 +112,6 @@ def test_what_is_no_photo() -> None:
         spectrum(exact(), replace(lit, lamp="auto"))
     with pytest.raises(InvalidArgument, match="no response"):
         spectrum(exact(), replace(lit, lamp=replace(read_lamp("D55"), values=np.zeros(681))))
-
-
-# -- indices ------------------------------------------------------------------------------------------------------
 
 
 def test_indices_are_means_of_absorbance(tmp_path: Path) -> None:

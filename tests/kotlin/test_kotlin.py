@@ -193,7 +193,6 @@ def photos(tmp_path_factory: pytest.TempPathFactory) -> Photographed:
 
 @pytest.fixture(scope="module")
 def phone(tmp_path_factory: pytest.TempPathFactory) -> Photographed:
-    """A phone's photos, which say so."""
     folder = tmp_path_factory.mktemp("phone")
     return of_apple(simulate(PHONE_CURVES, ["D55", "A"], folder, seed=3, scene=Scene(size=(1200, 900))))
 
@@ -264,7 +263,6 @@ def test_parity_of_refusals(photos: Photographed, phone: Photographed, tmp_path:
 
 @pytest.mark.parametrize("lamps", [["D55", "auto"], ["auto", "auto"]], ids=["one-of-two", "two"])
 def test_a_light_that_nobody_named(phone: Photographed, tmp_path: Path, lamps: list[str], kotlin: Kotlin) -> None:
-    """Every field of the document, the light's too."""
     shots, corners = phone
     case = Case(shots[: len(lamps)], [corners] * len(lamps), lamps)
     ours, theirs = python(case), kotlin(case, tmp_path / "result.json")
@@ -319,7 +317,6 @@ def test_a_phone_measures_and_a_desktop_solves(
 
 
 def codes_of(lines: Iterable[str]) -> list[list[str]]:
-    """What Kotlin's readers say of each file."""
     utf8 = ("-Dfile.encoding=UTF-8", "-Dstdout.encoding=UTF-8")
     how = java(*utf8, "org.camssf.golden.Codes", input="\n".join(lines), encoding="utf-8", timeout=120)
     done = subprocess.run(**how, capture_output=True, check=True)
@@ -352,7 +349,6 @@ def test_damaged_photos_get_the_same_code(tmp_path: Path) -> None:
 
 
 def test_text_tables_get_the_same_code_and_words(tmp_path: Path) -> None:
-    """Both read the same numbers, or refuse with the same code and message."""
     lines: list[str] = []
     expected: list[tuple[str, Any]] = []
     for i, table in enumerate(TABLES.values()):

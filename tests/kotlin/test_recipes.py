@@ -66,7 +66,6 @@ def write(folder: Path, name: str, text: str) -> None:
 
 
 def kotlin_versions() -> list[str]:
-    """Those that the page says it was tested with."""
     (said,) = re.findall(r"([\d.]+ and [\d.]+) are tested by this page's recipe", JVM_PAGE)
     return re.findall(r"\d+\.\d+\.\d+", said)
 
@@ -107,7 +106,6 @@ def test_a_new_java_project_by_the_page_alone(tmp_path: Path, cache: Path) -> No
 
 
 def check_first_result(command: str, folder: Path) -> None:
-    """The page's command prints an accepted verdict and writes the result."""
     said = run(command.replace("/path/to/camssf", str(ROOT)), folder)
     assert said.lower().startswith("accepted, red at 600 nm: 0."), said
     result = json.loads((folder / "result.json").read_text("utf-8"))

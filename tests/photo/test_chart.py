@@ -180,14 +180,12 @@ def test_real_photo_gives_the_means_of_hand_picked_corners(real: Mosaic, real_po
 
 
 def off(found: Floats, centres: Floats) -> float:
-    """Largest distance in pitches."""
     assert found.shape == centres.shape
     pitch = np.linalg.norm(centres[1:] - centres[:-1], axis=1).min()
     return float(np.linalg.norm(found - centres, axis=1).max() / pitch)
 
 
 def small(drawing: Drawing, size: tuple[int, int] = SMALL) -> Drawing:
-    """The same drawing of fewer pixels."""
     return replace(drawing, size=size, blur=drawing.blur * size[0] / drawing.size[0])
 
 

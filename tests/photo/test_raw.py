@@ -135,20 +135,10 @@ def test_the_same_samples_give_the_same_curves_and_an_assumption_more(field: Pat
 
 def pretended(monkeypatch: pytest.MonkeyPatch, folder: Path, **words: Any) -> Path:
     """LibRaw as it answers of files that no test here can have: what it says of a sound file, but for some words."""
-    real = rawpy.RawPy
 
-    class Other:
-        def __init__(self) -> None:
-            self.raw = real()
-
-        def __enter__(self) -> Any:
-            return self
-
-        def __exit__(self, *error: object) -> None:
-            self.raw.close()
-
-        def __getattr__(self, name: str) -> Any:
-            return words.get(name, getattr(self.raw, name))
+    class Other(rawpy.RawPy):  # type: ignore[misc]
+        def __getattribute__(self, name: str) -> Any:
+            return words[name] if name in words else super().__getattribute__(name)
 
     monkeypatch.setattr(rawpy, "RawPy", Other)
     return write_raw(folder / "a.raf", np.full((40, 60), 9000, np.uint16))

@@ -65,9 +65,6 @@ def test_triangular_systems(size: int) -> None:
         np.testing.assert_allclose(y, known, rtol=1e-12, atol=1e-12)
 
 
-# The formulas as a whole
-
-
 def random_inputs(seed: int) -> dict[str, Floats]:
     """The inputs of a model for a random capture, with penalties that make some of them walk."""
     (observation,) = random_captures(seed)
@@ -78,7 +75,6 @@ def random_inputs(seed: int) -> dict[str, Floats]:
 
 
 def apart(found: Mapping[str, Any], known: Mapping[str, Floats]) -> dict[str, float]:
-    """How far each output is from another run's."""
     return {name: norm(np.asarray(found[name]), known[name]) for name in known if name not in GAPS}
 
 
@@ -118,7 +114,6 @@ def surface_arrays(seed: int) -> dict[str, Floats]:
 
 
 def surface_outputs(arrays: Mapping[str, Any]) -> dict[str, Any]:
-    """What the formulas give."""
     moves, c = [arrays[f"moves by {source}"] for source in SOURCES], arrays["signals"].shape[0]
     joint, ends = namespace(arrays["y"]).concat(moves), np.cumsum([0, *SOURCES.values()]).tolist()
     sources = {name: slice(*rows) for name, rows in zip(SOURCES, pairwise(ends), strict=True)}

@@ -73,9 +73,6 @@ def shares(ssf: Ssf) -> dict[str, float]:
     return {name: sum(w.probability for w in ssf.choice if w.basis == name) for name in FAMILIES}
 
 
-# -- probabilities ------------------------------------------------------------------------------------------------
-
-
 def test_the_probabilities_are_evidence_times_belief() -> None:
     """By hand from the single answers: the odds of phones, which RYYB sensors share, as they are told."""
     given = between()
@@ -86,9 +83,6 @@ def test_the_probabilities_are_evidence_times_belief() -> None:
     for weight in found.choice:
         assert weight.log_evidence == evidence[weight.basis]
         assert weight.probability == pytest.approx(raw[weight.basis] / sum(raw.values()), rel=1e-12)
-
-
-# -- who answers --------------------------------------------------------------------------------------------------
 
 
 def test_two_equal_evidences_are_half_and_half() -> None:
@@ -113,9 +107,6 @@ def test_two_equal_evidences_are_half_and_half() -> None:
     assert (found.proof.gap == np.maximum(first.proof.gap, second.proof.gap)).all()
 
 
-# -- a camera of no family ------------------------------------------------------------------------------------------
-
-
 def test_a_stranger_is_the_more_probable_the_longer_its_code() -> None:
     """Also by the lamp residual; by hand at one length, from the rules' two normal densities."""
 
@@ -131,9 +122,6 @@ def test_a_stranger_is_the_more_probable_the_longer_its_code() -> None:
         assert probability(z) == pytest.approx(stranger / (stranger + member), rel=1e-12)
     assert probability(-2.0, 0.3) == probability(-2.0)
     assert probability(-2.0, 0.5) == 1.0
-
-
-# -- Monte Carlo ----------------------------------------------------------------------------------------------------
 
 
 DRAWN = 300
@@ -172,9 +160,6 @@ def test_probabilities_are_as_often_right_as_they_say() -> None:
         here = (said >= low) & (said <= high)
         chance = np.sqrt(np.sum(said[here] * (1 - said[here]))) / here.sum()
         assert abs(said[here].mean() - true[here].mean()) < 3 * chance + 0.02, (low, here.sum())
-
-
-# -- the maker ------------------------------------------------------------------------------------------------------
 
 
 def test_a_maker_is_a_weak_belief() -> None:
@@ -216,9 +201,6 @@ def test_a_phone_s_curves_in_a_camera_s_file_are_unusual() -> None:
     assert reason.value == pytest.approx(shares(other.ssf)["phones"] + shares(other.ssf)["ryyb"])
 
 
-# -- rivals ---------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.full
 @pytest.mark.requirement("R-WRONG-LAMP")
 def test_lamps_of_a_phone() -> None:
@@ -231,9 +213,6 @@ def test_lamps_of_a_phone() -> None:
     assert "the light is another than D55" in doubted.reasons[0].message
     with pytest.raises(LampUnfit, match="another than FL2"):
         solve(capture(phone, ["A"], ["FL2"], make="Apple"))
-
-
-# -- in words -------------------------------------------------------------------------------------------------------
 
 
 def weighed(*weights: tuple[str, float, float], scale: float = 1.0) -> Answer:

@@ -72,9 +72,6 @@ def test_small_problems_are_proven(name: str, l2: float, gamma: float, nonnegati
         assert duality_gap(near, code[c])[0] == pytest.approx(objective, rel=1e-9)
 
 
-# -- the one problem of three channels ----------------------------------------------------------------------------
-
-
 def one_problem(seed: int) -> LinearModel:
     """The product's one problem of 72 atoms, of a random capture."""
     (observation,) = random_captures(seed)

@@ -62,9 +62,6 @@ def off(ssf: Ssf) -> tuple[float, float]:
     return float(np.sqrt(np.mean(apart**2, axis=0)).mean()), float((np.abs(apart) <= 1.96 * std[SEEN]).mean())
 
 
-# -- captures -------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.requirement("R-FIELD")
 @pytest.mark.parametrize("lamps", [("D55",), pytest.param(("D55", "A"), marks=pytest.mark.full)])
 def test_uneven_light_costs_hardly_anything(lamps: tuple[str, ...]) -> None:

@@ -75,9 +75,6 @@ def data_step(t: Floats, problem: ElasticNet, rho: float) -> Floats:
     return np.asarray(np.linalg.lstsq(stacked, np.concatenate([problem.b, root * t]), rcond=None)[0])
 
 
-# What `splitting` is.
-
-
 @SIGNED
 @PENALTIES
 @SHAPES
@@ -90,9 +87,6 @@ def test_splitting_is_douglas_rachford_s(l2: float, gamma: float, nonnegative: b
         x = penalty_step(s, problem, rho)
         assert layer.answer(v) == pytest.approx(x, rel=1e-9, abs=1e-11)
         s = s + RELAXATION * (data_step(2.0 * x - s, problem, rho) - x)
-
-
-# Its fixed point.
 
 
 @SIGNED
@@ -108,9 +102,6 @@ def test_a_fixed_point_is_an_optimum(l2: float, gamma: float, nonnegative: bool,
     assert kkt(problem, x) < 1e-9
     assert (constants(problem)[0] + l2) * (v - x) == pytest.approx(problem.residual(x), abs=1e-9)
     assert x == pytest.approx(walked(problem, np.zeros(problem.g.size))[0], abs=1e-9)  # which needs no layers
-
-
-# How fast.
 
 
 def test_the_bound_of_one_layer_on_the_support() -> None:
@@ -129,9 +120,6 @@ def test_the_bound_of_one_layer_on_the_support() -> None:
         # A bare direction and one that the data hold at any cost reach them.
         bare, held = (1 - RELAXATION * beta + RELAXATION * (2 * beta - 1) * share for share in (1.0, 0.0))
         assert (bare, held) == pytest.approx((most, least), abs=1e-15)
-
-
-# Its relatives.
 
 
 @SIGNED

@@ -35,7 +35,6 @@ CASES = {name: case for name, case in EVERY.items() if by_model(case) and name n
 
 @cache
 def outputs_of_case(name: str) -> dict[str, Any]:
-    """What the model gives for a case: run once for all tests."""
     return run(CASES[name], "onnx")
 
 
@@ -108,9 +107,6 @@ def test_every_input_must_be_given(basis: str) -> None:
     for name in given:
         with pytest.raises(ValueError, match=name):
             model.run({other: value for other, value in given.items() if other != name})
-
-
-# -- the files, by the onnx package -------------------------------------------------------------------------------
 
 
 @pytest.mark.full

@@ -226,7 +226,6 @@ def test_two_results_of_one_camera_agree_in_95_of_100_cases(lamps: tuple[str, st
 
 
 def code_covariance(lamp: str) -> np.ndarray:
-    """Of a photo of the 24 patches, on `cameras`."""
     chart, light = chart_and_lamp(lamp, slice(24))
     y = theory(chart, light, read_basis("cameras").mean.T)
     error = np.hypot(0.003 * y, 6e-4)

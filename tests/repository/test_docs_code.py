@@ -115,7 +115,6 @@ def camssf_lines(page: Path) -> list[str]:
 
 
 def runs(line: str) -> bool:
-    """Whether the test runs a line."""
     return "venv" not in line and not any(line.startswith(beginning) for beginning in NOT_RUN)
 
 

@@ -129,9 +129,6 @@ def test_the_watch_sees_a_connection(places: Places) -> None:
         assert bool(seen) == expected
 
 
-# ONNX Runtime
-
-
 def holds(path: Path, word: str) -> bool:
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
         return content.find(word.encode()) >= 0

@@ -14,16 +14,10 @@ CLAIMS = text_of("docs/claims.md")
 pytestmark = pytest.mark.repository
 
 
-# -- the trace ----------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.requirement("R-TRACE")
 def test_every_requirement_has_a_test_and_every_claim_is_one(capsys: pytest.CaptureFixture[str]) -> None:
     assert trace.main([]) == 0, capsys.readouterr().err
     assert len(trace.claims(CLAIMS)) > 20
-
-
-# -- what is not proven, and what may be claimed --------------------------------------------------------------------
 
 
 @pytest.mark.requirement("R-UNPROVEN-CHART", "R-UNPROVEN-PHONES")
@@ -42,9 +36,6 @@ def test_anomalies_are_numbered_and_claims_name_requirements_that_are() -> None:
     named = set(re.findall(r"\bR-[A-Z-]+[A-Z]", CLAIMS))
     assert named
     assert named <= set(trace.read_requirements())
-
-
-# -- SOUP and SBOM ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("R-SOUP")

@@ -373,9 +373,6 @@ def test_a_broken_list_of_camspec_is_refused(damage: Callable[[str], str], tmp_p
         read_camera(f"{path}:Canon 1D")
 
 
-# -- objects of colour-science ----------------------------------------------------------------------------------
-
-
 def test_objects_of_colour_science_are_cameras() -> None:
     from colour.characterisation import RGB_CameraSensitivities
 
@@ -394,9 +391,6 @@ def test_objects_of_colour_science_are_cameras() -> None:
     for wrong in (5, ("a", "b"), (nm, values.T)):
         with pytest.raises(InvalidArgument, match="is not a camera"):
             read_camera(wrong)  # type: ignore[arg-type]
-
-
-# -- what people call lamps -------------------------------------------------------------------------------------
 
 
 def test_the_names_are_data_and_each_says_one_thing() -> None:
@@ -424,9 +418,6 @@ def test_what_people_type_is_answered(each: Any) -> None:
                 with pytest.raises(InvalidArgument, match="does not say which lamp") as caught:
                     read_lamp(written)
                 assert caught.value.advice == each.advice
-
-
-# -- docs -------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.repository

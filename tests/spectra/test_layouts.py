@@ -49,7 +49,6 @@ def write_card(folder: Path, **fields: Any) -> str:
 
 
 def photographed(folder: Path, chart: str, **scene: Any) -> tuple[ChartTable, Scene]:
-    """Frames of a chart in `folder`, and its table and scene."""
     table = read_chart(chart)
     drawn = Scene(size=(1500, 1100), fill=0.5, **scene)
     simulate(CAMERA, "D55", folder, chart=table, scene=drawn)

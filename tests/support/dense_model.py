@@ -73,25 +73,15 @@ def dense_model(observation: Observation, basis: Basis) -> DenseModel:
 
 @dataclass(frozen=True)
 class _Point:
-    """Where the rows are linearised.
+    """Where the rows are linearised."""
 
-    Attributes:
-        curves: (3, v) s₀.
-        lamp: (k, v) 1 + Σ û m.
-        level: (k, n) 1 - Σ v̂ φ, at least DARKEST.
-        modes: (k q,) û.
-        gains: (k g,) v̂.
-        modes_covariance: (k q, k q) of u.
-        code_covariance: (3 r, 3 r) of x.
-    """
-
-    curves: Floats
-    lamp: Floats
-    level: Floats
-    modes: Floats
-    gains: Floats
-    modes_covariance: Floats
-    code_covariance: Floats
+    curves: Floats  # (3, v) s₀
+    lamp: Floats  # (k, v) 1 + Σ û m
+    level: Floats  # (k, n) 1 - Σ v̂ φ, at least DARKEST
+    modes: Floats  # (k q,) û
+    gains: Floats  # (k g,) v̂
+    modes_covariance: Floats  # (k q, k q) of u
+    code_covariance: Floats  # (3 r, 3 r) of x
 
 
 def _prior(observation: Observation, basis: Basis) -> _Point:

@@ -52,24 +52,15 @@ def pack(samples: NDArray[np.integer[Any]], bits: int) -> bytes:
 
 @dataclass
 class Dng:
-    """A DNG file to encode; `tags` (raw directory), `first` (IFD0) and `exif` override or, with None, remove tags.
+    """A DNG file to encode; `tags` (raw directory), `first` (IFD0) and `exif` override or, with None, remove tags."""
 
-    Attributes:
-        samples: (h, w) uint16 as stored, before the LinearizationTable.
-        cfa: colour numbers of the 2 × 2 cell.
-        bits: bits a sample; packed unless 16.
-        order: "<" or ">".
-        compression: 1 (none) or DEFLATE.
-        sub: whether the raw directory is a SubIFD, not IFD0.
-    """
-
-    samples: NDArray[np.uint16]
-    cfa: bytes = bytes((0, 1, 1, 2))
-    bits: int = 16
-    order: str = "<"
-    compression: int = 1
+    samples: NDArray[np.uint16]  # (h, w) as stored, before the LinearizationTable
+    cfa: bytes = bytes((0, 1, 1, 2))  # colour numbers of the 2 × 2 cell
+    bits: int = 16  # a sample; packed unless 16
+    order: str = "<"  # or ">"
+    compression: int = 1  # none, or DEFLATE
     rows_per_strip: int | None = None
-    sub: bool = False
+    sub: bool = False  # whether the raw directory is a SubIFD, not IFD0
     tags: Tags = field(default_factory=dict)
     first: Tags = field(default_factory=dict)
     exif: Tags = field(default_factory=dict)

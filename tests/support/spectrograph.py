@@ -31,29 +31,17 @@ FINE: Floats = np.arange(330.0, 830.0, 0.05)
 
 @dataclass(frozen=True)
 class Spectrograph:
-    """Grating, lens and detector.
+    """Grating, lens and detector."""
 
-    Attributes:
-        grooves: of the grating, 1/mm.
-        focal: of the camera's lens, mm.
-        pixel: pitch, mm.
-        size: (width, height) of the frame, px.
-        centre: wavelength on the frame's middle column, nm.
-        angle: of diffraction there, degrees off the grating's normal.
-        tilt: of the slit's image against the columns, degrees.
-        fwhm: of the slit's image, nm.
-        mirrored: red on the left.
-    """
-
-    grooves: float = 150.0
-    focal: float = 100.0
-    pixel: float = 0.0040
-    size: tuple[int, int] = (1600, 240)
-    centre: float = 560.0
-    angle: float = 3.0
-    tilt: float = 0.7
-    fwhm: float = 2.0
-    mirrored: bool = False
+    grooves: float = 150.0  # of the grating, 1/mm
+    focal: float = 100.0  # of the camera's lens, mm
+    pixel: float = 0.0040  # pitch, mm
+    size: tuple[int, int] = (1600, 240)  # (width, height) of the frame, px
+    centre: float = 560.0  # wavelength on the frame's middle column, nm
+    angle: float = 3.0  # of diffraction there, degrees off the grating's normal
+    tilt: float = 0.7  # of the slit's image against the columns, degrees
+    fwhm: float = 2.0  # of the slit's image, nm
+    mirrored: bool = False  # red on the left
 
     def wavelength(self, x: Floats) -> Floats:
         """Of columns in the middle row, nm."""

@@ -19,17 +19,11 @@ COUNTS = [100 + 27 * (nm - 380) for nm in NM]
 
 
 class Table(NamedTuple):
-    """One file.
-
-    Attributes:
-        text: its content.
-        words: a regular expression of the refusal's message; None if it is read.
-        kind: "lamp" or "chart".
-    """
+    """One file."""
 
     text: str
-    words: str | None = None
-    kind: str = "lamp"
+    words: str | None = None  # a regular expression of the refusal's message; None if it is read
+    kind: str = "lamp"  # or "chart"
 
 
 def english(value: float, digits: int = 0) -> str:
