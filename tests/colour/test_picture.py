@@ -89,12 +89,6 @@ def white(photo: Mosaic, dark: Mosaic | None = None) -> WhiteSignal:
     return white_of_region(region, 0.9)
 
 
-@cache
-def plain() -> tuple[Mosaic, WhiteSignal]:
-    """A scene almost without noise, and its white."""
-    return scene(), white(scene())
-
-
 def picture_of(photo: Mosaic, lamp: str = LAMP, **more: Any) -> StandardPicture:
     return standard_picture(camera(), lamp, photo, **({"white": white(photo)} | more))
 

@@ -1,12 +1,10 @@
 """What is refused when the Kotlin artefacts are signed and uploaded; `python -m tools.release` does sign them."""
 
 import hashlib
-import os
 import shutil
 import subprocess
 import sys
 import zipfile
-from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
@@ -18,9 +16,9 @@ if shutil.which("mvn") is None or shutil.which("gpg") is None or sys.platform ==
     pytest.skip("there is no Java build (mvn) or no gpg: signing is not rehearsed", allow_module_level=True)
 
 
-def mvn(*words: str, variables: Mapping[str, str] | None = None) -> subprocess.CompletedProcess[str]:
+def mvn(*words: str) -> subprocess.CompletedProcess[str]:
     command = ["mvn", "--batch-mode", "--no-transfer-progress", "-N", "-f", str(BINDINGS), *words]
-    return subprocess.run(command, capture_output=True, text=True, env=os.environ | (variables or {}))
+    return subprocess.run(command, capture_output=True, text=True)
 
 
 def version() -> str:

@@ -1,6 +1,5 @@
 """Judged by limits computed by hand, and for colours by colour-science's own integration of its own tables."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -21,16 +20,9 @@ CAMERA = read_camera("Nikon 5100 (NPL)")
 
 def signals(values: Floats, used: NDArray[np.bool_] | None = None) -> Signals:
     k, n, _ = values.shape
-    return Signals(
-        values=values,
-        standard_error=np.full_like(values, 1e-3),
-        chart=1000 * values,
-        white=np.full_like(values, 1000.0),
-        dark=np.zeros_like(values),
-        used=np.ones((k, n), bool) if used is None else used,
-        white_is_patch=np.zeros(k, bool),
-        assumptions=(),
-    )
+    used = np.ones((k, n), bool) if used is None else used
+    error, white, dark = (np.full_like(values, level) for level in (1e-3, 1000.0, 0.0))
+    return Signals(values, error, 1000 * values, white, dark, used, np.zeros(k, bool), ())
 
 
 Y = np.stack([theory(TABLE.values, lamp.values, CAMERA.values) for lamp in LAMPS])
@@ -41,10 +33,10 @@ def score(predicted: Floats, **more: object) -> Scores:
 
 
 def pictures(
-    predicted: Floats, y: Floats = Y, lamps: Sequence[Lamp] = LAMPS, used: NDArray[np.bool_] | None = None
+    predicted: Floats, y: Floats = Y, used: NDArray[np.bool_] | None = None
 ) -> tuple[PatchColours, PatchColours]:
     """Colours of the measured and of the predicted patches."""
-    return patch_colours(y, predicted, signals(y, used).used, TABLE, np.stack([lamp.values for lamp in lamps]))
+    return patch_colours(y, predicted, signals(y, used).used, TABLE, np.stack([lamp.values for lamp in LAMPS]))
 
 
 def test_eq_13_by_hand() -> None:

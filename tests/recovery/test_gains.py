@@ -25,7 +25,6 @@ from tests.recovery.test_choice import SEEN, capture
 from tests.verdict.test_verdict import pose
 
 WHITE = 18
-SIZE = (1200, 900)
 
 
 def shaded(vignetting: float, gradient: float, middle: tuple[float, float] = (0.3, -0.2)) -> Floats:

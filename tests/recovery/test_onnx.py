@@ -4,6 +4,7 @@ import hashlib
 from dataclasses import replace
 from functools import cache
 from importlib import resources
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -133,25 +134,22 @@ def test_a_shipped_model_belongs_to_its_basis(name: str) -> None:
 
 
 @pytest.mark.requirement("R-ENGINE")
-def test_another_model_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("name", "other", "words"),
+    [
+        ("VOCABULARY", "2", "do not belong"),
+        ("read_basis", lambda name: widened(read_basis(name), 1.01), "the basis cameras do not belong"),
+        ("resources", SimpleNamespace(files=lambda _: resources.files("camssf") / "nowhere"), "Install camssf anew"),
+    ],
+)
+def test_another_model_is_refused(name: str, other: Any, words: str, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(InvalidArgument, match="shipped"):
         onnx_model.load_model("nonsense")
-    onnx_model.load_model.cache_clear()
-    monkeypatch.setattr(onnx_model, "VOCABULARY", "2")
-    with pytest.raises(InvalidArgument, match="do not belong"):
+    for kept in (onnx_model.load_model, onnx_model._open):
+        kept.cache_clear()
+    monkeypatch.setattr(onnx_model, name, other)
+    with pytest.raises(InvalidArgument, match=words):
         onnx_model.load_model("cameras")
-    monkeypatch.undo()
-    monkeypatch.setattr(onnx_model, "read_basis", lambda name: widened(read_basis(name), 1.01))
-    with pytest.raises(InvalidArgument, match="the basis cameras do not belong"):
-        onnx_model.load_model("cameras")
-    monkeypatch.undo()
-    onnx_model._open.cache_clear()
-    nowhere = resources.files("camssf") / "nowhere"
-    monkeypatch.setattr(onnx_model.resources, "files", lambda package: nowhere)
-    with pytest.raises(InvalidArgument, match="Install camssf anew"):
-        onnx_model.load_model("cameras")
-    monkeypatch.undo()
-    onnx_model.load_model.cache_clear()
 
 
 @pytest.mark.requirement("R-ENGINE")

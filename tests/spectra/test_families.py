@@ -28,24 +28,6 @@ def test_a_family_is_a_mean_and_modes(name: str) -> None:
     assert lamp.modes @ weight / weight.size == pytest.approx(0.0, abs=3e-3)
 
 
-@pytest.mark.parametrize(
-    ("kind", "name", "limit"),
-    [
-        ("daylight", "D:4500", 0.03), ("daylight", "D:12000", 0.03), ("daylight", "D:20000", 0.05),
-        ("white-led", "LED-B1", 0.08), ("white-led", "LED-B3", 0.08), ("white-led", "LED-B5", 0.08),
-    ],
-)  # fmt: skip
-def test_a_drawn_kind_reaches_lamps_that_it_was_not_made_from(kind: str, name: str, limit: float) -> None:
-    """RMS in parts of the mean power, 400 to 700 nm, within three standard deviations of the modes."""
-    lamp, true = read_lamp(kind), read_lamp(name).values
-    rows = (lamp.modes * floored(lamp.values)).T
-    prior = np.eye(len(lamp.modes)) * 0.05**2 * 30
-    code = np.linalg.solve(rows.T @ rows + prior, rows.T @ (true / true.mean() - lamp.values))
-    off = (true / true.mean() - lamp.values - rows @ code)[40:641]
-    assert np.sqrt(np.mean(off**2)) < limit
-    assert np.abs(code).max() < 3.2
-
-
 def test_modes_are_the_members_own_spread() -> None:
     family = FAMILIES["fluorescent"]
     assert isinstance(family, LampKind)

@@ -321,14 +321,12 @@ def test_spectacle_is_read_as_its_own_reader_does(judge: str, tmp_path: Path) ->
     assert np.array_equal(curves, np.column_stack([table[1], 0.5 * (table[2] + table[4]), table[3]]))
 
 
-def camspec(*names: str, mark: str = "\t", end: str = "\r\n") -> str:
-    text = ""
+def camspec(*names: str) -> str:
+    nm, lines = np.arange(400, 721, 10), []
     for i, name in enumerate(names):
-        text += f"{name}{end}"
-        for c in range(3):
-            text += mark.join(f"{np.exp(-(((nm - 600 + 70 * c - i) / 50) ** 2)):.6f}" for nm in range(400, 721, 10))
-            text += end
-    return text
+        curves = (np.exp(-(((nm - 600 + 70 * c - i) / 50) ** 2)) for c in range(3))
+        lines += [name, *("\t".join(f"{value:.6f}" for value in curve) for curve in curves)]
+    return "\r\n".join(lines) + "\r\n"
 
 
 def by_colour_datasets(path: Path) -> dict[str, Floats]:

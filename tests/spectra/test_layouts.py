@@ -27,7 +27,7 @@ CARD: dict[str, Any] = {
 CAMERA = "Canon EOS 600D"
 
 
-def table_text(count: int, names: list[str] | None = None) -> str:
+def table_text(count: int) -> str:
     """Reflectances of patches mixed from the 24 of a ColorChecker, as a CSV file."""
     known = read_chart("classic24").values
     nodes = np.arange(400, 701, 20)
@@ -36,7 +36,7 @@ def table_text(count: int, names: list[str] | None = None) -> str:
         share = (37 * i) % 100 / 100
         mixed = (1 - share) * known[i % 24] + share * known[(7 * i + 5) % 24]
         values = ",".join(f"{value:.4f}" for value in np.interp(nodes, WAVELENGTHS, mixed))
-        rows.append(f"{names[i] if names else f'p{i + 1}'},{values}")
+        rows.append(f"p{i + 1},{values}")
     return "\n".join(["patch," + ",".join(str(node) for node in nodes), *rows]) + "\n"
 
 

@@ -187,7 +187,7 @@ def test_a_file_can_name_its_layout(tmp_path: Path) -> None:
         read_chart(f"sg140:{path}")
 
 
-def cxf(path: Path, names: list[str], rows: Floats, first: int = 380, keep_range: bool = True) -> str:
+def cxf(path: Path, names: list[str], rows: Floats, keep_range: bool = True) -> str:
     """A CxF3 file by colour-cxf's own writer."""
     from colour_cxf import cxf3, write_cxf
 
@@ -197,12 +197,12 @@ def cxf(path: Path, names: list[str], rows: Floats, first: int = 380, keep_range
             name=name,
             id=str(i),
             color_values=cxf3.ColorValues(
-                choice=[cxf3.ReflectanceSpectrum(value=row, start_wl=first, color_specification="S")]
+                choice=[cxf3.ReflectanceSpectrum(value=row, start_wl=380, color_specification="S")]
             ),
         )
         for i, (name, row) in enumerate(zip(names, rows.tolist(), strict=True))
     ]
-    span = cxf3.WavelengthRange(start_wl=first, increment=10) if keep_range else None
+    span = cxf3.WavelengthRange(start_wl=380, increment=10) if keep_range else None
     specification = cxf3.ColorSpecification(id="S", measurement_spec=cxf3.MeasurementSpec(wavelength_range=span))
     document = cxf3.CxF(
         resources=cxf3.Resources(

@@ -71,8 +71,8 @@ def rawtoaces(columns: tuple[str, ...] = ("power",)) -> str:
     return json.dumps({"header": {"schema_version": "0.1.0", "illuminant": "lamp"}, "spectral_data": spectra})
 
 
-def one_row(values: list[str], rows: int = 1, field: str = "{}nm") -> str:
-    head = ",".join(["name", "CCT", *(field.format(nm) for nm in NM)])
+def one_row(values: list[str], rows: int = 1) -> str:
+    head = ",".join(["name", "CCT", *(f"{nm}nm" for nm in NM)])
     return "\n".join([head, *[",".join(["lamp", "5503", *values])] * rows, ""])
 
 
