@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,10 +12,7 @@ from camssf.photo.capture import Capture, check_alike, measure
 from camssf.photo.patches import measure_patches
 from camssf.photo.read.dng import read_dng
 from camssf.photo.read.unit import Unit, check_unit
-from camssf.photo.shot import Shot
-from camssf_lab.simulation.frames import simulate
-from camssf_lab.simulation.scene import Scene
-from tests.support.captures import capture_in, document_of
+from tests.support.captures import capture_in, document_of, photos, shot
 
 WIDE = Unit("Maker", "Phone", "0", "S1", "12ab", "Phone wide 6.8 mm", 6.81, 1.85)
 AREA = (0, 0, 3000, 4000)
@@ -48,22 +44,18 @@ def test_the_active_area_and_what_files_round() -> None:
 
 
 @pytest.fixture(scope="module")
-def measured(tmp_path_factory: pytest.TempPathFactory) -> tuple[Capture, list[Path]]:
-    place, scene = tmp_path_factory.mktemp("unit"), Scene(size=(600, 450))
-    made = simulate("Nikon 5100 (NPL)", ["D55", "A"], place, scene=scene)
-    shots = [Shot(shot.chart, shot.lamp, corners=made.pose.corners) for shot in made.shots]
-    return measure(shots), [shot.chart for shot in made.shots]
+def found() -> Capture:
+    return measure([shot("D55"), shot("A")])
 
 
-def test_shots_and_frames_are_held_to_it(measured: tuple[Capture, list[Path]]) -> None:
-    found, photos = measured
+def test_shots_and_frames_are_held_to_it(found: Capture) -> None:
     one, two = found.shots
     check_alike([one, two])
     other = replace(two, photo=replace(two.photo, unit=replace(two.photo.unit, camera_id="3", focal_length=9.0)))
     check_alike([one, other])  # the first says nothing of either
     with pytest.raises(UnitDiffers, match=r"camera '3' against '1'"):
         check_alike([replace(one, photo=replace(one.photo, unit=Unit(camera_id="1"))), other])
-    photo = read_dng(photos[0])
+    photo = read_dng(photos("D55").shots[0].chart)
     assert photo.active_area == (0, 0, *photo.samples.shape)
     tele = replace(photo, path="w.dng", unit=Unit(lens="tele"))
     words = r"The white frame w\.dng was taken by another camera or lens than the chart"
@@ -71,8 +63,7 @@ def test_shots_and_frames_are_held_to_it(measured: tuple[Capture, list[Path]]) -
         measure_patches(replace(photo, unit=Unit(lens="wide")), one.pose, white=tele)
 
 
-def test_the_document_keeps_it_but_for_the_serial_number(measured: tuple[Capture, list[Path]]) -> None:
-    found, _ = measured
+def test_the_document_keeps_it_but_for_the_serial_number(found: Capture) -> None:
     one, two = found.shots
     shots = (replace(one, photo=replace(one.photo, unit=replace(WIDE, make="", model=""))), two)
     document = document_of(replace(found, shots=shots))

@@ -19,8 +19,7 @@ from camssf.photo.shot import Shot
 from camssf.recovery.basis import read_basis
 from camssf.spectra import read_camera
 from camssf_fleet import batch
-from camssf_fleet.passport.keys import key_name, read_public
-from tests.cli.conftest import FILES, raising, state
+from tests.cli.conftest import FILES, raising
 
 ROOT = Path(__file__).parents[2]
 Capture = pytest.CaptureFixture[str]
@@ -69,45 +68,6 @@ def test_the_pipe_is_calibrate_in_steps(
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == FILES
     assert (tmp_path / "out" / "ssf.csv").read_bytes() == (result / "ssf.csv").read_bytes()
     assert "data:image/jpeg" in (tmp_path / "out" / "report.html").read_text("utf-8")
-
-
-@pytest.mark.full
-def test_a_report_beside_a_passport_and_another_result(result: Path, tmp_path: Path, capsys: Capture) -> None:
-    own, out, signed, revoked = result / "result.json", tmp_path / "out", tmp_path / "c.jws", tmp_path / "revoked.jws"
-    for folder in ("keys", "strange"):
-        assert cli.main(["passport", "key", "-o", str(tmp_path / folder)]) == 0
-    private, public = (str(tmp_path / "keys" / f"passport-key.{end}") for end in ("pem", "pub.pem"))
-    strange = str(tmp_path / "strange" / "passport-key.pub.pem")
-    secret = Path(private).read_bytes()
-    sign = ["passport", "sign", str(own), "--key", private, "--serial", "A1B2"]
-    sign += ["--captured", "2026-11-22T10:30:00+01:00", "-o"]
-    for place, status in ((signed, 0), (private, 2), (own, 2)):
-        assert cli.main([*sign, str(place)]) == status
-    assert Path(private).read_bytes() == secret
-
-    beside = ["report", str(own), "-o", str(out), "--passport", str(signed)]
-    for key, told in (([], "not verified for this page"), (["--key", public], "Signature verified.")):
-        assert cli.main([*beside, *key]) == 0
-        page = (out / "report.html").read_text("utf-8")
-        assert all(words in page for words in ("A1B2", "2026-11-22 10:30:00+01:00", told))
-    assert (out / "result.json").read_bytes() == own.read_bytes()
-    before = state(out)
-    name = key_name(read_public([Path(public)]).popitem()[1])
-    assert cli.main(["passport", "revoke", name, "--key", private, "-o", str(revoked)]) == 0
-    other = tmp_path / "changed.json"
-    other.write_bytes(own.read_bytes() + b" ")
-    capsys.readouterr()
-    for call, status, words in (
-        ([*beside, "--key", strange], 10, ""),
-        ([*beside, "--key", public, "--revoked", str(revoked)], 10, ""),
-        ([*beside, "--revoked", str(revoked)], 2, ""),  # nobody's signature was verified
-        (["report", str(other), *beside[2:]], 10, "another result"),
-        (["report", str(other), *beside[2:], "--key", public], 10, "another result"),
-        (["report", str(own), "-o", str(out), "--key", public], 2, ""),
-    ):
-        assert cli.main(call) == status
-        assert words in capsys.readouterr().err
-    assert state(out) == before
 
 
 @pytest.mark.full

@@ -4,6 +4,7 @@ import hashlib
 import io
 import json
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,8 @@ from camssf_fleet.passport.keys import PRIVATE, PUBLIC, make_key, read_private, 
 from camssf_fleet.passport.revocations import read_revoked
 from camssf_fleet.registry import Registry
 from camssf_fleet.verification import verify as verify_registry
-from tests.cli.conftest import spoken
+from tests.cli.conftest import spoken, state
+from tests.fleet.conftest import Said
 from tests.support.captures import calibrated, photos
 from tests.support.documents import document
 from tests.support.signed_passports import b64, result_json, unb64
@@ -35,8 +37,8 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The current folder, with a result, a pair of keys and a passport."""
     monkeypatch.chdir(tmp_path)
     Path("result.json").write_bytes(result_json())
-    sign = f"sign result.json --key {PRIVATE} --serial A1 --days 90 -o camera.jws"
-    for words in ("key -o .", sign):
+    more = "--serial A1B2 --captured 2026-11-22T10:30:00+01:00 --days 90 -o camera.jws"
+    for words in ("key -o .", f"sign result.json --key {PRIVATE} {more}"):
         assert cli.main(["passport", *words.split()]) == 0
     return tmp_path
 
@@ -55,7 +57,7 @@ def test_sign_verify_show(desk: Path) -> None:
         assert run("verify", "-", "--key", PUBLIC, stdin=out)[:2] == (0, out)
     _, out, err = run("show", "camera.jws")
     shown = json.loads(out)
-    assert (shown["verified"], shown["format"], shown["unit"]["serial"]) == (False, FORMAT, "A1")
+    assert (shown["verified"], shown["format"], shown["unit"]["serial"]) == (False, FORMAT, "A1B2")
     assert shown["verdict"] == document().verdict.status
     assert b"not verified" in err
     (desk / "revoked.txt").write_text(shown["id"])
@@ -134,6 +136,57 @@ def test_what_was_printed_serves_as_a_result_where_an_excerpt_will_do(desk: Path
         status, _, err = spoken(words.split())
         assert status == InvalidArgument.exit_status
         assert b"whole result.json, of SHA-256" in b" ".join(err.split())
+
+
+@pytest.mark.full
+def test_a_report_beside_a_passport_and_another_result(desk: Path) -> None:
+    make_key(desk / "strange")
+    before = state(desk)
+    for place in (PRIVATE, "result.json"):  # not over its inputs
+        assert run("sign", "result.json", "--key", PRIVATE, "-o", place)[0] == InvalidArgument.exit_status
+    assert state(desk) == before
+    beside, key = "result.json --passport camera.jws", f"--key {PUBLIC}"
+    for more, told in (("", "not verified for this page"), (key, "Signature verified.")):
+        assert spoken(f"report {beside} {more} -o out".split())[0] == 0
+        page = Path("out/report.html").read_text("utf-8")
+        assert all(words in page for words in ("A1B2", "2026-11-22 10:30:00+01:00", told))
+    assert Path("out/result.json").read_bytes() == result_json()
+    assert run("revoke", *read_public([PUBLIC]), "--key", PRIVATE, "-o", "revoked.jws")[0] == 0
+    Path("other-result.json").write_bytes(result_json() + b" ")
+    before = state(desk)
+    for words, status, told in (
+        (f"{beside} --key strange/{PUBLIC}", 10, ""), (f"{beside} {key} --revoked revoked.jws", 10, ""),
+        (f"{beside} --revoked revoked.jws", 2, ""),  # nobody's signature was verified
+        (f"other-{beside}", 10, "another result"), (f"other-{beside} {key}", 10, "another result"),
+        (f"result.json {key}", 2, ""),
+    ):  # fmt: skip
+        found, _, err = spoken(f"report {words} -o out".split())
+        assert (found, told.encode() in err) == (status, True), words
+    assert state(desk) == before
+
+
+def test_a_registry_takes_a_passport(desk: Path, said: Said) -> None:
+    """And its whole result, and what `passport verify` printed: the same row, and nothing of it is lost."""
+    passport, key = read(Path("camera.jws").read_bytes())[0], ("--key", PUBLIC)
+    Path("printed.json").write_bytes(run("verify", "camera.jws", *key)[1])
+    assert run("revoke", passport.id, "--key", PRIVATE, "-o", "revoked.jws")[0] == 0
+    for more, status in (((), 2), ((*key, "--serial", "x"), 2), ((*key, "--revoked", "revoked.jws"), 10)):
+        said("add", "phones", "camera.jws", *more, status=status)
+    assert not Path("phones").exists()
+
+    def row() -> dict[str, Any]:
+        (stored,) = Registry("phones").query("SELECT * FROM rows")
+        assert (stored["passport"], stored["serial"], stored["key"]) == (passport.id, "A1B2", passport.result_sha256)
+        assert stored["captured"] == datetime(2026, 11, 22, 9, 30, tzinfo=UTC)
+        return stored
+
+    said("add", "phones", "camera.jws", *key)
+    assert not row()["code_covariance"]
+    said("add", "phones", "printed.json", status=2)  # a passport wants a key, in this form, too
+    message = said("add", "phones", "result.json", "printed.json", *key)[1]
+    assert "result.json: covariance added" in message
+    assert "1 result changed in" in message
+    assert list(row()["code_covariance"]) == pytest.approx(document().answer.code_covariance, abs=1e-6)
 
 
 def test_two_hundred_megabytes(desk: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,59 +1,21 @@
 """`camssf registry`: what it prints is a document of its form, and a wrong call changes nothing."""
 
 import csv
-import json
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
-import jsonschema
 import pytest
 
 from camssf import cli
 from camssf.documents.document import document_bytes
-from camssf.documents.forms import from_plain, to_plain
-from camssf.documents.schema import schema
 from camssf.errors import InvalidArgument
-from camssf.photo.read.unit import Unit
-from camssf_fleet.documents import DeletionDocument, DriftDocument, SpreadDocument, VerificationDocument
 from camssf_fleet.record_queries import connection
 from camssf_fleet.registry import Registry
+from tests.fleet.conftest import Said
 from tests.support.documents import document, refused
 from tests.support.registries import bells, far_off, history, made
 
-FORMS = {
-    "camssf-spread/1": SpreadDocument, "camssf-drift/1": DriftDocument,
-    "camssf-verification/1": VerificationDocument, "camssf-deletion/1": DeletionDocument,
-}  # fmt: skip
 WRONG = InvalidArgument.exit_status
-
-
-class Said:
-    """What the commands of a test say."""
-
-    def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
-        self.capsys = capsys
-
-    def __call__(self, *words: object, status: int = 0) -> tuple[str, str]:
-        """Output and message of a command."""
-        self.capsys.readouterr()
-        assert cli.main(["registry", *map(str, words)]) == status, self.capsys.readouterr().err
-        out, err = self.capsys.readouterr()
-        return out, " ".join(err.split())
-
-    def document(self, *words: object, status: int = 0) -> dict[str, Any]:
-        """The document printed, held to its type, which reads it, and to its schema."""
-        plain: dict[str, Any] = json.loads(self(*words, status=status)[0])
-        form = FORMS[plain["format"]]
-        assert to_plain(from_plain(plain, form, "it", "")) == plain
-        jsonschema.Draft202012Validator(schema(form)).validate(plain)
-        return plain
-
-
-@pytest.fixture
-def said(capsys: pytest.CaptureFixture[str]) -> Said:
-    return Said(capsys)
 
 
 def test_add_list_export(tmp_path: Path, said: Said) -> None:
@@ -80,42 +42,6 @@ def test_add_list_export(tmp_path: Path, said: Said) -> None:
     assert cells["serial"] == "'=A1"
     assert "red" not in cells
     assert sorted(path.name for path in tmp_path.iterdir()) == ["all.csv", "all.parquet", "out", "phones"]
-
-
-def test_add_a_passport(tmp_path: Path, said: Said) -> None:
-    """And its whole result, and what `passport verify` printed: the same row, and nothing of it is lost."""
-    from camssf_fleet.passport.document import PassportRequest, as_printed, create_passport, sign
-    from camssf_fleet.passport.keys import PRIVATE, PUBLIC, make_key, read_private
-    from camssf_fleet.passport.revocations import sign_revocations
-
-    make_key(tmp_path)
-    private, whole = read_private(tmp_path / PRIVATE), document_bytes(document())
-    request = PassportRequest(Unit(serial="S"), "2026-01-02")
-    passport = create_passport(whole, request, now=datetime.now(UTC))
-    file, printed, result = (tmp_path / name for name in ("a.jws", "y.json", "result.json"))
-    file.write_bytes(sign(passport, private))
-    printed.write_text(json.dumps(to_plain(as_printed(file.read_bytes(), passport))), "utf-8")
-    result.write_bytes(whole)
-    (tmp_path / "revoked").write_bytes(sign_revocations([passport.id], private))
-    folder, key = tmp_path / "phones", ("--key", tmp_path / PUBLIC)
-    said("add", folder, file, status=2)
-    said("add", folder, file, *key, "--serial", "x", status=2)
-    said("add", folder, file, *key, "--revoked", tmp_path / "revoked", status=10)
-    assert not folder.exists()
-
-    def row() -> dict[str, Any]:
-        (stored,) = Registry(folder).query("SELECT * FROM rows")
-        assert (stored["passport"], stored["serial"], stored["key"]) == (passport.id, "S", passport.result_sha256)
-        assert stored["captured"] == datetime(2026, 1, 2, tzinfo=UTC)
-        return stored
-
-    said("add", folder, file, *key)
-    assert not row()["code_covariance"]
-    said("add", folder, printed, status=2)  # a passport wants a key, in this form, too
-    message = said("add", folder, result, printed, *key)[1]
-    assert "result.json: covariance added" in message
-    assert "1 result changed in" in message
-    assert list(row()["code_covariance"]) == pytest.approx(document().answer.code_covariance, abs=1e-6)
 
 
 @pytest.mark.full

@@ -3,6 +3,7 @@
 import json
 import shutil
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -14,6 +15,7 @@ from camssf_fleet.manifest import Job
 from camssf_fleet.outcome import Outcome
 from camssf_fleet.record_files import DAMAGED
 from camssf_fleet.registry import Registry
+from tests.fleet.conftest import Said
 from tests.support.desk import Desk, stub, template
 from tests.support.registries import files_where, rewritten
 
@@ -50,20 +52,10 @@ def home(made: Path) -> Path:
     return made
 
 
-Verify = Callable[..., tuple[dict[str, Any], str]]
-
-
 @pytest.fixture
-def verify(home: Path, capsys: pytest.CaptureFixture[str]) -> Verify:
-    """Document and message of `camssf registry verify`."""
-
-    def call(*words: str, folder: str = str(home / "phones"), status: int = 0) -> tuple[dict[str, Any], str]:
-        capsys.readouterr()
-        assert cli.main(["registry", "verify", folder, *words]) == status, capsys.readouterr().err
-        out, err = capsys.readouterr()
-        return json.loads(out), err
-
-    return call
+def verify(home: Path, said: Said) -> Callable[..., dict[str, Any]]:
+    """What `camssf registry verify` prints."""
+    return partial(said.document, "verify", home / "phones")
 
 
 Loss: TypeAlias = Callable[[Path], object]
@@ -125,20 +117,20 @@ MOVED = ("a flipped bit", "a cut file", "a damaged list", "a strange file", "a c
 
 @pytest.mark.requirement("R-REGISTRY")
 @pytest.mark.parametrize("loss", LOSSES)
-def test_a_loss_is_noticed_and_a_batch_restores_it(home: Path, loss: str, verify: Verify) -> None:
+def test_a_loss_is_noticed_and_a_batch_restores_it(home: Path, loss: str, verify: Any, said: Said) -> None:
     desk = Desk(home)
     before = desk.rows(WRITTEN)
     LOSSES[loss](home)
-    said, message = verify(status=cli.PARTED)
-    assert said["faults"]
-    assert "damaged: " in message
+    found = verify(status=cli.PARTED)
+    assert found["faults"]
+    assert "damaged: " in said("verify", home / "phones", status=cli.PARTED)[1]
     if loss == "a cut file":  # of a damaged file all say the same
         with pytest.raises(InvalidArgument, match="damaged or missing") as raised:
             desk.run()
         assert raised.value.advice == DAMAGED
-        assert all(words in DAMAGED and words in said["advice"] for words in ("away", "backup", "camssf batch"))
+        assert all(words in DAMAGED and words in found["advice"] for words in ("away", "backup", "camssf batch"))
     if loss in MOVED:
-        places = [fault.partition(" ")[0] for fault in said["faults"] if str(home / "phones") in fault]
+        places = [fault.partition(" ")[0] for fault in found["faults"] if str(home / "phones") in fault]
         (named,) = {place.removesuffix(":") for place in places}
         Path(named).rename(home / "moved away")
     summary = desk.run()
@@ -150,7 +142,7 @@ def test_a_loss_is_noticed_and_a_batch_restores_it(home: Path, loss: str, verify
 
 
 @pytest.mark.requirement("R-REGISTRY")
-def test_a_backup_is_laid_over_by_copying_what_lacks(home: Path, verify: Verify) -> None:
+def test_a_backup_is_laid_over_by_copying_what_lacks(home: Path, verify: Any) -> None:
     """After any loss, and after anything that was written since."""
     desk, phones, whole = Desk(home), home / "phones", home / "whole"
     before = desk.rows(WRITTEN)
@@ -170,17 +162,17 @@ def test_a_backup_is_laid_over_by_copying_what_lacks(home: Path, verify: Verify)
 
 
 @pytest.mark.requirement("R-REGISTRY")
-def test_a_head_notices_an_old_copy_that_is_whole(home: Path, verify: Verify) -> None:
-    (head,) = verify()[0]["heads"]
+def test_a_head_notices_an_old_copy_that_is_whole(home: Path, verify: Any) -> None:
+    (head,) = verify()["heads"]
     for words in (head, head[:12]):
         verify("--head", words)
     restored(home)
     shutil.rmtree(home / "out")  # the archive knows, too
-    faults = verify("--head", head, status=cli.PARTED)[0]["faults"]
+    faults = verify("--head", head, status=cli.PARTED)["faults"]
     assert any(f"the list {head[:12]} given as head is missing" in fault for fault in faults)
 
 
-def test_a_deleted_unit_is_not_missed(home: Path, verify: Verify) -> None:
+def test_a_deleted_unit_is_not_missed(home: Path, verify: Any) -> None:
     """Its document remains in the archive."""
     assert cli.main(["registry", "delete", str(home / "phones"), "Sc2"]) == 0
     verify()
@@ -201,9 +193,7 @@ def unreadable(job: Job, folder: Path) -> Outcome:
 @pytest.mark.requirement("R-REGISTRY")
 @pytest.mark.parametrize(("lost", "resumed"), [("serial = 'Sc2' AND kind = 'result'", 4), ("kind = 'result'", 0)])
 @pytest.mark.parametrize("torn", [False, True])
-def test_a_lost_row_comes_back_without_its_photo(
-    home: Path, verify: Verify, lost: str, resumed: int, torn: bool
-) -> None:
+def test_a_lost_row_comes_back_without_photo(home: Path, verify: Any, lost: str, resumed: int, torn: bool) -> None:
     """The photo is said, and no refusal takes the place of a result with curves."""
     desk, photo = Desk(home), home / "c2"
     before = desk.rows(WRITTEN)
