@@ -24,8 +24,10 @@ from camssf.documents.document import document_bytes
 from camssf.grid import WAVELENGTHS
 from camssf.report.build import report
 from camssf.spectra import read_chart, read_lamp
+from camssf_fleet.registry import Registry
 from tests.support.captures import calibrated, photos
 from tests.support.documents import changed, refused
+from tests.support.registries import bells, made
 
 
 class Wrong(NamedTuple):
@@ -221,6 +223,26 @@ RESULTS = [
 ]  # fmt: skip
 """Results that are damaged, foreign, or of another camera."""
 
+REGISTRY = calls(
+    "registry {}",
+    ("list missing", 2, "There is no folder missing", "Name the folder that `camssf registry add`"),
+    ("list own", 2, "own is no registry: it holds no file of records."),
+    ("delete phones", 2, "Missing argument", "--help"),
+    ("add own result.json", 2, "own", "Name a new or an empty folder."),
+    ("compare phones", 2, "Nothing to compare was named", "Give --model to compare its units, or --serial to"),
+    ("compare phones --serial none", 2, "no result of a unit with the serial number none"),
+    ("compare phones --model Model", 2, "1 unit of Model with a serial number and accepted results"),
+    ("export phones -o x.txt", 2, "x.txt ends in neither .parquet nor .csv."),
+    ("export phones -o none/x.csv", 2, "none/x.csv"),
+    ("report phones -o fleet.pdf", 2, "fleet.pdf does not end in .html"),
+    ("report missing -o x.html", 2, "There is no folder missing"),
+    *((f"add phones {name}.json", 2, f"{name}.json") for name in ("none", "empty")),
+    ("add phones note.dng", 2, "note.dng is text, no result and no passport"),
+    ("add phones result.json --captured soon", 2, "soon"),
+    ("add phones result.json --serial A --captured 9000-01-01", 2, "lies in the future"),
+)
+"""Of a registry of phones."""
+
 AT = "--region 9,9,9,9 --white-region 9,9,9,9"
 URLS = alike(
     2, "https://bucket/x", "is a URL; camssf reads and writes local files only",
@@ -257,18 +279,18 @@ NO_TABLES = alike(
 )  # fmt: skip
 """A photo in another file's place."""
 
-ROWS = [*INPUTS, *CAPTURES, *CORNERS, *TABLES, *OPTIONS, *OUTPUTS, *RESULTS, *URLS, *NO_TABLES]
+ROWS = [*INPUTS, *CAPTURES, *CORNERS, *TABLES, *OPTIONS, *OUTPUTS, *RESULTS, *REGISTRY, *URLS, *NO_TABLES]
 
 
 @pytest.fixture(scope="module")
 def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A stranger's folder: sound photos and tables, and those with which something is wrong."""
     folder = tmp_path_factory.mktemp("home")
-    made = photos().shots[0]
+    shot = photos().shots[0]
     other, chart = photos(camera="Demo phone").shots[0].chart, folder / "chart.dng"
     for name, path in {
-        "chart.dng": made.chart, "white.dng": made.white, "dark.dng": made.dark, "twin.dng": made.chart,
-        "linear.dng": made.chart, "over.dng": made.chart, "other.dng": other, "truth.csv": photos().truth,
+        "chart.dng": shot.chart, "white.dng": shot.white, "dark.dng": shot.dark, "twin.dng": shot.chart,
+        "linear.dng": shot.chart, "over.dng": shot.chart, "other.dng": other, "truth.csv": photos().truth,
     }.items():  # fmt: skip
         shutil.copy(str(path), folder / name)
     data = chart.read_bytes()
@@ -276,6 +298,7 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "cut.dng": data[: len(data) // 2], "note.dng": b"hello",
         "photo.heic": b"\0\0\0\x18ftypheic" + bytes(500), "video.mp4": b"\0\0\0\x18ftypmp42" + bytes(500),
         "passport.jws": b"eyJh.eyJi.c2ln", "manifest.csv": b"name,photo,lamp\na,chart.dng,D55\n",
+        "empty.json": b"{}",
     }.items():  # fmt: skip
         (folder / name).write_bytes(content)
     with zipfile.ZipFile(folder / "photos.zip", "w") as archive:
@@ -310,6 +333,7 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "changed": data.replace(b'"iso": 100.0', b'"iso": 200.0'),
     }.items():  # fmt: skip
         (folder / f"{name}.json").write_bytes(content)
+    Registry(folder / "phones", new=True).add([made(1, bells())])
     (folder / "folder").mkdir()
     (folder / "own").mkdir()
     (folder / "own" / "report.html").write_text("mine", "utf-8")

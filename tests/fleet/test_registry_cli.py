@@ -12,8 +12,8 @@ from camssf.errors import InvalidArgument
 from camssf_fleet.record_queries import connection
 from camssf_fleet.registry import Registry
 from tests.fleet.conftest import Said
-from tests.support.documents import document, refused
-from tests.support.registries import bells, far_off, history, made
+from tests.support.documents import document
+from tests.support.registries import far_off, history, made
 
 WRONG = InvalidArgument.exit_status
 
@@ -98,40 +98,3 @@ def test_a_newest_result_that_was_left_out_is_not_no_drift(one: Registry, said: 
     found = said.document(*words, "--doubtful", status=cli.PARTED)
     assert (found["outcome"], found["doubtful"], found["left_out"]) == ("drift", 1, [])
     assert "6 results, 1 of them doubtful," in said(*words, "--doubtful", status=cli.PARTED)[1]
-
-
-CALLS = [
-    ("list missing", "There is no folder missing. Name the folder that `camssf registry add`"),
-    ("list else", "else is no registry: it holds no file of records."),
-    ("delete phones", ""),
-    ("add else result.json", "Name a new or an empty folder."),
-    ("compare phones", "Nothing to compare was named. Give --model to compare its units, or --serial to"),
-    ("compare phones --serial none", "The registry has no result of a unit with the serial number none."),
-    ("compare phones --model Model", "There is 1 unit of Model with a serial number and accepted results"),
-    ("export phones -o x.txt", "x.txt ends in neither .parquet nor .csv."),
-    ("report phones -o fleet.pdf", "does not end in .html"),
-    ("report missing -o x.html", ""),
-    ("add phones no.json", ""),
-    ("add phones else/letter.txt", "else/letter.txt is text, no result and no passport"),
-    ("add phones empty.json", ""),
-    ("add phones result.json --captured soon", ""),
-    ("add phones result.json --serial A --captured 9000-01-01", "lies in the future"),
-    ("export phones -o no/where.csv", ""),
-]
-"""Calls that are wrong, and words of the message."""
-
-
-def test_a_wrong_call_says_what_is_wrong_and_changes_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, said: Said
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    Registry("phones", new=True).add([made(1, bells())])
-    Path("empty.json").write_text("{}")
-    Path("result.json").write_bytes(document_bytes(document()))
-    Path("refused.json").write_bytes(document_bytes(refused()))
-    Path("else").mkdir()
-    Path("else/letter.txt").write_text("dear")
-    before = sorted(str(path) for path in tmp_path.rglob("*"))
-    for call, message in CALLS:
-        assert message in said(*call.split(), status=WRONG)[1], call
-        assert sorted(str(path) for path in tmp_path.rglob("*")) == before, call
