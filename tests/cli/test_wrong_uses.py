@@ -181,6 +181,8 @@ OUTPUTS = [
     *calls(
         "export result.json {}",
         ("--to rawtoace -o x.json", 2, "no export to 'rawtoace'", "Take one of rawtoaces"),
+        ("--to rawtoaces --licence ' ' -o x.json", 2, "licence"),
+        ("--to clf --lamp nonsense -o x.clf", 2, "No lamp is called 'nonsense'"),
         ("", 2, "No output file", "Add -o FILE."),
         *((f"-o good/{name}", 2, "belongs to the result in") for name in ("result.json", "ssf.csv", "report.html")),
         ("-o result.json", 2, "result.json belongs to the result", "Name another file."),

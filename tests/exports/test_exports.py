@@ -187,14 +187,6 @@ def test_the_time_is_utc_and_can_be_fixed(monkeypatch: pytest.MonkeyPatch) -> No
     assert found["header"]["document_creation_date"] == "2001-09-09T01:46:40Z"
 
 
-@pytest.mark.parametrize(("to", "options", "words"), [
-    ("pdf", {}, "rawtoaces"), ("rawtoaces", {"licence": " \n"}, "licence"), ("clf", {"lamp": "nonsense"}, "No lamp"),
-])  # fmt: skip
-def test_what_cannot_be_exported_is_said(to: str, options: dict[str, str], words: str) -> None:
-    with pytest.raises(InvalidArgument, match=words):
-        export(result(), to, **options)
-
-
 # -- tables -----------------------------------------------------------------------------------------------------
 
 

@@ -212,71 +212,54 @@ def test_two_hundred_megabytes(desk: Path, monkeypatch: pytest.MonkeyPatch) -> N
     assert not (desk / "x.jws").exists()
 
 
-def command(*words: object) -> int:
-    return cli.main(list(map(str, words)))
-
-
 @pytest.mark.full
-def test_a_fleet_s_passports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    make_key(tmp_path)
-    folder, out, key = tmp_path / "phones", tmp_path / "passports", ("--key", tmp_path / PRIVATE)
-    accepted = replace(document(), verdict=Verdict("accepted"))
+def test_a_fleet_s_passports(desk: Path, said: Said) -> None:
+    accepted, out = replace(document(), verdict=Verdict("accepted")), desk / "passports"
     for number, serial in enumerate(("A1", "A1", "B/2", "")):
-        file = tmp_path / f"{number}.json"
         answer = replace(accepted.answer, evidence=float(number))
-        file.write_bytes(document_bytes(replace(accepted, answer=answer)))
+        Path(f"{number}.json").write_bytes(document_bytes(replace(accepted, answer=answer)))
         words = ("--serial", serial) if serial else ()
-        assert command("registry", "add", folder, file, *words, "--captured", f"2026-0{number + 1}-01") == 0
-    issue = ("passport", "issue", folder, *key, "-o", out)
-    assert command(*issue) == 0
+        said("add", "phones", f"{number}.json", *words, "--captured", f"2026-0{number + 1}-01")
+    issue = ("issue", "phones", "--key", PRIVATE, "-o", "passports")
+    assert run(*issue)[0] == 0
     assert sorted(path.name.partition("-")[0] for path in out.iterdir()) == ["A1", "B_2"]
     (a1,), (b2,) = out.glob("A1-*"), out.glob("B_2-*")
-    trusted = read_public([tmp_path / PUBLIC])
-    found = verify(a1.read_bytes(), trusted, result=(tmp_path / "1.json").read_bytes())  # the newest
+    trusted = read_public([PUBLIC])
+    found = verify(a1.read_bytes(), trusted, result=Path("1.json").read_bytes())  # the newest
     assert (found.unit.serial, found.captured[:10]) == ("A1", "2026-02-01")
-    rows = Registry(folder).query("SELECT serial, passport, passport_ends FROM rows WHERE passport <> ''")
-    assert {(row["passport"], row["passport_ends"]) for row in rows} == {
-        (each.id, each.ends) for each in (found, read(b2.read_bytes())[0])
-    }
-    capsys.readouterr()
-    assert command(*issue) == 0
-    assert "0 passports" in capsys.readouterr().err
-    assert len(list(out.iterdir())) == 2
-    assert command(*issue, "--renew", "400") == 0
-    assert len(list(out.iterdir())) == 4
-    assert verify_registry(Registry(folder)).documents == 4
-    (tmp_path / "1.json").write_bytes(b"{}")
-    (tmp_path / "2.json").unlink()
-    assert len(verify_registry(Registry(folder)).faults) == 1
-    assert command(*issue, "--renew", "400") == 0
-    message = " ".join(capsys.readouterr().err.split())
-    assert "is not the result of its row" in message
-    assert "cannot be read" in message
-    revoked = tmp_path / "revoked.jws"
-    assert command("passport", "revoke", *out.glob("A1-*"), *key, "-o", revoked) == 0
-    names = read_revoked(revoked.read_bytes(), trusted)
+    rows = Registry("phones").query("SELECT serial, passport, passport_ends FROM rows WHERE passport <> ''")
+    signed = (found, read(b2.read_bytes())[0])
+    assert {(row["passport"], row["passport_ends"]) for row in rows} == {(each.id, each.ends) for each in signed}
+    for more, told, count in (((), b"0 passports", 2), (("--renew", "400"), b"", 4)):
+        status, _, err = run(*issue, *more)
+        assert (status, told in err, len(list(out.iterdir()))) == (0, True, count)
+    assert verify_registry(Registry("phones")).documents == 4
+    Path("1.json").write_bytes(b"{}")
+    Path("2.json").unlink()
+    assert len(verify_registry(Registry("phones")).faults) == 1
+    status, _, err = run(*issue, "--renew", "400")
+    assert status == 0
+    for words in (b"is not the result of its row", b"cannot be read"):
+        assert words in b" ".join(err.split())
+    assert run("revoke", *map(str, out.glob("A1-*")), "--key", PRIVATE, "-o", "revoked.jws")[0] == 0
+    names = read_revoked(Path("revoked.jws").read_bytes(), trusted)
     assert len(names) == 2
     with pytest.raises(PassportInvalid, match="revoked"):
         verify(a1.read_bytes(), trusted, revoked=names)
     verify(b2.read_bytes(), trusted, revoked=names)
 
 
-def test_colour_takes_a_passport(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    make_key(tmp_path)
+def test_colour_takes_a_passport(desk: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     passport = create_passport(document_bytes(calibrated()), PassportRequest(Unit(serial="A1")))
-    (tmp_path / "own.jws").write_bytes(sign(passport, read_private(tmp_path / PRIVATE)))
-    assert command("passport", "verify", tmp_path / "own.jws", "--key", tmp_path / PUBLIC) == 0
-    (tmp_path / "own.json").write_text(capsys.readouterr().out, "utf-8")
+    Path("own.jws").write_bytes(sign(passport, read_private(PRIVATE)))
+    Path("own.json").write_bytes(run("verify", "own.jws", "--key", PUBLIC)[1])
 
     def colour(name: str) -> tuple[int, str, str]:
         places = [np.min(calibrated().capture.shots[0].pose.patches[i], axis=0) + 4 for i in (3, 18)]
         here, white = (f"{x:.0f},{y:.0f},12,12" for x, y in places)
         words = ("--region", here, "--white-region", white, "--lamp", "D55")
-        status = command("colour", tmp_path / name, photos().shots[0].chart, *words)
-        out, err = capsys.readouterr()
-        return status, out, " ".join(err.split())
+        status, out, err = spoken(["colour", name, str(photos().shots[0].chart), *words])
+        return status, out.decode(), " ".join(err.decode().split())
 
     status, out, message = colour("own.json")
     assert (status, json.loads(out)["format"]) == (0, "camssf-colour/1")
