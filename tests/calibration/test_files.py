@@ -15,6 +15,7 @@ import pytest
 
 from camssf.errors import InvalidArgument
 from camssf.files import local, local_folder, write_file, write_files, write_together
+from tests.cli.conftest import raising
 
 pytestmark = pytest.mark.requirement("R-WHOLE-FILES")
 
@@ -37,10 +38,7 @@ def test_a_failure_leaves_what_stood_there(
     path = tmp_path / "file"
     path.write_bytes(b"old")
 
-    def failing(*_: Any) -> Any:
-        raise error
-
-    monkeypatch.setattr(os, call, failing)
+    monkeypatch.setattr(os, call, raising(error))
     with pytest.raises(InvalidArgument if isinstance(error, OSError) else KeyboardInterrupt) as caught:
         write_file(path, b"new")
     monkeypatch.undo()
@@ -89,11 +87,7 @@ def test_a_file_where_a_folder_should_be(tmp_path: Path) -> None:
 
 def test_the_advice_fits_the_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for number, advice in ((errno.ENOSPC, "Free some space"), (errno.EROFS, "that you may write to")):
-
-        def failing(*_: Any, number: int = number) -> None:
-            raise OSError(number, os.strerror(number))
-
-        monkeypatch.setattr(os, "fsync", failing)
+        monkeypatch.setattr(os, "fsync", raising(OSError(number, os.strerror(number))))
         for call in (lambda: write_file(tmp_path / "a", b""), lambda: write_files(tmp_path, {"a": b""})):
             with pytest.raises(InvalidArgument) as caught:
                 call()

@@ -33,6 +33,7 @@ from camssf_fleet.manifest import Job, Manifest
 from camssf_fleet.outcome import Outcome
 from camssf_fleet.recorder import summary_csv
 from camssf_fleet.registry import Registry
+from tests.cli.conftest import raising
 from tests.support.captures import photos
 from tests.support.desk import Desk, slow
 from tests.support.processes import until
@@ -359,12 +360,8 @@ def test_what_is_interrupted_is_submitted_again_not_for_ever(
 
 def test_the_registry_s_full_disk_is_said(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
     desk.write(ONE_ROW, {"a": "Phone"})
-
-    def full(self: Registry, *rows: Any, **more: Any) -> None:
-        raise InvalidArgument("No space left.", "Free some.")
-
     with monkeypatch.context() as patched:
-        patched.setattr(Registry, "append", full)
+        patched.setattr(Registry, "append", raising(InvalidArgument("No space left.", "Free some.")))
         with pytest.raises(InvalidArgument, match="No space"):
             desk.run()
     assert desk.run().by_status["doubtful"] == 1

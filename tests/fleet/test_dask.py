@@ -17,6 +17,7 @@ import pytest
 from camssf.errors import InvalidArgument
 from camssf_fleet import cluster as cluster_module
 from camssf_fleet import pools
+from tests.cli.conftest import raising
 from tests.support.desk import Desk, slow
 from tests.support.processes import SEARCH, until
 
@@ -132,13 +133,12 @@ def test_a_scheduler_that_is_lost_is_told_and_the_next_goes_on(
     assert desk.visits().total() <= 12 + 1, "what was under way alone is done again"
 
 
-def lacks(*_: Any) -> None:
-    raise ModuleNotFoundError("No module named 'camssf'", name="camssf")
+LACKS = ModuleNotFoundError("No module named 'camssf'", name="camssf")
 
 
 @pytest.mark.parametrize(("name", "other", "words", "advice"), [
     ("__version__", "9.9.9", "A worker of the Dask cluster has camssf", "9.9.9"),
-    ("do_job", lacks, "lacks camssf", "wheel"),
+    ("do_job", raising(LACKS), "lacks camssf", "wheel"),
 ])  # fmt: skip
 def test_a_worker_with_another_camssf_or_none_is_named(
     desk: Desk, cluster: Any, name: str, other: Any, words: str, advice: str, monkeypatch: pytest.MonkeyPatch
@@ -154,14 +154,11 @@ def test_a_worker_with_another_camssf_or_none_is_named(
 def test_nobody_answers(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster_module, "SCHEDULER_TIMEOUT", 1.0)
     desk.fill(1)
-    for address in ("tcp://127.0.0.1:9", "nonsense://x"):
-        with pytest.raises(InvalidArgument, match="No Dask scheduler answers"):
-            desk.run(dask=address)
-    with (
-        distributed.LocalCluster(n_workers=0, **QUIET) as empty,
-        pytest.raises(InvalidArgument, match="has no worker"),
-    ):
-        desk.run(dask=empty.scheduler_address)
+    with distributed.LocalCluster(n_workers=0, **QUIET) as empty:
+        for address in ("tcp://127.0.0.1:9", "nonsense://x", empty.scheduler_address):
+            words = "has no worker" if address == empty.scheduler_address else "No Dask scheduler answers"
+            with pytest.raises(InvalidArgument, match=words):
+                desk.run(dask=address)
 
 
 def test_the_poisonous_is_put_aside_after_two_deaths(desk: Desk, cluster: Any) -> None:

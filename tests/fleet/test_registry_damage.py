@@ -17,6 +17,7 @@ from camssf_fleet.record_files import RecordFiles
 from camssf_fleet.records import Origin, row
 from camssf_fleet.registry import Registry
 from camssf_fleet.verification import verify
+from tests.cli.conftest import raising
 from tests.support.documents import document
 from tests.support.processes import until
 from tests.support.registries import (
@@ -191,28 +192,26 @@ def test_a_clock_that_is_set_back_moves_nothing(one: Registry) -> None:
     assert verify(one).faults == ()
 
 
-@pytest.mark.parametrize(("write", "error", "words", "rows"), [
-    (1, OSError(28, "No space left on device"), "No space", 1),
-    (2, OSError(28, "No space left on device"), "The results were added, but then: .*No space", 2),  # its list
-])  # fmt: skip
+@pytest.mark.parametrize(("write", "words"), [(1, "No space"), (2, "The results were added, but then: .*No space")])
 def test_a_disk_that_takes_no_more_leaves_all_or_nothing(
-    one: Registry, write: int, error: OSError, words: str, rows: int, monkeypatch: pytest.MonkeyPatch
+    one: Registry, write: int, words: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """The second file is the list."""
     one.add([made(1)])
     real, calls = record_files.write_place, []
 
     def full(*values: Any) -> None:
         calls.append(values)
         if len(calls) == write:
-            raise error
+            raise OSError(28, "No space left on device")
         real(*values)
 
     monkeypatch.setattr(record_files, "write_place", full)
     with pytest.raises(InvalidArgument, match=words) as caught:
         one.add([made(2)])
     monkeypatch.undo()
-    assert caught.value.message.startswith("The results were added") == (rows == 2)
-    assert len(keys(one)) == rows
+    assert caught.value.message.startswith("The results were added") == (write == 2)
+    assert len(keys(one)) == write
     one.add([made(2)])
     assert (len(keys(one)), verify(one).faults) == (2, ())
 
@@ -223,10 +222,7 @@ def test_a_deletion_that_is_killed_is_finished_by_the_same_command(
 ) -> None:
     one.add([made(1, serial="A"), made(2, serial="B")])
 
-    def killed(self: RecordFiles, records: Any) -> int:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(RecordFiles, "drop", killed)
+    monkeypatch.setattr(RecordFiles, "drop", raising(KeyboardInterrupt()))
     with pytest.raises(KeyboardInterrupt):
         one.delete(Unit(serial="A"))
     monkeypatch.undo()

@@ -10,6 +10,7 @@ import pytest
 from camssf import cli
 from camssf.documents.document import document_bytes
 from camssf.errors import InvalidArgument
+from tests.fleet.conftest import Said
 from tests.support.desk import HEADER, Desk, stub
 from tests.support.documents import document
 from tests.support.registries import bells, keys, made, writing
@@ -128,42 +129,35 @@ def test_a_batch_from_a_bucket_to_a_bucket_whatever_fails(bucket: str, server: F
     assert not [path for path in files_below(place(f"{bucket}/out")) if path.name not in ("result.json",)]
 
 
-def run(*words: str) -> int:
-    return cli.main(["registry", *words])
-
-
 def test_on_the_command_line(
-    bucket: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    bucket: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, said: Said, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    phones, other = f"{bucket}/phones", f"{bucket}/results/other.json"
     (tmp_path / "result.json").write_bytes(document_bytes(document()))
-    place(f"{bucket}/results/other.json").write_bytes(document_bytes(document("A")))
-    assert run("add", f"{bucket}/phones", "result.json", f"{bucket}/results/other.json", "--serial", "A1") == 0
-    found = {each["place"] for each in Registry(f"{bucket}/phones").query("SELECT place FROM rows")}
+    place(other).write_bytes(document_bytes(document("A")))
+    told = [*said("add", phones, "result.json", other, "--serial", "A1")]
+    found = {each["place"] for each in Registry(phones).query("SELECT place FROM rows")}
     assert found == {str(tmp_path / "result.json"), "../results/other.json"}
     for words in (["list"], ["verify"], ["compact"], ["history", "A1"], ["export", "-o", "x.parquet"]):
-        assert run(words[0], f"{bucket}/phones", *words[1:]) == 0, words
-    capsys.readouterr()
+        told += said(words[0], phones, *words[1:])
     (tmp_path / "m.csv").write_text(f"name,photo,lamp\na,{bucket}/none.dng,D55\n")
-    assert cli.main(["batch", "m.csv", "-o", f"{bucket}/out", "--registry", f"{bucket}/phones"]) == cli.BATCH_FAILED
-    assert run("list", f"{bucket}/elsewhere") == InvalidArgument.exit_status
-    assert run("list", "s3://key:secret@bucket/phones") == InvalidArgument.exit_status
-    out, err = capsys.readouterr()
-    assert "key:secret" not in out + err
-    assert SECRET not in out + err + "".join(path.read_text(errors="ignore") for path in tmp_path.iterdir())
+    assert cli.main(["batch", "m.csv", "-o", f"{bucket}/out", "--registry", phones]) == cli.BATCH_FAILED
+    told += capsys.readouterr()
+    for folder in (f"{bucket}/elsewhere", "s3://key:secret@bucket/phones"):
+        told += said("list", folder, status=InvalidArgument.exit_status)
+    assert "key:secret" not in "".join(told)
+    assert SECRET not in "".join([*told, *(path.read_text(errors="ignore") for path in tmp_path.iterdir())])
     for path in files_below(place(bucket)):
         assert SECRET.encode() not in path.read_bytes()
 
 
-def test_a_server_that_is_gone_is_told(
-    bucket: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_server_that_is_gone_is_told(bucket: str, monkeypatch: pytest.MonkeyPatch, said: Said) -> None:
     monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "another-secret-5678")
     monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
     monkeypatch.setenv("AWS_MAX_ATTEMPTS", "1")
     type(place(bucket).fs).clear_instance_cache()  # it knows the server that is there
-    assert run("list", f"{bucket}/phones") == InvalidArgument.exit_status
-    message = capsys.readouterr().err
+    message = said("list", f"{bucket}/phones", status=InvalidArgument.exit_status)[1]
     assert "cannot be used" in message
     assert "another-secret" not in message
 
