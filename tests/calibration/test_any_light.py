@@ -22,7 +22,6 @@ from camssf.fit.solutions import COMBINED, combined
 from camssf.grid import WAVELENGTHS
 from camssf.options import Options
 from camssf.photo.capture import Capture
-from camssf.photo.shot import Shot
 from camssf.recovery.basis import NODES, misfit_profile, read_basis
 from camssf.recovery.hypotheses import LampGuess, recover
 from camssf.recovery.sensitivity import half_width_of, prior_std
@@ -204,14 +203,12 @@ def test_patches_travel_without_a_lamp() -> None:
 
 
 def test_a_refusal_in_unnamed_light_is_a_document_too(tmp_path: Path) -> None:
-    """No photo can be read; nobody named a lamp, and the tolerance of nothing is refused as a wrong call."""
+    """No photo can be read, and nobody named a lamp."""
     missing = attempt(tmp_path / "none.dng")
     assert missing.verdict.status == "refused"
     assert isinstance(missing.capture.unfinished.lamp, Unnamed)
     data = document_bytes(missing)
     assert document_bytes(forms.read(data, Result, "test", "")) == data
-    with pytest.raises(InvalidArgument, match="has no tolerance"):
-        attempt(Shot(tmp_path / "none.dng", lamp_tolerance="2%"))
 
 
 # -- combinations of lamps ----------------------------------------------------------------------------------------

@@ -140,6 +140,7 @@ def test_fallbacks_are_named(two_lamps: Simulation, camera: CameraCurves) -> Non
     ({"shots": Shot("a.dng")}, {}, "in addition to shots"), ({"shots": [], "lamp": None}, {}, "no photo"),
     ({"shots": Shot("a.dng", white=3), "lamp": None}, {}, "3 is no path"),
     ({"shots": [Shot("a.dng")] * 65, "lamp": None}, {}, "65 photos are too many"),
+    ({"shots": Shot("a.dng", lamp_tolerance="2%"), "lamp": None}, {}, "has no tolerance"),
     ({"lamp": 5}, {}, "lamp"), ({"lamp": ["D55", "A"]}, {}, "lamp"), ({"lamp": "nonsense"}, {}, "nonsense"),
     ({"chart": "nonsense"}, {}, "nonsense"), ({}, {"fit": 5}, "no list"), ({}, {"basis": None}, "None"),
     ({}, {"gamma": "x"}, "gamma"), ({}, {"white_reflectance": "a"}, "0.95"),

@@ -38,6 +38,14 @@ STAGES = [
 ]
 
 
+def told_by_python(code: str, *words: str, cwd: Path | None = None) -> str:
+    """What a new interpreter, which ends well, writes to stderr."""
+    call = [sys.executable, "-c", code, *words]
+    done = subprocess.run(call, cwd=cwd, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    return done.stderr
+
+
 FRESH = """
 import json, sys
 
@@ -76,10 +84,7 @@ print(json.dumps(found), file=sys.stderr)
 @pytest.mark.requirement("R-ROOMS")
 def test_what_a_new_interpreter_loads() -> None:
     """One interpreter: the package, `calibrate`, a help, lamps and charts by name, public names, every stage."""
-    words = [sys.executable, "-c", FRESH, json.dumps([HEAVY, STAGES])]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stderr
-    assert json.loads(done.stderr) == {
+    assert json.loads(told_by_python(FRESH, json.dumps([HEAVY, STAGES]))) == {
         "import camssf": [], "import calibrate": [], "help": [], "lamps and charts by name": [], "all stages": [],
     }  # fmt: skip
 
@@ -183,8 +188,7 @@ print(json.dumps(said), file=sys.stderr)
 
 def test_a_command_begins_to_tell_before_it_loads_anything(tmp_path: Path) -> None:
     """Each command ends at its first word."""
-    done = subprocess.run([sys.executable, "-c", SAID], cwd=tmp_path, capture_output=True, text=True, timeout=120)
-    assert done.stderr.strip() == str([["starting", 0.0, False]] * 3).replace("'", '"').lower(), done.stderr
+    assert json.loads(told_by_python(SAID, cwd=tmp_path)) == [["starting", 0.0, False]] * 3
 
 
 @pytest.mark.full
@@ -266,6 +270,4 @@ def test_without_the_dropped_libraries_it_calibrates_and_says_what_is_missing(tm
         shutil.copy(str(path), tmp_path)
     cxf = '<?xml version="1.0"?><CxF xmlns="http://colorexchangeformat.com/CxF3-core"/>'
     (tmp_path / "chart.cxf").write_text(cxf)
-    words = [sys.executable, "-c", HIDE + PLAIN_RUN]
-    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
+    told_by_python(HIDE + PLAIN_RUN, cwd=tmp_path)

@@ -94,13 +94,6 @@ def test_standard_input_is_written_nowhere(
     assert json.loads(capsys.readouterr().out)["format"] == "camssf/2"
 
 
-class Terminal(io.StringIO):
-    """A stdout that is a terminal."""
-
-    def isatty(self) -> bool:
-        return True
-
-
 def test_a_terminal_shows_no_json(
     triple: list[str], result: Path, tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -109,7 +102,8 @@ def test_a_terminal_shows_no_json(
         (["patches", *triple], "24 patches measured"),
         (["validate", str(result / "result.json")], "verdict: "),
     ):
-        terminal = Terminal()
+        terminal = io.StringIO()
+        monkeypatch.setattr(terminal, "isatty", lambda: True)
         monkeypatch.setattr(sys, "stdout", terminal)
         assert cli.main(words) == 0
         assert shown in capsys.readouterr().err
