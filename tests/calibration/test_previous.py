@@ -51,15 +51,14 @@ def in_light(given: Capture, lamp: str, camera: Floats) -> Capture:
     (shot,) = given.shots
     seen = read_lamp(lamp).values @ camera
 
-    def scaled(frame: FrameMeans | None) -> FrameMeans | None:
-        if frame is None:
-            return None
-        gain = seen / seen.max()
-        mean = BLACK + gain * (frame.mean - BLACK)
-        return replace(frame, mean=mean, standard_error=gain * frame.standard_error, greens=mean[:, [1, 1]])
-
-    means = replace(shot.means, **{role: scaled(getattr(shot.means, role)) for role in ("chart", "white", "dark")})
-    return replace(given, shots=(replace(shot, means=means),))
+    seen /= seen.max()
+    frames = {}
+    for role in ("chart", "white", "dark"):
+        if (frame := getattr(shot.means, role)) is not None:
+            mean = BLACK + seen * (frame.mean - BLACK)
+            error = seen * frame.standard_error
+            frames[role] = replace(frame, mean=mean, standard_error=error, greens=mean[:, [1, 1]])
+    return replace(given, shots=(replace(shot, means=replace(shot.means, **frames)),))
 
 
 @cache

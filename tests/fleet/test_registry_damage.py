@@ -72,10 +72,10 @@ def test_a_compaction_may_be_killed_anywhere(one: Registry, last: int, monkeypat
     with suppress(KeyboardInterrupt):
         one.files.compact()
     monkeypatch.undo()
-    assert (one.query("SELECT * FROM rows ORDER BY key"), verify(one).faults) == (before, ())
-    assert len(one.query("SELECT DISTINCT task FROM jobs")) == 4
-    one.files.compact()
-    assert (one.query("SELECT * FROM rows ORDER BY key"), verify(one).faults) == (before, ())
+    for _ in range(2):
+        assert (one.query("SELECT * FROM rows ORDER BY key"), verify(one).faults) == (before, ())
+        assert len(one.query("SELECT DISTINCT task FROM jobs")) == 4
+        one.files.compact()
 
 
 @pytest.mark.requirement("R-REGISTRY")
