@@ -1,6 +1,6 @@
 """The causes of a misfit, weighed against each other."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -35,16 +35,9 @@ TABLES = np.stack([table.values for table in tables_of_causes(TABLE)])
 X = (np.arange(24) % 6 - 2.5)[:, None] / 5.0
 
 
-SPOILT: dict[str, Callable[[Floats], Floats]] = {
-    "lights": lambda y: y * (1.0 + X * [0.3, 0.0, -0.3]),
-    "tone": lambda y: y**0.88,
-}
-"""What spoils the signals, by its group; golden's stage verdict has a case of each."""
-
-
 def test_the_evidence_is_that_of_normal_signals() -> None:
     """ln of N(b; 0, P + D Dᵀ) over N(b; 0, P), by SciPy."""
-    scene = Scene(SPOILT["lights"](clean()))
+    scene = Scene(clean() * (1.0 + X * [0.3, 0.0, -0.3]))
     alone, basis = scene.told().of_shot(0), widened(read_basis(scene.ssf.basis), scene.ssf.prior_scale)
     judged = explained_signals(alone, scene.ssf)
     nodes = AnswerBasis(scene.lamps[0].values, basis.mean[:, ::10], basis.dictionary[:, ::10])
@@ -71,7 +64,7 @@ def test_the_evidence_is_that_of_normal_signals() -> None:
 
 
 def test_what_the_noise_shows_comes_before_any_cause() -> None:
-    scene = Scene(SPOILT["tone"](clean()))
+    scene = Scene(clean() ** 0.88)
     told, basis = scene.told(), widened(read_basis(scene.ssf.basis), scene.ssf.prior_scale)
     weighed = weigh_causes(told, 0, scene.ssf, basis, [], TABLES, ())
     one = told.goodness_of_fit_of_shot(0, scene.ssf)

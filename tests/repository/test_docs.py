@@ -20,20 +20,12 @@ CLI = typer.main.get_command(app)
 pytestmark = pytest.mark.repository
 
 
-def epilogs() -> list[str]:
-    commands = CLI.commands.values()  # type: ignore[attr-defined]
-    return [str(command.epilog).removeprefix("Example: ") for command in commands]
-
-
-def written() -> list[str]:
-    lines = [line for page in PAGES for block in blocks(page.read_text("utf-8"), "sh") for line in block.splitlines()]
-    return [line for line in [*lines, *epilogs()] if calls(line)]
-
-
 @pytest.mark.requirement("R-DOCS")
 def test_every_written_command_is_one() -> None:
     """Parsed by the command line itself, which knows every option and its type; nothing is run."""
-    for line in sorted(set(written())):
+    lines = {line for page in PAGES for block in blocks(page.read_text("utf-8"), "sh") for line in block.splitlines()}
+    commands = CLI.commands.values()  # type: ignore[attr-defined]
+    for line in sorted(lines | {str(command.epilog).removeprefix("Example: ") for command in commands}):
         for arguments in calls(line):
             try:
                 parse(arguments)
