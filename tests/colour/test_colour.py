@@ -168,11 +168,6 @@ def test_a_camera_to_itself_is_the_identity_without_error(camera: Camera, lamp: 
 MIX = np.array([[0.9, 0.1, 0.0], [0.2, 1.0, 0.1], [0.05, 0.1, 0.8]])
 
 
-def mixed() -> tuple[Camera, Camera]:
-    """A camera, and one whose curves are mixtures of its."""
-    return exact(), Camera("mixed", exact().values @ MIX, np.zeros((0, 681, 3)))
-
-
 def sizes(part: Floats) -> Floats:
     """Standard deviations (n, 3)."""
     return np.sqrt(np.diagonal(part, axis1=1, axis2=2))
@@ -181,7 +176,7 @@ def sizes(part: Floats) -> Floats:
 @pytest.mark.parametrize("lamp", ["D55", "FL2", "A"])
 def test_curves_that_are_mixtures_give_the_very_matrix(lamp: str) -> None:
     """s_B = s_A M: white-balanced, y_B = y_A · diag(white_A) M diag(1 / white_B)."""
-    source, target = mixed()
+    source, target = exact(), Camera("mixed", exact().values @ MIX, np.zeros((0, 681, 3)))
     whites = [power(lamp) @ camera.values for camera in (source, target)]
     expected = whites[0][:, None] * MIX / whites[1]
     found = convert(source, target, known(lamp), signals_of(CHART, power(lamp), source.values))

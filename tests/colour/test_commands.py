@@ -33,7 +33,6 @@ from tests.support.captures import calibrated, photos
 from tests.support.scenes import mosaic
 
 CHART = read_chart("classic24").values
-SCHEMA = schema(ColourDocument)
 Capture = pytest.CaptureFixture[str]
 
 
@@ -52,7 +51,7 @@ def photo() -> str:
 def read_document(printed: str) -> Any:
     """The JSON of a command, once its schema and its reader agree."""
     found = json.loads(printed)
-    jsonschema.Draft202012Validator(SCHEMA).validate(found)
+    jsonschema.Draft202012Validator(schema(ColourDocument)).validate(found)
     assert to_plain(from_plain(found, ColourDocument, "it", "")) == found
     return found
 

@@ -172,7 +172,6 @@ def check(ours: Json, theirs: Json, *, bits: bool = False) -> None:
 
 
 PHONE_CURVES = CameraCurves("phone", resolve(PHONE), "bells")
-NIKON = "Nikon 5100 (NPL)"
 Photographed: TypeAlias = tuple[list[SimulatedShot], Floats]
 
 
@@ -187,7 +186,7 @@ def of_apple(made: Simulation) -> Photographed:
 @pytest.fixture(scope="module")
 def photos(tmp_path_factory: pytest.TempPathFactory) -> Photographed:
     scene = Scene(size=(1200, 900), tilt=6, rotation=4, vignetting=0.2)
-    made = simulate(NIKON, ["D55", "A"], tmp_path_factory.mktemp("photos"), seed=11, scene=scene)
+    made = simulate("Nikon 5100 (NPL)", ["D55", "A"], tmp_path_factory.mktemp("photos"), seed=11, scene=scene)
     return list(made.shots), made.pose.corners + OFF
 
 

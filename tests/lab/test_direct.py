@@ -26,13 +26,12 @@ from tests.repository.test_docs import ROOT, blocks
 from tests.support import spectrograph
 from tests.support.spectrograph import FINE, MONO, RGB, Spectrograph, shoot, write_dng
 
-NIKON = "Nikon 5100 (NPL)"
 VISIBLE = (WAVELENGTHS >= 400) & (WAVELENGTHS <= 700)
 
 
 @cache
 def nikon() -> CameraCurves:
-    return read_camera(NIKON)
+    return read_camera("Nikon 5100 (NPL)")
 
 
 @pytest.fixture(scope="session")

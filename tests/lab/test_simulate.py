@@ -97,20 +97,6 @@ def test_patches_hold_theory_to_rounding(turn: float) -> None:
         assert (frames.dark == 512).all()
 
 
-def test_levels_are_the_formula() -> None:
-    """Trapezoids on a 1-nm grid, written out: black + full scale · exposure · Σ R L S / max Σ L S."""
-    chart, sensor = TABLE, Sensor(noise=False, exposure=0.5, black=100, white_level=1100)
-    frames = taken(RED, sensor)
-    every = slice(None, None, 2)
-    R, L, S = chart.values[:, every], RED.values[every], CAMERA.values[every]
-    white = np.array([np.trapezoid(L * S[:, c], dx=1.0) for c in range(3)])
-    raw = np.array([[np.trapezoid(r * L * S[:, c], dx=1.0) for c in range(3)] for r in R])
-    np.testing.assert_allclose(frames.levels, 100 + 1000 * 0.5 * raw / white.max(), rtol=3e-4)
-    np.testing.assert_allclose(frames.white_levels, 100 + 1000 * 0.5 * white / white.max(), rtol=3e-4)
-    np.testing.assert_allclose(frames.signals, raw / white, rtol=1e-3)
-    assert frames.white_levels.max() == pytest.approx(600)
-
-
 def test_noise_is_that_of_a_photon_counter() -> None:
     sensor = Sensor(full_well=3000, read_noise=4.0, exposure=0.7, dark_current=30)
     frames = taken(sensor=sensor, seeds=(11,), fill=0.8)

@@ -193,9 +193,6 @@ def spread(dictionary: np.ndarray) -> np.ndarray:
 PAPERS = ("Tominaga, Nishi, Ohtera, Sensors 2021, 21, 4985", "Burggraaff et al., Opt. Express 2019, 27, 19075")
 LICENCE = "none stated, so the table is in no file of camssf"
 TABLE = os.environ.get("CAMSSF_PHONES")
-needs_the_table = pytest.mark.skipif(
-    TABLE is None, reason="the phones' table may not be passed on: CAMSSF_PHONES names it for those who have it"
-)
 
 
 def toy_phones() -> dict[str, Floats]:
@@ -317,7 +314,9 @@ def test_the_benchmark_runs_on_any_table(
     assert "--foreign or CAMSSF_FOREIGN" in out
 
 
-@needs_the_table
+@pytest.mark.skipif(
+    TABLE is None, reason="the phones' table may not be passed on: CAMSSF_PHONES names it for those who have it"
+)
 def test_shipped_phones_come_from_the_command(tmp_path: Path) -> None:
     words = ["--handful", "--noun", "phones", "--statistics", "--licence", LICENCE]
     papers = [word for paper in PAPERS for word in ("--paper", paper)]

@@ -61,7 +61,7 @@ ROWS: dict[str, Any] = {
 @pytest.mark.parametrize("name", ROWS)
 def test_small_problems_are_proven(name: str, l2: float, gamma: float, nonnegative: bool) -> None:
     """Also where the code is not unique. The gap is by the golden vectors' formula, which shares no code."""
-    known = random_sensing(3, 8, 5, correlated=True)
+    known = random_sensing(3, 8, 5)
     A, b = ROWS[name](known.matrix, known.target)
     sigma = known.covariance[:, : A.shape[1], : A.shape[1]]
     code = optimum(LinearModel(A, b, sigma).whitened(l2, gamma, nonnegative)).x[..., 0]

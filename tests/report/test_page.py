@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image, ImageOps
 
 from camssf.documents.document import Curves
 from camssf.grid import WAVELENGTHS
@@ -156,24 +157,14 @@ def test_a_bar_holds_noise_and_what_the_prediction_leaves_open() -> None:
     assert patch_view.errors(patches)[1] == pytest.approx(by_hand, rel=1e-4)
 
 
-DISPLAY = {
-    1: lambda a: a,
-    2: np.fliplr,
-    3: lambda a: np.rot90(a, 2),
-    4: np.flipud,
-    5: np.transpose,
-    6: lambda a: np.rot90(a, -1),
-    7: lambda a: np.rot90(a, 2).T,
-    8: lambda a: np.rot90(a, 1),
-}
-"""What each TIFF orientation does to the stored rows and columns (TIFF 6.0, tag 274)."""
-
-
-@pytest.mark.parametrize("orientation", DISPLAY)
+@pytest.mark.parametrize("orientation", range(1, 9))
 def test_outlines_follow_the_orientation(orientation: int) -> None:
-    stored = np.zeros((5, 7))
-    stored[1, 4] = 1
-    (row,), (column,) = np.nonzero(DISPLAY[orientation](stored))
+    """As Pillow turns a picture of one bright pixel."""
+    stored = np.zeros((5, 7), np.uint8)
+    stored[1, 4] = 255
+    image = Image.fromarray(stored)
+    image.getexif()[274] = orientation
+    (row,), (column,) = np.nonzero(np.asarray(ImageOps.exif_transpose(image)))
     point = photo_view.upright([4, 1], 7, 5, orientation)
     assert point.tolist() == [column + 0.5, row + 0.5]  # the middle of that pixel
 

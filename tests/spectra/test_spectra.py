@@ -25,7 +25,6 @@ from tests.support.text_tables import PLAIN
 from tests.support.text_tables import table as text_table
 from tools import demo_phone
 
-DATA = Path(__file__).parents[2] / "data"
 TEN = np.arange(380, 731, 10)
 
 
@@ -301,7 +300,7 @@ def test_the_demo_s_phone_is_the_draw_that_its_command_makes(capsys: pytest.Capt
 
 def test_shipped_cameras_are_those_of_rawtoaces() -> None:
     """The file that they were learned from, each channel's peak at 1; a name is read as the very camera."""
-    table = DATA / "ssf" / "rawtoaces.csv"
+    table = Path(__file__).parents[2] / "data" / "ssf" / "rawtoaces.csv"
     assert len(shipped_cameras()) == 52
     for name, nodes in list(shipped_cameras().items())[::13]:
         camera = read_camera(name)

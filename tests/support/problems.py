@@ -63,18 +63,15 @@ def measured_cameras() -> dict[str, Floats]:
     return {name: interpolate(curves) for name, curves in read_curves(CURVES).items()}
 
 
-def random_sensing(seed: int, rows: int, atoms: int, *, correlated: bool = False) -> LinearModel:
-    """Three random problems with smooth, correlated columns and, where asked, a full covariance."""
+def random_sensing(seed: int, rows: int, atoms: int) -> LinearModel:
+    """Three random problems with smooth, correlated columns and a full covariance."""
     rng = np.random.default_rng(seed)
     mixing = np.exp(-0.5 * ((np.arange(atoms)[:, None] - np.arange(atoms)) / 1.5) ** 2)
     matrix = rng.normal(size=(3, rows, atoms)) @ mixing
     target = np.einsum("crn,cn->cr", matrix, rng.normal(size=(3, atoms)) * (rng.random((3, atoms)) < 0.4))
     target += 0.1 * rng.normal(size=target.shape)
-    sigma = np.broadcast_to(np.eye(rows), (3, rows, rows)).copy()
-    if correlated:
-        factor = 0.5 * rng.normal(size=(3, rows, 3))
-        sigma += factor @ factor.transpose(0, 2, 1)
-    return LinearModel(matrix, target, sigma)
+    factor = 0.5 * rng.normal(size=(3, rows, 3))
+    return LinearModel(matrix, target, np.eye(rows) + factor @ factor.transpose(0, 2, 1))
 
 
 def whiten(A: Floats, b: Floats, sigma: Floats) -> tuple[Floats, Floats]:
