@@ -30,7 +30,6 @@ from camssf_colour import View, adapt, choose, quality_of, white_of
 from tests.colour.conftest import power
 from tests.support.problems import toy_camera
 
-ROOT = Path(__file__).parents[2]
 CHART = read_chart("classic24").values
 
 
@@ -82,7 +81,7 @@ def test_the_surfaces_are_what_their_source_says() -> None:
     assert stored["surfaces"]["sha256"] == hashlib.sha256(tool.SOURCE.read_bytes()).hexdigest()
     assert tool.main(["--check"]) == 0
     assert surfaces().shape == (190, WAVELENGTHS.size)
-    notice = (ROOT / "NOTICE").read_text("utf-8")
+    notice = (Path(__file__).parents[2] / "NOTICE").read_text("utf-8")
     assert "camssf/data/colour.json" in notice
 
 

@@ -41,8 +41,6 @@ pytestmark = [pytest.mark.full, pytest.mark.requirement("R-PARITY")]
 
 BINDINGS = Path(os.environ.get("CAMSSF_BINDINGS", Path(__file__).parents[2] / "android-bindings"))
 GOLDEN = BINDINGS / "golden" / "target"
-OFF = np.array([[7.0, -6.0], [-7.0, 5.0], [4.0, 8.0], [-5.0, -7.0]])
-"""How far off, px, a hand is here."""
 
 
 def _jars() -> list[Path]:
@@ -185,9 +183,10 @@ def of_apple(made: Simulation) -> Photographed:
 
 @pytest.fixture(scope="module")
 def photos(tmp_path_factory: pytest.TempPathFactory) -> Photographed:
+    """Corners by a hand, some pixels off."""
     scene = Scene(size=(1200, 900), tilt=6, rotation=4, vignetting=0.2)
     made = simulate("Nikon 5100 (NPL)", ["D55", "A"], tmp_path_factory.mktemp("photos"), seed=11, scene=scene)
-    return list(made.shots), made.pose.corners + OFF
+    return list(made.shots), made.pose.corners + np.array([[7, -6], [-7, 5], [4, 8], [-5, -7]])
 
 
 @pytest.fixture(scope="module")

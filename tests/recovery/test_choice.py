@@ -129,13 +129,13 @@ DRAWN = 300
 
 
 @cache
-def drawn(count: int) -> list[tuple[str, Floats, Ssf]]:
+def drawn() -> list[tuple[str, Floats, Ssf]]:
     """Family, true curves at peak 1 and answer, of captures drawn from the model itself: a family by a coin, a code
     from its prior, what the rows are told may be off (noise, light that drifts), six patches; some stay open."""
     rng = np.random.default_rng(20)
     chart, lamp = TABLE.values[[14, 13, 12, 18, 15, 17]], read_lamp("D55").values
     found = []
-    for _ in range(count):
+    for _ in range(DRAWN):
         family = FAMILIES[int(rng.integers(2))]
         basis = read_basis(family)
         code = rng.normal(size=(3, basis.dictionary.shape[2]))
@@ -154,8 +154,8 @@ def drawn(count: int) -> list[tuple[str, Floats, Ssf]]:
 @pytest.mark.full
 def test_probabilities_are_as_often_right_as_they_say() -> None:
     """Of captures drawn half and half: what is said of phones, on average, is their share where it is said."""
-    said = np.array([shares(found)["phones"] for _, _, found in drawn(DRAWN)])
-    true = np.array([family == "phones" for family, _, _ in drawn(DRAWN)])
+    said = np.array([shares(found)["phones"] for _, _, found in drawn()])
+    true = np.array([family == "phones" for family, _, _ in drawn()])
     for low, high in ((0.0, 0.2), (0.2, 0.5), (0.5, 0.8), (0.8, 1.0)):
         here = (said >= low) & (said <= high)
         chance = np.sqrt(np.sum(said[here] * (1 - said[here]))) / here.sum()
@@ -267,7 +267,7 @@ def test_a_chart_of_the_user_s_own_is_not_called_unmeasured(table: str, words: s
 def test_bands_of_mixtures_hold() -> None:
     """Where both answers count, 95 % bands hold the truth in 93 to 98 % of all wavelengths, and their error has the
     size that they say; without the distance between the answers in them they would not."""
-    mixed = [(truth, found) for _, truth, found in drawn(DRAWN) if max(shares(found).values()) < CLEAR / (1 + CLEAR)]
+    mixed = [(truth, found) for _, truth, found in drawn() if max(shares(found).values()) < CLEAR / (1 + CLEAR)]
     assert len(mixed) > DRAWN / 12
     inside, ratio = [], []
     for truth, found in mixed:

@@ -24,7 +24,6 @@ CARD: dict[str, Any] = {
     "format": "camssf-layout/1", "name": "garden card", "columns": 7, "rows": 5, "patch": [18, 12], "gap": [3, 2],
     "white": "p19", "fiducials": [[-9, -9], [153, -9], [153, 77], [-9, 77]],
 }  # fmt: skip
-CAMERA = "Canon EOS 600D"
 
 
 def table_text(count: int) -> str:
@@ -51,7 +50,7 @@ def write_card(folder: Path, **fields: Any) -> str:
 def photographed(folder: Path, chart: str, **scene: Any) -> tuple[ChartTable, Scene]:
     table = read_chart(chart)
     drawn = Scene(size=(1500, 1100), fill=0.5, **scene)
-    simulate(CAMERA, "D55", folder, chart=table, scene=drawn)
+    simulate("Canon EOS 600D", "D55", folder, chart=table, scene=drawn)
     return table, replace(drawn, layout=table.layout)
 
 
