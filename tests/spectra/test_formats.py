@@ -20,6 +20,7 @@ from camssf.spectra.lamps import NAMES_FORMAT, lamp_aliases
 from camssf.spectra.readers import CURVES, LAMPS
 from camssf.spectra.tables import read_curves, read_spectrum
 from camssf.spectra.text import plain
+from tests.spectra.test_spectra import write
 from tests.support.documents import document
 
 ROOT = Path(__file__).parents[2]
@@ -27,11 +28,6 @@ THEIRS = Path(colour_science().__file__).parent / "io" / "tests" / "resources"
 """colour-science installs its tests' files: a UPRtek's, a Sekonic's and a TM-27 file as instruments wrote them."""
 NM = np.arange(380, 731, 5)
 POWER = 1.0 + np.sin(NM / 40.0)
-
-
-def write(path: Path, text: str) -> str:
-    path.write_text(text, "utf-8")
-    return str(path)
 
 
 def theirs(name: str) -> Path:

@@ -9,6 +9,7 @@ from camssf.errors import CalibrationError, InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import read_camera, read_chart, read_lamp
 from camssf_lab.direct.columns import read_columns
+from tests.spectra.test_spectra import write
 from tests.support.text_tables import COMMAS, COUNTS, NM, QUOTED, SHARES, TABLES, english, table
 
 UNFIT = [f"lamp, {name}" for name in ("noise inside", "negative", "not a number", "no power", "from 420 nm",
@@ -19,15 +20,14 @@ UNFIT = [f"lamp, {name}" for name in ("noise inside", "negative", "not a number"
 @pytest.mark.parametrize("name", TABLES)
 def test_a_text_table_is_read_or_refused_with_its_place(name: str, tmp_path: Path) -> None:
     text, words, kind = TABLES[name]
-    path = tmp_path / "table.csv"
-    path.write_bytes(text.encode())
+    path = write(tmp_path / "table.csv", text)
     read = read_lamp if kind == "lamp" else read_chart
     if words is not None:
         with pytest.raises(CalibrationError, match=words) as caught:
-            read(str(path))
+            read(path)
         assert caught.value.code == ("lamp_unfit" if name in UNFIT else "invalid_argument")
         return
-    values = read(str(path)).values
+    values = read(path).values
     if kind == "chart":
         np.testing.assert_allclose(values[:, ::20], read_chart("classic24").values[:, ::20], atol=1e-6)
     elif "\n339.500" not in text and not text.startswith("339.500"):
