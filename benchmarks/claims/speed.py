@@ -25,7 +25,7 @@ from benchmarks.turns import Jvm, Unavailable, clocked, in_turn, ratio
 from camssf import Options, Shot, calibrate
 from camssf.documents.document import document_bytes
 from camssf.photo.read.raw import read_raw
-from camssf.spectra.cameras import DEMO_PHONE
+from camssf.spectra.cameras import DEMO_PHONES
 from camssf_colour.picture import standard_picture
 from camssf_lab.simulation.camera import Sensor
 from camssf_lab.simulation.frames import simulate
@@ -82,7 +82,7 @@ def kotlin(run: Run, folder: Path) -> None:
     with Jvm("org.camssf.golden.Calibrate", "--serve") as jvm:
         for storage in ("ljpeg", None):
             sensor = Sensor(compression=storage)
-            made = simulate(DEMO_PHONE, "D55", folder / str(storage), scene=LARGE, sensor=sensor)
+            made = simulate(DEMO_PHONES[0], "D55", folder / str(storage), scene=LARGE, sensor=sensor)
             for lamp in ("D55", "auto"):
                 shot = Shot(made.shots[0].chart, lamp, corners=made.pose.corners)
                 ours, theirs = compared(jvm, shot, folder, run.options.runs)

@@ -1,1 +1,1 @@
-"""The page in the browser: a local server, one session for each tab, and a process for each session's work."""
+"""The demo; and the page in the browser: a local server, a session a tab, a process for its work."""

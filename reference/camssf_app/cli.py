@@ -1,4 +1,4 @@
-"""The command that serves the page in the browser."""
+"""The commands that need the packages beside camssf: the page in the browser, and the demo."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from camssf.cli.terminal import say
+from camssf_app.demo import demo
 
 
 def app(
@@ -41,5 +42,5 @@ def app(
     serve(port, ready)
 
 
-COMMANDS = ((app, "camssf app"),)
+COMMANDS = ((demo, "camssf demo -o out/"), (app, "camssf app"))
 """Each command with an example for its help."""

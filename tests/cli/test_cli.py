@@ -76,9 +76,9 @@ def test_demo(tmp_path: Path, capsys: Capture) -> None:
     out = tmp_path / "out"
     assert cli.main(["demo", "-o", str(out)]) == 0
     err = capsys.readouterr().err
-    assert sorted(path.name for path in out.iterdir()) == sorted([*FILES, "named", "shots"])
+    assert sorted(path.name for path in out.iterdir()) == sorted([*FILES, "named", "pictures.html", "shots"])
     assert sorted(path.name for path in (out / "named").iterdir()) == FILES
-    assert str(out / "report.html") in err
+    assert all(str(out / name) in err for name in ("report.html", "pictures.html"))
     documents = [json.loads((folder / "result.json").read_text("utf-8")) for folder in (out, out / "named")]
     assert {each["capture"]["shots"][0]["photo"]["model"] for each in documents} == {"Demo phone"}
     assert documents[1]["capture"]["shots"][0]["lamp"]["name"] == "D55"
@@ -94,6 +94,8 @@ def test_demo(tmp_path: Path, capsys: Capture) -> None:
     printed = {" ".join(line.split()).replace("┃", "│") for line in err.splitlines()}
     assert {" ".join(line.split()) for line in shown.splitlines()} <= printed
     assert np.mean(unnamed["scores"]["rmse"]) < 0.8 * np.mean(without)  # the photo is worth something
+    by_matrix, by_curves = map(float, re.findall(r'"number">([0-9.]+)<', (out / "pictures.html").read_text("utf-8")))
+    assert by_curves < 0.6 * by_matrix  # what two phones differ by
     assert cli.main(["demo", "-o", str(out)]) == 0  # replaces its own
 
 

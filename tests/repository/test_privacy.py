@@ -110,7 +110,9 @@ def test_commands_and_library_leave_nothing_send_nothing_and_need_no_network(pla
     ]  # fmt: skip
     files = ["patches.csv", "report.html", "result.json", "ssf.csv", "ssf.svg"]
     assert sorted(path.name for path in (places.work / "again").iterdir()) == files
-    assert sorted(path.name for path in (places.work / "out").iterdir()) == sorted(["named", "shots", *files])
+    assert sorted(path.name for path in (places.work / "out").iterdir()) == sorted(
+        ["named", "pictures.html", "shots", *files]
+    )
     assert sorted(path.name for path in (places.work / "out" / "named").iterdir()) == files
 
 

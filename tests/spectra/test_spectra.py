@@ -19,11 +19,11 @@ from camssf.spectra import (
     shipped_cameras,
 )
 from camssf.spectra.bundled import bundled
-from camssf.spectra.cameras import DEMO_PHONE
+from camssf.spectra.cameras import DEMO_PHONES
 from camssf.spectra.families import FAMILIES, DrawnKind, LampKind
 from tests.support.text_tables import PLAIN
 from tests.support.text_tables import table as text_table
-from tools import demo_phone
+from tools import demo_phones
 
 TEN = np.arange(380, 731, 10)
 
@@ -276,7 +276,7 @@ def test_a_table_that_is_not_of_the_chart_is_refused(
 
 def test_named_cameras_are_colour_science_s_and_the_shipped_ones() -> None:
     tables = colour_science().MSDS_CAMERA_SENSITIVITIES
-    assert camera_names() == (*shipped_cameras(), *tables, DEMO_PHONE)
+    assert camera_names() == (*shipped_cameras(), *tables, *DEMO_PHONES)
     for name in tables:
         camera = read_camera(name.upper())
         assert camera.name == name
@@ -289,13 +289,13 @@ def test_named_cameras_are_colour_science_s_and_the_shipped_ones() -> None:
 
 
 @pytest.mark.repository
-def test_the_demo_s_phone_is_the_draw_that_its_command_makes(capsys: pytest.CaptureFixture[str]) -> None:
-    """A camera that could be, and none that the basis was learned from: those stand nearer to each other."""
-    assert demo_phone.main(["--check"]) == 0, capsys.readouterr().err
-    phone = read_camera(DEMO_PHONE)
-    assert "no known phone" in phone.source
-    assert phone.values.min() >= 0
-    assert (np.abs(np.diff(phone.values, axis=0)).max(axis=0) < 0.05).all()
+def test_the_demo_s_phones_are_the_draws_that_their_command_makes(capsys: pytest.CaptureFixture[str]) -> None:
+    """Cameras that could be, and none that the basis was learned from: those stand nearer to each other."""
+    assert demo_phones.main(["--check"]) == 0, capsys.readouterr().err
+    for phone in map(read_camera, DEMO_PHONES):
+        assert "no known phone" in phone.source
+        assert phone.values.min() >= 0
+        assert (np.abs(np.diff(phone.values, axis=0)).max(axis=0) < 0.05).all()
 
 
 def test_shipped_cameras_are_those_of_rawtoaces() -> None:

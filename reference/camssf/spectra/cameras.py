@@ -62,17 +62,17 @@ with `wavelengths`, `values` and `labels`; or a pair of arrays, wavelengths (w,)
 SHIPPED_SOURCE = "rawtoaces-data 1.1.0, Apache-2.0"
 """Source of the curves in data/cameras.npz; data/README.md has the file's hash."""
 DRAWN = "a draw from the basis phones, no known phone"
-"""Source of the curves in data/demo-phone.json."""
+"""Source of the curves in data/demo-phones.json."""
 
 LIBRARY = ("Nikon 5100 (NPL)", "Sigma SDMerill (NPL)")
 """Colour-science's cameras, in data/npl.json, which `python -m tools.npl` writes."""
-DEMO_PHONE = "Demo phone"
-"""A draw from the basis `phones` that is no known phone, in data/demo-phone.json (`python -m tools.demo_phone`)."""
+DEMO_PHONES = ("Demo phone", "Second demo phone")
+"""Draws from the basis `phones`, no known phones; in data/demo-phones.json (`python -m tools.demo_phones`)."""
 
 
 def camera_names() -> tuple[str, ...]:
     """Names that `read_camera` accepts."""
-    return (*shipped_cameras(), *LIBRARY, DEMO_PHONE)
+    return (*shipped_cameras(), *LIBRARY, *DEMO_PHONES)
 
 
 @cache
@@ -130,7 +130,7 @@ def _known_camera(name: str) -> CameraCurves:
     nodes = shipped_cameras().get(name)
     if nodes is not None:
         return CameraCurves(name, _on_grid(WAVELENGTHS[::10], nodes), f"{name} ({SHIPPED_SOURCE})")
-    place, source = ("demo-phone.json", DRAWN) if name == DEMO_PHONE else ("npl.json", "colour-science")
+    place, source = ("demo-phones.json", DRAWN) if name in DEMO_PHONES else ("npl.json", "colour-science")
     table = json.loads((files("camssf") / "data" / place).read_text("utf-8"))["cameras"][name]
     curves = np.array(table["values"])
     values = _on_grid(table["start"] + table["step"] * np.arange(len(curves)), curves)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from camssf_lab.simulation.frames import Simulation
 
 DEMO_PHONE = "Demo phone"
-"""`camssf.spectra.cameras.DEMO_PHONE`, repeated here so that the help does not load it."""
+"""The first of `camssf.spectra.cameras.DEMO_PHONES`, repeated here so that the help does not load it."""
 
 
 def simulate(
