@@ -27,7 +27,8 @@ from camssf.files import write_file
 from camssf.grid import BAND, WAVELENGTHS, Floats
 from camssf.spectra import colour_science
 
-NAMES = ("Canon EOS 5D", "Sony ILCE-7M3")
+NAMES = ("Canon EOS 600D", "Nikon Z f")
+"""A pair of two makers about as far apart as their median pair under this light, by either way."""
 UNDER = "A"
 COLUMNS, TILE = 11, 40
 TITLES = {"stored": "through the cameras' colour matrices", "camssf": "through the recovered curves"}

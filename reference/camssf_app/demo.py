@@ -19,12 +19,13 @@ if TYPE_CHECKING:
     from camssf.photo.shot import Shot
     from camssf.result import Result
 
-SIZE, SMALL = (1800, 1350), (900, 675)
+SIZE, SCENE_SIZE = (1800, 1350), (900, 675)
 LAMP, BULB = "D55", "LED-B1"
+PAGE = "pictures.html"
 NAMED = "lamp named, white and dark frame"
 SHOTS = ("chart.dng", "white.dng", "dark.dng", "truth.csv", "corners.json")
-FOLDERS = ("", "second", "bulb", "bulb-second")
-"""In `shots`: the first phone's, the second one's, and both phones' under the bulb."""
+CHARTS, SCENES = ("", "other"), ("scene", "scene-other")
+"""In `shots`, of both phones: the chart that they are calibrated from, and the chart under the bulb."""
 COLOURED = 18
 """Patches of the chart that are compared: the first ones, which are not grey."""
 
@@ -43,29 +44,29 @@ def demo(out: OutFolder = Path("out")) -> None:
         from camssf_lab.simulation.scene import Scene
 
         _check_replaced(out)
-        for folder in FOLDERS:
+        for folder in (*CHARTS, *SCENES):
             check_replaced(out / "shots" / folder, SHOTS)
         progress("simulating", 0.0)
         scene = Scene(size=SIZE, vignetting=0.3, tilt=10.0, rotation=5.0)
         with write_together(out) as aside:
             shot, other = (
                 simulate(phone, [LAMP], aside / "shots" / folder, scene=scene).shots[0]
-                for phone, folder in zip(DEMO_PHONES, FOLDERS[:2], strict=True)
+                for phone, folder in zip(DEMO_PHONES, CHARTS, strict=True)
             )
             truth = str(aside / "shots" / "truth.csv")
             first = _calibrated(Shot(shot.chart), truth, out, part_of(progress, 0.1, 0.4))
-            second = _calibrated(shot.shot, truth, out / "named", part_of(progress, 0.4, 0.65))
+            named = _calibrated(shot.shot, truth, out / "named", part_of(progress, 0.4, 0.65))
             result_of_other = _calibrated(Shot(other.chart), None, out, part_of(progress, 0.65, 0.8))
             progress("comparing two phones", 0.8)
-            write_file(aside / "pictures.html", _pictures(first, result_of_other, aside / "shots"))
+            write_file(aside / PAGE, _pictures(first, result_of_other, aside / "shots"))
             progress("writing the reports", 0.9)
             taken = read_provenance([shot.chart])
-            report(second, second.previews, provenance=taken).save(aside / "named")
+            report(named, named.previews, provenance=taken).save(aside / "named")
             report(first, first.previews, provenance=taken).save(aside)
     say("", f"A simulated phone photographed a chart under {LAMP}. Its curves are those of no known phone.")
-    summarise(first, out / "report.html", other=second, other_name=NAMED)
+    summarise(first, out / "report.html", other=named, other_name=NAMED)
     say("", f"with the lamp named: {out / 'named' / 'report.html'}")
-    say("", f"one scene by this phone and by another, with and without camssf: {out / 'pictures.html'}")
+    say("", f"one scene by this phone and by another, with and without camssf: {out / PAGE}")
     finish(first)
 
 
@@ -75,7 +76,7 @@ def _calibrated(shot: Shot, truth: str | None, out: Path, progress: Progress) ->
     return product_of(attempt(shot, truth=truth, progress=progress), out, [str(shot.photo)])
 
 
-def _pictures(first: Result, second: Result, shots: Path) -> str:
+def _pictures(first: Result, other: Result, shots: Path) -> str:
     """The page of the chart under the bulb by both phones."""
     import numpy as np
 
@@ -88,8 +89,8 @@ def _pictures(first: Result, second: Result, shots: Path) -> str:
 
     chart = read_chart("classic24")
     scenes = []
-    for phone, result, folder in zip(DEMO_PHONES, (first, second), FOLDERS[2:], strict=True):
-        made = simulate(phone, [BULB], shots / folder, scene=Scene(size=SMALL))
+    for phone, result, folder in zip(DEMO_PHONES, (first, other), SCENES, strict=True):
+        made = simulate(phone, [BULB], shots / folder, scene=Scene(size=SCENE_SIZE))
         corner, size = made.pose.patches.min(axis=1), np.ptp(made.pose.patches, axis=1)
         middle = np.concatenate([corner + 0.25 * size, 0.5 * size], axis=1)
         rectangles = [(x, y, width, height) for x, y, width, height in middle.tolist()]
@@ -100,11 +101,15 @@ def _pictures(first: Result, second: Result, shots: Path) -> str:
 
 
 def _check_replaced(out: Path) -> None:
-    """Raise InvalidArgument if a demo would replace the result of a real capture."""
+    """Raise InvalidArgument if a demo would replace the result of a real capture, or somebody's page."""
     from camssf.documents.document import Document, read_document
     from camssf.report.build import holds_result
     from camssf_lab.simulation.dng import MAKE
 
+    if (out / PAGE).exists() and not holds_result(local_folder(out)):
+        raise InvalidArgument(
+            f"{out / PAGE} is not from a demo; it would be replaced.", "Choose another folder with -o."
+        )
     for folder in (out, out / "named"):
         if not holds_result(local_folder(folder)):
             continue
