@@ -139,7 +139,7 @@ def light_rows() -> list[Row]:
          two | {"unnamed": [2]}),
         ("faded", "A chart that lost a fifth of its colours, under unnamed daylight.", {"fading": 0.2}),
         ("called-right", "D55, named D55: the table and the kind are mixed.", called | {"called": ["D55"]}),
-        ("called-wrong", "D55, named D75: the kind is taken, and the assumptions say so.",
+        ("called-wrong", "D55, named D75: table and kind are mixed, and the assumptions say so.",
          called | {"called": ["D75"]}),
         ("called-kind", "A white LED named by its kind: its shapes are weighed.",
          LED | called | {"called": ["white-led"]}),

@@ -66,7 +66,7 @@ def demo(out: OutFolder = Path("out")) -> None:
     say("", f"A simulated phone photographed a chart under {LAMP}. Its curves are those of no known phone.")
     summarise(first, out / "report.html", other=named, other_name=NAMED)
     say("", f"with the lamp named: {out / 'named' / 'report.html'}")
-    say("", f"one scene by this phone and by another, with and without camssf: {out / PAGE}")
+    say("", f"one scene under {BULB} by two such phones, by their files' matrices and through curves: {out / PAGE}")
     finish(first)
 
 
@@ -96,7 +96,7 @@ def _pictures(first: Result, other: Result, shots: Path) -> str:
         rectangles = [(x, y, width, height) for x, y, width, height in middle.tolist()]
         white = rectangles[chart.white], float(chart.values[chart.white].mean())
         photo = read_dng(made.shots[0].chart)
-        scenes.append(ScenePhoto(phone, result, photo, BULB, rectangles[:COLOURED], white))
+        scenes.append(ScenePhoto(f"{phone} (simulated), {BULB}", result, photo, BULB, rectangles[:COLOURED], white))
     return comparison_page(*scenes)
 
 

@@ -178,6 +178,7 @@ OUTPUTS = [
     Wrong("report result.json -o out --photo white.dng", 2, "white.dng"),
     Wrong("demo -o good", 2, "good holds a result that is not from a demo", "Choose another folder"),
     Wrong("demo -o pages", 2, "pages/pictures.html is not from a demo", "Choose another folder"),
+    Wrong("simulate --lamp D55 --size 480x360 -o pages", 2, "corners.json is not a simulated file"),
     Wrong("simulate --lamp D55 --size 480x360 -o .", 2, "truth.csv is not a simulated file", "Name another folder"),
     *calls(
         "export result.json {}",
@@ -338,8 +339,8 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (folder / f"{name}.json").write_bytes(content)
     Registry(folder / "phones", new=True).add([made(1, bells())])
     (folder / "folder").mkdir()
-    for place in ("own/report.html", "pages/pictures.html"):
-        (folder / place).parent.mkdir()
+    for place in ("own/report.html", "pages/pictures.html", "pages/corners.json"):
+        (folder / place).parent.mkdir(exist_ok=True)
         (folder / place).write_text("mine", "utf-8")
     if hasattr(os, "mkfifo"):
         os.mkfifo(folder / "pipe")

@@ -159,11 +159,20 @@ def check_replaced(folder: Path, names: Iterable[str]) -> None:
     for path in (folder / name for name in names):
         if path.is_dir():
             raise InvalidArgument(f"{path} is a folder; a file goes there.", "Name another folder by -o.")
-        simulated = is_simulated(path) if path.suffix == ".dng" else (folder / "corners.json").is_file()
+        simulated = is_simulated(path) if path.suffix == ".dng" else _is_simulation(folder)
         if path.is_file() and not simulated:
             raise InvalidArgument(
                 f"{path} is not a simulated file; it would be replaced.", "Name another folder by -o."
             )
+
+
+def _is_simulation(folder: Path) -> bool:
+    """Whether a folder's corners.json is that of simulated photos in it."""
+    try:
+        photos = json.loads((folder / "corners.json").read_text("utf-8"))["photos"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+    return isinstance(photos, dict) and all(is_simulated(folder / name) for name in photos)
 
 
 def corners_json(poses: Mapping[str, Pose]) -> str:
