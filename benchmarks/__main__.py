@@ -12,6 +12,7 @@ from pathlib import Path
 from benchmarks.claim import Run
 from benchmarks.shared import console, one_thread, table
 from benchmarks.turns import Unavailable
+from camssf.errors import InvalidArgument
 
 CLAIMS = Path(__file__).parent / "claims"
 
@@ -41,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except subprocess.CalledProcessError as error:
         said = (error.stderr or error.stdout or "").strip().splitlines()
         print(f"{Path(error.cmd[0]).name} failed: {' '.join(said[-3:])}", file=sys.stderr)
-    except Unavailable as error:
+    except (Unavailable, InvalidArgument) as error:
         print(error, file=sys.stderr)
     return 2
 

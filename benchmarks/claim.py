@@ -53,7 +53,7 @@ class Run:
     @property
     def phones(self) -> Path:
         """The table of measured phones; `Unavailable` if nobody named it."""
-        if self.options.phones is None or not self.options.phones.is_file():
+        if self.options.phones is None:
             raise Unavailable("The measured phones are missing: name their table by --phones or CAMSSF_PHONES.")
         return Path(self.options.phones)
 

@@ -75,8 +75,8 @@ MEASURES = ("two cameras' pixels", "two cameras' surfaces", "pixels from the tru
 def photograph(case: Case, power: Floats, rng: np.random.Generator) -> Mosaic:
     """The mosaic of the surfaces in rows of COLUMNS, and of the white, which is the last."""
     smooth = smooth_errors(CHART_CORRELATION, WAVELENGTHS)
-    surfaces = np.append(unseen(), [1.0 + WHITE * (smooth @ rng.normal(size=smooth.shape[1]))], axis=0)
-    raw = (surfaces * power) @ case.curves
+    reflectances = np.append(unseen(), [1.0 + WHITE * (smooth @ rng.normal(size=smooth.shape[1]))], axis=0)
+    raw = (reflectances * power) @ case.curves
     sensor = Sensor()
     raw *= sensor.exposure * (sensor.white_level - sensor.black) / raw[-1].max()
     blocks = raw.reshape(-1, COLUMNS, 3).repeat(BLOCK, axis=0).repeat(BLOCK, axis=1)

@@ -55,6 +55,9 @@ def test_every_claim_is_listed_and_a_missing_table_is_named(capsys: pytest.Captu
     assert main(["nothing"]) == 2
     assert main(["phones"]) == 2
     assert "--phones or CAMSSF_PHONES" in capsys.readouterr().err
+    for table in ("phones", "foreign"):
+        assert main(["strangers", f"--{table}", "nowhere.csv"]) == 2
+        assert "nowhere.csv cannot be read" in capsys.readouterr().err
 
 
 @pytest.mark.requirement("R-OPTIMUM", "R-COLOUR")

@@ -15,7 +15,7 @@ import pytest
 
 from camssf.errors import InvalidArgument
 from camssf.files import local, local_folder, write_file, write_files, write_together
-from tests.cli.conftest import raising
+from tests.support.failures import raising
 
 pytestmark = pytest.mark.requirement("R-WHOLE-FILES")
 

@@ -12,6 +12,7 @@ import pytest
 
 from camssf import cli
 from tests.support.captures import photos
+from tests.support.failures import raising
 
 FILES = ["patches.csv", "report.html", "result.json", "ssf.csv", "ssf.svg"]
 
@@ -57,13 +58,6 @@ def swap(monkeypatch: pytest.MonkeyPatch) -> Callable[[Any], None]:
         monkeypatch.setattr(import_module("camssf.calibration"), "attempt", raising(value))
 
     return put
-
-
-def raising(value: Any) -> Callable[..., Any]:
-    def fail(*_: Any, **__: Any) -> Any:
-        raise value
-
-    return fail if isinstance(value, BaseException) else value
 
 
 def state(folder: Path) -> dict[str, bytes | None]:

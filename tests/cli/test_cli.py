@@ -19,7 +19,8 @@ from camssf.photo.shot import Shot
 from camssf.recovery.basis import read_basis
 from camssf.spectra import read_camera
 from camssf_fleet import batch
-from tests.cli.conftest import FILES, raising
+from tests.cli.conftest import FILES
+from tests.support.failures import raising
 
 ROOT = Path(__file__).parents[2]
 Capture = pytest.CaptureFixture[str]

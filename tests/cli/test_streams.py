@@ -14,7 +14,8 @@ import pytest
 
 from camssf import cli
 from camssf.documents.forms import content_hash
-from tests.cli.conftest import raising, spoken
+from tests.cli.conftest import spoken
+from tests.support.failures import raising
 
 Capture = pytest.CaptureFixture[str]
 Feed = Callable[[str | bytes | None], None]

@@ -33,9 +33,9 @@ from camssf_fleet.manifest import Job, Manifest
 from camssf_fleet.outcome import Outcome
 from camssf_fleet.recorder import summary_csv
 from camssf_fleet.registry import Registry
-from tests.cli.conftest import raising
 from tests.support.captures import photos
 from tests.support.desk import Desk, slow
+from tests.support.failures import raising
 from tests.support.processes import until
 
 pytestmark = pytest.mark.full  # pools of processes

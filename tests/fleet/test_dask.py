@@ -17,8 +17,8 @@ import pytest
 from camssf.errors import InvalidArgument
 from camssf_fleet import cluster as cluster_module
 from camssf_fleet import pools
-from tests.cli.conftest import raising
 from tests.support.desk import Desk, slow
+from tests.support.failures import raising
 from tests.support.processes import SEARCH, until
 
 distributed = pytest.importorskip("distributed", reason="distributed is not here")

@@ -146,22 +146,22 @@ def test_a_report_beside_a_passport_and_another_result(desk: Path) -> None:
         assert run("sign", "result.json", "--key", PRIVATE, "-o", place)[0] == InvalidArgument.exit_status
     assert state(desk) == before
     beside, key = "result.json --passport camera.jws", f"--key {PUBLIC}"
-    for more, told in (("", "not verified for this page"), (key, "Signature verified.")):
+    for more, message in (("", "not verified for this page"), (key, "Signature verified.")):
         assert spoken(f"report {beside} {more} -o out".split())[0] == 0
         page = Path("out/report.html").read_text("utf-8")
-        assert all(words in page for words in ("A1B2", "2026-11-22 10:30:00+01:00", told))
+        assert all(words in page for words in ("A1B2", "2026-11-22 10:30:00+01:00", message))
     assert Path("out/result.json").read_bytes() == result_json()
     assert run("revoke", *read_public([PUBLIC]), "--key", PRIVATE, "-o", "revoked.jws")[0] == 0
     Path("other-result.json").write_bytes(result_json() + b" ")
     before = state(desk)
-    for words, status, told in (
+    for words, status, message in (
         (f"{beside} --key strange/{PUBLIC}", 10, ""), (f"{beside} {key} --revoked revoked.jws", 10, ""),
         (f"{beside} --revoked revoked.jws", 2, ""),  # nobody's signature was verified
         (f"other-{beside}", 10, "another result"), (f"other-{beside} {key}", 10, "another result"),
         (f"result.json {key}", 2, ""),
     ):  # fmt: skip
         found, _, err = spoken(f"report {words} -o out".split())
-        assert (found, told.encode() in err) == (status, True), words
+        assert (found, message.encode() in err) == (status, True), words
     assert state(desk) == before
 
 
@@ -230,9 +230,9 @@ def test_a_fleet_s_passports(desk: Path, said: Said) -> None:
     rows = Registry("phones").query("SELECT serial, passport, passport_ends FROM rows WHERE passport <> ''")
     signed = (found, read(b2.read_bytes())[0])
     assert {(row["passport"], row["passport_ends"]) for row in rows} == {(each.id, each.ends) for each in signed}
-    for more, told, count in (((), b"0 passports", 2), (("--renew", "400"), b"", 4)):
+    for more, message, count in (((), b"0 passports", 2), (("--renew", "400"), b"", 4)):
         status, _, err = run(*issue, *more)
-        assert (status, told in err, len(list(out.iterdir()))) == (0, True, count)
+        assert (status, message in err, len(list(out.iterdir()))) == (0, True, count)
     assert verify_registry(Registry("phones")).documents == 4
     Path("1.json").write_bytes(b"{}")
     Path("2.json").unlink()

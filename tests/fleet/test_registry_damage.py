@@ -17,8 +17,8 @@ from camssf_fleet.record_files import RecordFiles
 from camssf_fleet.records import Origin, row
 from camssf_fleet.registry import Registry
 from camssf_fleet.verification import verify
-from tests.cli.conftest import raising
 from tests.support.documents import document
+from tests.support.failures import raising
 from tests.support.processes import until
 from tests.support.registries import (
     START,

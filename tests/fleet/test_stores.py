@@ -136,18 +136,18 @@ def test_on_the_command_line(
     phones, other = f"{bucket}/phones", f"{bucket}/results/other.json"
     (tmp_path / "result.json").write_bytes(document_bytes(document()))
     place(other).write_bytes(document_bytes(document("A")))
-    told = [*said("add", phones, "result.json", other, "--serial", "A1")]
+    printed = [*said("add", phones, "result.json", other, "--serial", "A1")]
     found = {each["place"] for each in Registry(phones).query("SELECT place FROM rows")}
     assert found == {str(tmp_path / "result.json"), "../results/other.json"}
     for words in (["list"], ["verify"], ["compact"], ["history", "A1"], ["export", "-o", "x.parquet"]):
-        told += said(words[0], phones, *words[1:])
+        printed += said(words[0], phones, *words[1:])
     (tmp_path / "m.csv").write_text(f"name,photo,lamp\na,{bucket}/none.dng,D55\n")
     assert cli.main(["batch", "m.csv", "-o", f"{bucket}/out", "--registry", phones]) == cli.BATCH_FAILED
-    told += capsys.readouterr()
+    printed += capsys.readouterr()
     for folder in (f"{bucket}/elsewhere", "s3://key:secret@bucket/phones"):
-        told += said("list", folder, status=InvalidArgument.exit_status)
-    assert "key:secret" not in "".join(told)
-    assert SECRET not in "".join([*told, *(path.read_text(errors="ignore") for path in tmp_path.iterdir())])
+        printed += said("list", folder, status=InvalidArgument.exit_status)
+    assert "key:secret" not in "".join(printed)
+    assert SECRET not in "".join([*printed, *(path.read_text(errors="ignore") for path in tmp_path.iterdir())])
     for path in files_below(place(bucket)):
         assert SECRET.encode() not in path.read_bytes()
 

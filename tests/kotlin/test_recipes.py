@@ -116,9 +116,9 @@ def check_first_result(command: str, folder: Path) -> None:
 @pytest.mark.requirement("R-RECIPE")
 def test_a_new_android_module_by_the_page_alone(tmp_path: Path, cache: Path) -> None:
     """The page's code on the framework's classes; no Gradle, CameraX or phone's runtime."""
-    asked = dict(re.findall(r'implementation\("org\.camssf:([\w-]+):([\w.-]+)"\)', ANDROID_PAGE))
-    assert set(asked) == {"camssf-camera2", "camssf-camerax", "camssf-colour"}
-    (camssf,) = set(asked.values())
+    artefacts = dict(re.findall(r'implementation\("org\.camssf:([\w-]+):([\w.-]+)"\)', ANDROID_PAGE))
+    assert set(artefacts) == {"camssf-camera2", "camssf-camerax", "camssf-colour"}
+    (camssf,) = set(artefacts.values())
     build = (ROOT / "android-bindings" / "pom.xml").read_text("utf-8")
     versions = dict(re.findall(r"<(robolectric|android|kotlin|junit|onnxruntime)\.version>([^<]+)<", build))
     folder = project(tmp_path / "screen", cache)
