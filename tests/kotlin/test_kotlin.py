@@ -101,8 +101,6 @@ class Kotlin:
             words += [word for role, path in case.frames(shot).items() for word in (f"--{role}", str(path))]
         for name, value in case.options.items():
             words += [f"--{name.replace('_', '-')}", f"{value[0]}-{value[-1]}" if name == "fit" else str(value)]
-        assert self.process.stdin is not None
-        assert self.process.stdout is not None
         self.process.stdin.write("\t".join([*words, "-o", str(out)]) + "\n")
         self.process.stdin.flush()
         status = self.process.stdout.readline().split()
@@ -114,7 +112,6 @@ def kotlin() -> Iterator[Kotlin]:
     jvm = Kotlin()
     with jvm.process:
         yield jvm
-        assert jvm.process.stdin is not None
         jvm.process.stdin.close()
 
 
@@ -302,7 +299,6 @@ def test_a_phone_measures_and_a_desktop_solves(
     theirs = read(place.read_bytes(), Document, place.name, ADVICE).capture
     taken = zip(case.shots, lamps, strict=True)
     ours = measure([Shot(s.chart, lamp, corners=corners, white=s.white, dark=s.dark) for s, lamp in taken])
-    assert theirs is not None
     assert all(unit.serial == "" for unit in (shot.photo.unit for shot in theirs.shots))
     answers = [solve(capture) for capture in (ours, theirs)]
     for name in ("curves", "std"):

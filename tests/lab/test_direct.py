@@ -162,19 +162,28 @@ NM_10 = np.arange(400.0, 705.0, 10.0)
 HEAD = "wavelength_nm,red,green,blue,power"
 
 
-def write_sweep(folder: Path, nm: Floats = NM_5, power: Floats | float = 1.0) -> Path:
-    """Of the Nikon's curves times a power."""
-    curves = np.stack([np.interp(nm, WAVELENGTHS, c) for c in nikon().values.T], axis=1)
+def curves_at(nm: Floats) -> Floats:
+    """(w, 3) the Nikon's."""
+    return np.stack([np.interp(nm, WAVELENGTHS, curve) for curve in nikon().values.T], axis=1)
+
+
+def sweep_text(nm: Floats = NM_5, power: Floats | float = 1.0) -> str:
+    """The Nikon's curves times a power."""
     power = np.broadcast_to(power, nm.shape)
-    rows = np.column_stack([nm, curves * power[:, None], power])
-    np.savetxt(folder / "sweep.csv", rows, "%.9g", ",", header=f"# a comment\n{HEAD}", comments="")
-    return folder / "sweep.csv"
+    rows = np.column_stack([nm, curves_at(nm) * power[:, None], power])
+    return "\n".join(["# a comment", HEAD, *(",".join(f"{value:.9g}" for value in row) for row in rows)])
+
+
+def write_sweep(folder: Path, text: str | None = None) -> Path:
+    path = folder / "sweep.csv"
+    path.write_text(text or sweep_text())
+    return path
 
 
 def test_a_sweep_is_divided_by_its_power_exactly(tmp_path: Path) -> None:
     """At the sweep's own wavelengths the curve is signal over power; between them straight."""
-    found = sweep(write_sweep(tmp_path, NM_5, 1.0 + np.sin(NM_5 / 20.0) ** 2))
-    expected = np.stack([np.interp(NM_5, WAVELENGTHS, c) for c in nikon().values.T], axis=1)
+    found = sweep(write_sweep(tmp_path, sweep_text(NM_5, 1.0 + np.sin(NM_5 / 20.0) ** 2)))
+    expected = curves_at(NM_5)
     assert found.values[::10] == pytest.approx(expected, rel=1e-7, abs=1e-9)
     assert found.values[5::10] == pytest.approx((expected[1:] + expected[:-1]) / 2, rel=1e-7, abs=1e-9)
     assert found.std is None
@@ -183,43 +192,32 @@ def test_a_sweep_is_divided_by_its_power_exactly(tmp_path: Path) -> None:
 
 
 def test_a_short_sweep_says_where_it_ends(tmp_path: Path) -> None:
-    found = sweep(write_sweep(tmp_path, NM_10))
+    found = sweep(write_sweep(tmp_path, sweep_text(NM_10)))
     assert not found.values[(WAVELENGTHS < 400) | (WAVELENGTHS > 700)].any()
     assert ("covered", "only 400.0 to 700.0 nm were measured; beyond, the curves are set to 0.") in found.assumptions
 
 
 @pytest.mark.parametrize(
-    ("nm", "power", "kind", "words"),
+    ("text", "kind", "words"),
     [
-        (np.arange(420.0, 720.0, 10.0), 1.0, InvalidArgument, "covers 420 to 710"),
-        (np.arange(400.0, 725.0, 25.0), 1.0, InvalidArgument, "steps of up to 25"),
-        (NM_10, 0.0, Underexposed, "without reference power, at 400 nm"),
-        (np.array([400.0, *NM_10]), 1.0, InvalidArgument, "does not increase"),
-        (NM_10, np.nan, InvalidArgument, "not finite"),
-        (NM_10, -1.0, Underexposed, "without reference power"),
-        (
-            NM_10,
-            "\n".join([HEAD, *(f"{nm},1e308,1,1,1e-308" for nm in NM_5)]),
-            InvalidArgument,
-            "too large for their power",
-        ),
-        (NM_10, HEAD.replace(",power", "\n400,1,1,1"), InvalidArgument, f"first line must read {HEAD}"),
+        (sweep_text(np.arange(420.0, 720.0, 10.0)), InvalidArgument, "covers 420 to 710"),
+        (sweep_text(np.arange(400.0, 725.0, 25.0)), InvalidArgument, "steps of up to 25"),
+        (sweep_text(NM_10, 0.0), Underexposed, "without reference power, at 400 nm"),
+        (sweep_text(np.array([400.0, *NM_10])), InvalidArgument, "does not increase"),
+        (sweep_text(NM_10, np.nan), InvalidArgument, "not finite"),
+        (sweep_text(NM_10, -1.0), Underexposed, "without reference power"),
+        ("\n".join([HEAD, *(f"{nm},1e308,1,1,1e-308" for nm in NM_5)]), InvalidArgument, "too large for their power"),
+        (HEAD.replace(",power", "\n400,1,1,1"), InvalidArgument, f"first line must read {HEAD}"),
     ],
 )
-def test_a_sweep_that_is_none(
-    nm: Floats, power: float | str, kind: type[Exception], words: str, tmp_path: Path
-) -> None:
-    path = write_sweep(tmp_path, nm, 1.0 if isinstance(power, str) else power)
-    if isinstance(power, str):
-        path.write_text(power)
+def test_a_sweep_that_is_none(text: str, kind: type[Exception], words: str, tmp_path: Path) -> None:
     with pytest.raises(kind, match=words):
-        sweep(path)
+        sweep(write_sweep(tmp_path, text))
 
 
 def test_the_files_are_read_by_the_rest_of_camssf(tmp_path: Path) -> None:
     found, out = sweep(write_sweep(tmp_path)), tmp_path / "out"
-    assert [path.name for path in found.save(out)] == ["direct.json", "ssf.csv"]
-    assert sorted(path.name for path in out.iterdir()) == ["direct.json", "ssf.csv"]
+    assert found.save(out) == sorted(out.iterdir()) == [out / "direct.json", out / "ssf.csv"]
     again = read_camera(str(out / "ssf.csv"))
     assert rmse(again.values, found.values) == pytest.approx(np.zeros(3), abs=1e-6)
     document = json.loads((out / "direct.json").read_text())
@@ -237,15 +235,15 @@ def test_what_stands_there_is_not_replaced(tmp_path: Path) -> None:
     (tmp_path / "result").mkdir()
     for name in ("result.json", "ssf.csv"):
         (tmp_path / "result" / name).write_text("calibrated")
-    before = {path: path.read_bytes() if path.is_file() else None for path in tmp_path.rglob("*")}
-    for name, words in (
-        ("file", "file is a file"),
-        ("folder", r"ssf\.csv is a folder"),
-        ("result", "holds the result of a calibration"),
-    ):
+
+    def contents() -> dict[Path, bytes | None]:
+        return {path: path.read_bytes() if path.is_file() else None for path in tmp_path.rglob("*")}
+
+    before = contents()
+    for name, words in (("file", "is a file"), ("folder", r"ssf\.csv is a folder"), ("result", "of a calibration")):
         with pytest.raises(InvalidArgument, match=words):
             found.save(tmp_path / name)
-    assert {path: path.read_bytes() if path.is_file() else None for path in tmp_path.rglob("*")} == before
+    assert contents() == before
 
 
 @pytest.mark.full

@@ -92,8 +92,6 @@ def test_two_equal_evidences_are_half_and_half() -> None:
     found = chosen_basis(given, [first, second], np.zeros(2))
     assert [weight.probability for weight in found.choice] == [0.5, 0.5]
     (s1, d1), (s2, d2) = first.peak(), second.peak()
-    assert d1 is not None
-    assert d2 is not None
     mean = (s1 + s2) / 2
     top = mean.max(axis=0)
     values, std = found.peak()
@@ -197,7 +195,6 @@ def test_a_phone_s_curves_in_a_camera_s_file_are_unusual() -> None:
     assert other.verdict.status == "doubtful"
     (reason,) = other.verdict.reasons
     assert reason.code == "camera_unusual"
-    assert reason.value is not None
     assert reason.value == pytest.approx(shares(other.ssf)["phones"] + shares(other.ssf)["ryyb"])
 
 
@@ -230,21 +227,18 @@ def test_the_choice_in_words() -> None:
     """Odds, what the maker had in them, and the wide prior: from the document alone."""
     p = 1.0 / (1.0 + 30.0)
     found = choice_of(weighed(("phones", 100.0, 30 * p), ("cameras", 100.0 - np.log(1.5), p)))
-    assert found is not None
     assert (found.basis, found.odds, found.prior_odds) == ("phones", pytest.approx(30.0), pytest.approx(20.0))
     assert found.words == (
         "Sensor family: phones (30 : 1 against cameras). This basis is used alone.",
         "These odds include the maker's name in the file: 20 : 1 for phones.",
     )
     half = choice_of(weighed(("phones", 5.0, 0.5), ("cameras", 5.0, 0.5), scale=4.0))
-    assert half is not None
     assert "averaged with their probabilities" in half.words[0]
     assert half.words[-1].startswith(
         "The camera is unlike those that this basis was learned from, so most of the answer is that of a prior 4 "
     )
     assert choice_of(None) is choice_of(weighed()) is choice_of(weighed(("phones", 0.0, 0.0))) is None
     foreign = choice_of(weighed(("mine", 9.0, 0.9), ("cameras", 9.0 - np.log(180.0), 0.1)))
-    assert foreign is not None
     assert foreign.prior_odds is None  # a basis that no maker's name speaks for
 
 
@@ -272,7 +266,6 @@ def test_bands_of_mixtures_hold() -> None:
     inside, ratio = [], []
     for truth, found in mixed:
         curves, std = found.peak()
-        assert std is not None
         off = np.abs(curves - truth)[SEEN]
         inside.append((off <= 1.96 * std[SEEN]).mean())
         ratio.append(np.sum(off**2) / np.sum(std[SEEN] ** 2))

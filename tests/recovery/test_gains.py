@@ -56,7 +56,6 @@ def off(ssf: Ssf) -> tuple[float, float]:
     """RMSE against the phone's own curves, and the share of them that the bands hold."""
     truth = resolve(PHONE)
     curves, std = ssf.peak()
-    assert std is not None
     apart = (curves - truth / truth.max(axis=0))[SEEN]
     return float(np.sqrt(np.mean(apart**2, axis=0)).mean()), float((np.abs(apart) <= 1.96 * std[SEEN]).mean())
 
@@ -87,7 +86,6 @@ def test_the_bands_of_unseen_patches_hold_under_a_dark_lens() -> None:
     (two shots, 60 %: .78 held)."""
     done = found(0.6, 0.15, ("D55", "A"))
     answer, signals = done.answer, done.signals
-    assert answer.unseen_std is not None
     apart = (signals.values * answer.level[:, :, None] - answer.unseen)[signals.used]
     assert np.mean(np.abs(apart) <= 1.96 * answer.unseen_std[signals.used]) > 0.9
 

@@ -126,7 +126,6 @@ def test_bands_and_the_budget_s_parts_are_the_posterior_s(shots: int) -> None:
     shares, rows = explain(given), dense_model(given, read_basis("cameras"))
     A, sigma = rows.A, rows.sigma
     spread = np.eye(72) - A.T @ np.linalg.solve(sigma + A @ A.T, A)
-    assert answer.code_covariance is not None
     assert answer.code_covariance.shape == (72, 72)
     assert answer.code_covariance == pytest.approx(spread, abs=1e-10)
     deviation = np.sqrt(np.diag(spread))
@@ -134,7 +133,6 @@ def test_bands_and_the_budget_s_parts_are_the_posterior_s(shots: int) -> None:
     assert np.abs(between).max() > 0.09  # one chart, one white, one lamp: what is wrong with red is with green
     slopes = slopes_of_peak_one(answer.code.T.ravel(), arguments["lamp"][0])
     std = answer.peak()[1]
-    assert std is not None
     own = np.sqrt(np.einsum("cmx,xz,cmz->cm", slopes, spread, slopes))
     assert pytest.approx(np.hypot(own, missed().T), abs=1e-7) == std.T
     band, gain = np.sum(std**2, axis=0), spread @ A.T @ np.linalg.inv(sigma)
@@ -205,7 +203,6 @@ def test_lamps_far_off_leave_the_bands_honest() -> None:
                 white_tolerance=0.0, lamp_modes=modes[:k], basis=basis, engine="reference",
             )  # fmt: skip
             got, std = answer.peak()
-            assert std is not None
             errors.append(np.sqrt(np.mean((got - truth)[40:641] ** 2)))
         held.append(np.mean(np.abs(got - truth)[40:641] <= 1.96 * std[40:641]))
         wrong.append(errors)

@@ -28,22 +28,20 @@ CARD: dict[str, Any] = {
 
 def table_text(count: int) -> str:
     """Reflectances of patches mixed from the 24 of a ColorChecker, as a CSV file."""
-    known = read_chart("classic24").values
-    nodes = np.arange(400, 701, 20)
-    rows = []
+    nodes = np.isin(WAVELENGTHS, np.arange(400, 701, 20))
+    known, lines = read_chart("classic24").values[:, nodes], [["patch", *WAVELENGTHS[nodes]]]
     for i in range(count):
         share = (37 * i) % 100 / 100
         mixed = (1 - share) * known[i % 24] + share * known[(7 * i + 5) % 24]
-        values = ",".join(f"{value:.4f}" for value in np.interp(nodes, WAVELENGTHS, mixed))
-        rows.append(f"p{i + 1},{values}")
-    return "\n".join(["patch," + ",".join(str(node) for node in nodes), *rows]) + "\n"
+        lines.append([f"p{i + 1}", *(f"{value:.4f}" for value in mixed)])
+    return "\n".join(",".join(map(str, line)) for line in lines) + "\n"
 
 
 def write_card(folder: Path, **fields: Any) -> str:
     """A layout file and its table in `folder`, as a chart's specification."""
     document = {key: value for key, value in (CARD | fields).items() if value is not None}
     (folder / "card.json").write_text(json.dumps(document))
-    (folder / "mine.csv").write_text(table_text(document["columns"] * document["rows"]))
+    (folder / "mine.csv").write_text(table_text(35))
     return f"{folder / 'card.json'}:{folder / 'mine.csv'}"
 
 
@@ -90,10 +88,9 @@ DAMAGED: dict[str, tuple[dict[str, Any], str]] = {
 
 @pytest.mark.parametrize(("fields", "match"), DAMAGED.values(), ids=DAMAGED)
 def test_damaged_layouts(fields: dict[str, Any], match: str, tmp_path: Path) -> None:
-    path = tmp_path / "card.json"
-    path.write_text(json.dumps({key: value for key, value in (CARD | fields).items() if value is not None}))
+    write_card(tmp_path, **fields)
     with pytest.raises(InvalidArgument, match=match) as error:
-        read_layout(path)
+        read_layout(tmp_path / "card.json")
     assert "card.json: " in error.value.message
     assert "docs/tables.md" in error.value.advice
 

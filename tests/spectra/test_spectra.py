@@ -222,14 +222,13 @@ def test_cxf(tmp_path: Path) -> None:
         read_chart(cxf(tmp_path / "other.cxf", names, rows, keep_range=False))
 
 
-@pytest.mark.parametrize("by", ["letters are rows", "letters are columns"])
-def test_positions_order_24_patches(tmp_path: Path, by: str) -> None:
-    _, rows = babel()
-    if by == "letters are rows":
-        names = [f"{'ABCD'[i // 6]}{i % 6 + 1}" for i in range(24)]
-    else:
-        names = [f"{'ABCDEF'[i % 6]}{i // 6 + 1}" for i in range(24)]
-    shuffled = np.random.default_rng(0).permutation(24)
+@pytest.mark.parametrize(
+    "names",
+    [[f"{'ABCD'[i // 6]}{i % 6 + 1}" for i in range(24)], [f"{'ABCDEF'[i % 6]}{i // 6 + 1}" for i in range(24)]],
+    ids=["letters are rows", "letters are columns"],
+)
+def test_positions_order_24_patches(names: list[str], tmp_path: Path) -> None:
+    rows, shuffled = babel()[1], np.random.default_rng(0).permutation(24)
     text = columns([names[i] for i in shuffled], rows[shuffled])
     table = read_chart(write(tmp_path / "c.csv", text))
     np.testing.assert_allclose(table.values, read_chart("classic24").values, atol=1e-12)

@@ -7,7 +7,6 @@ judges.
 Letters as in the paper: R reflectance, L lamp, Ψ basis, x code, y signals. ρ_w is the white reference.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
 
@@ -20,17 +19,13 @@ from camssf.recovery.observation import Observation
 from camssf.rules import rules
 
 DARKEST = rules().number("gains.darkest")
-CHART_CORRELATION, TABLE_CORRELATION, RELATIVE, ABSOLUTE, EDGE, LAMP_CORRELATION, INDEPENDENT_SHARE, CHANNEL_SHARE = (
-    rules().number(f"covariance.{name}")
-    for name in ("chart_correlation", "table_correlation", "relative", "absolute", "edge", "lamp_correlation",
-                 "independent_share", "channel_share")
-)  # fmt: skip
-DRIFT, FLOOR, RED_MORE, RED_FROM, RED_OVER, FREEDOM, MOST = (
-    rules().number(f"covariance.{name}")
-    for name in ("drift", "floor", "red_more", "red_from", "red_over", "patch_freedom", "patch_most")
-)
 BETWEEN = np.stack([np.interp(WAVELENGTHS, NODES, node) for node in np.eye(NODES.size)], axis=1)
 """(681, 69): a curve on the grid is this times its nodes; its transpose takes an integral over the grid to them."""
+
+
+def rule(name: str) -> float:
+    """A number of the table of known errors."""
+    return rules().number(f"covariance.{name}")
 
 
 @dataclass(frozen=True)
@@ -48,7 +43,7 @@ class DenseModel:
     @property
     def sigma(self) -> Floats:
         """(N, N) Σ."""
-        return _sum(self.terms)
+        return sum(self.terms.values())
 
     @property
     def log_evidence(self) -> float:
@@ -111,7 +106,7 @@ class _Rows:
         uneven light own gain errors of a channel
 
     Errors of lamp and white enter with ŷ, not with the measured y: otherwise a mere change of scale could explain the
-    signals. The independent part of a row's standard error is at least FLOOR.
+    signals. The independent part of a row's standard error has a floor.
     """
 
     def __init__(self, observation: Observation, basis: Basis, point: _Point) -> None:
@@ -123,7 +118,7 @@ class _Rows:
         modes, phi = observation.lamp_modes[..., ::10], observation.gain_modes
         mean, atoms = basis.mean[:, ::10], _anchored(observation, basis)
         errors = observation.errors(basis)
-        slope = EDGE * np.gradient(observation.reflectance, STEP, axis=-1)
+        slope = rule("edge") * np.gradient(observation.reflectance, STEP, axis=-1)
         self.A, self.b, self.D, self.G = np.zeros((N, 3 * r)), np.zeros(N), np.zeros((N, k * q)), np.zeros((N, k * g))
         bent = np.zeros((N, k * q, 3 * r))
         self.y, self.predicted, self.error, tau = np.zeros((4, N))
@@ -168,13 +163,13 @@ class _Rows:
     def _covariance(
         self, tau: Floats, patches: Floats, edges: Floats, light: Floats, whites: Floats
     ) -> dict[str, Floats]:
-        over_chart, over_lamp, over_table = map(
-            _smooth_errors, (CHART_CORRELATION, LAMP_CORRELATION, TABLE_CORRELATION)
+        over_chart, over_lamp, over_table = (
+            _smooth_errors(rule(f"{name}_correlation")) for name in ("chart", "lamp", "table")
         )
-        red = (1.0 + RED_MORE / (1.0 + np.exp(-(NODES - RED_FROM) / RED_OVER)))[:, None]
+        red = 1.0 + rule("red_more") / (1.0 + np.exp(-(NODES[:, None] - rule("red_from")) / rule("red_over")))
         parts = (
-            RELATIVE * patches @ (red * over_chart),
-            ABSOLUTE * light @ (red * over_table),
+            rule("relative") * patches @ (red * over_chart),
+            rule("absolute") * light @ (red * over_table),
             edges @ (red * over_table),
         )
         chart = tau[:, None] * np.concatenate(parts, axis=1)
@@ -182,22 +177,18 @@ class _Rows:
         against = self.observation.lamp_tolerance[self.index[:, 1], None] * (
             patches - self.predicted[:, None] * whites
         )
-        lamp = np.concatenate([against @ over_lamp, DRIFT * self.predicted[:, None]], axis=1)
-        own = (INDEPENDENT_SHARE * tau * self.y) ** 2
+        lamp = np.concatenate([against @ over_lamp, rule("drift") * self.predicted[:, None]], axis=1)
+        own = (rule("independent_share") * tau * self.y) ** 2
+        floor = rule("floor")
         # max(se² + own, floor²) - noise, without a difference of two large numbers where a signal is masked.
-        independent = np.maximum(own - np.maximum(FLOOR**2 - self.error**2, 0.0), 0.0)
-        shared = self.same(2) * np.where(self.same(0), 1.0, CHANNEL_SHARE)
+        independent = np.maximum(own - np.maximum(floor**2 - self.error**2, 0.0), 0.0)
+        shared = self.same(2) * np.where(self.same(0), 1.0, rule("channel_share"))
         return {
-            "noise": np.diag(np.maximum(self.error**2, FLOOR**2)),
+            "noise": np.diag(np.maximum(self.error**2, floor**2)),
             "chart": shared * (chart @ chart.T) + np.diag(independent),
             "white": white @ white.T,
             "lamp": self.same(1) * (lamp @ lamp.T),
         }
-
-
-def _sum(terms: Mapping[str, Floats]) -> Floats:
-    """Σ of its sources."""
-    return np.asarray(np.sum(list(terms.values()), axis=0))
 
 
 def _anchored(observation: Observation, basis: Basis) -> Floats:
@@ -218,8 +209,8 @@ def _smooth_errors(length: float) -> Floats:
 def _patch_scales(rows: _Rows) -> Floats:
     """Scale (N, N) of the chart's covariance, one number a patch: EM steps by the explicit inverse of P."""
     chart, patch = rows.terms["chart"], rows.index[:, 2]
-    rest = _sum(rows.terms) - chart + rows.A @ rows.A.T + rows.D @ rows.D.T + rows.G @ rows.G.T
-    scales = np.ones(patch.max() + 1)
+    rest = sum(rows.terms.values()) - chart + rows.A @ rows.A.T + rows.D @ rows.D.T + rows.G @ rows.G.T
+    scales, freedom = np.ones(patch.max() + 1), rule("patch_freedom")
     for _ in range(3):
         inverse = cho_solve(cho_factor(rest + chart * scales[patch], lower=True), np.eye(len(rest)))
         e = inverse @ rows.b
@@ -227,7 +218,7 @@ def _patch_scales(rows: _Rows) -> Floats:
             own = np.flatnonzero(patch == p)
             part = scale * chart[np.ix_(own, own)]
             q, t = e[own] @ part @ e[own], np.trace(part @ inverse[np.ix_(own, own)])
-            scales[p] = np.clip(scale * (FREEDOM + q) / (FREEDOM + t), 1.0, MOST)
+            scales[p] = np.clip(scale * (freedom + q) / (freedom + t), 1.0, rule("patch_most"))
     return np.broadcast_to(scales[patch], rest.shape)
 
 
@@ -240,7 +231,7 @@ def _first_pass(rows: _Rows, scale: Floats) -> _Point:
     observation, (k, n, _) = rows.observation, rows.observation.signals.shape
     rows.terms["chart"] *= scale
     # Whitened by P = L Lᵀ: an explicit P⁻¹ loses twice the digits, and modes may raise P's condition above 1e12.
-    root = np.linalg.cholesky(_sum(rows.terms) + rows.A @ rows.A.T)
+    root = np.linalg.cholesky(sum(rows.terms.values()) + rows.A @ rows.A.T)
     A, b, modes = (solve_triangular(root, part, lower=True) for part in (rows.A, rows.b, np.hstack([rows.D, rows.G])))
     root = np.linalg.cholesky(np.eye(modes.shape[1]) + modes.T @ modes)
     factor = solve_triangular(root, np.eye(len(root)), lower=True)  # C = factorᵀ factor
