@@ -1,16 +1,16 @@
-"""Judged by limits computed by hand, and for colours by colour-science's own integration of its own tables."""
-
-from typing import Any
+"""Judged by limits computed by hand, and for colours by the spectra themselves."""
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from camssf.colorimetry import D65, delta_e00, lab, srgb, under_d65, white_of, xyz_of
 from camssf.errors import InvalidArgument
 from camssf.fit.scores import PatchColours, Scores, patch_colours, reflectance_srgb, rmse, rmsre, validate
-from camssf.grid import STEP, WAVELENGTHS, Floats
+from camssf.grid import WAVELENGTHS, Floats
 from camssf.photo.signals import Signals
-from camssf.spectra import CameraCurves, Lamp, colour_science, read_camera, read_chart, read_lamp
+from camssf.spectra import CameraCurves, Lamp, read_camera, read_chart, read_lamp
+from camssf.spectra.bundled import observer
 from tests.support.problems import theory
 
 TABLE = read_chart("classic24")
@@ -94,36 +94,15 @@ def test_rmse_knows_no_scale_and_is_symmetric_and_a_truth_is_scored_by_it() -> N
     assert score(Y, ssf_values=CAMERA.values).rmse is None
 
 
-SHAPE = (380, 720, STEP)
+def lab_and_srgb(values: Floats, lamp: Lamp) -> tuple[Floats, Floats]:
+    """By the formulas that test_transforms.py holds to colour-science's, from spectra alone."""
+    seen = under_d65(xyz_of(values, lamp.values, observer("1931")), white_of(lamp.values))
+    return lab(seen, D65), np.clip(srgb(seen), 0, 1)
 
 
-def observer_of_colour_science() -> Any:
-    colour = colour_science()
-    table = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"].copy()
-    return table.interpolate(colour.SpectralShape(*SHAPE), interpolator=colour.LinearInterpolator)
-
-
-def lab_by_colour_science(values: Floats, lamp: Lamp) -> tuple[Floats, Floats]:
-    """Lab and sRGB by colour-science's own integration, adaptation and encoding, one patch after the other."""
-    colour, cmfs = colour_science(), observer_of_colour_science()
-    shape = colour.SpectralShape(*SHAPE)
-    light = colour.SpectralDistribution(lamp.values, WAVELENGTHS)
-    d65 = np.array([0.3127, 0.3290])
-
-    def xyz(reflectance: Floats) -> Floats:
-        spectrum = colour.SpectralDistribution(reflectance, WAVELENGTHS)
-        return np.asarray(colour.sd_to_XYZ(spectrum, cmfs, light, method="Integration", shape=shape)) / 100
-
-    white = xyz(np.ones(681))
-    seen = [colour.chromatic_adaptation(xyz(value), white, colour.xy_to_XYZ(d65)) for value in values]
-    lab = np.array([colour.XYZ_to_Lab(each, d65) for each in seen])
-    srgb = np.array([colour.XYZ_to_sRGB(each) for each in seen])
-    return lab, np.clip(srgb, 0, 1)
-
-
-def test_delta_e_and_pictures_against_colour_science() -> None:
+def test_delta_e_and_pictures_are_those_of_the_spectra() -> None:
     """For the CIE observer as a camera, whose signals are XYZ but for a scale, colours follow from spectra alone."""
-    camera = np.asarray(observer_of_colour_science().values)
+    camera = observer("1931")
     faded = TABLE.with_values(TABLE.values * (0.9 + 0.2 * (WAVELENGTHS - 380) / 340))
     y, guess = (np.stack([theory(t.values, lamp.values, camera) for lamp in LAMPS]) for t in (TABLE, faded))
     unseen = np.zeros((2, 24), bool)
@@ -132,18 +111,16 @@ def test_delta_e_and_pictures_against_colour_science() -> None:
     measured, synthetic = pictures(guess, y)
     apart = []
     for j, lamp in enumerate(LAMPS):
-        lab, srgb = lab_by_colour_science(TABLE.values, lamp)
-        other_lab, other_srgb = lab_by_colour_science(faded.values, lamp)
-        np.testing.assert_allclose(measured.srgb[j], srgb, atol=1e-9)
-        np.testing.assert_allclose(synthetic.srgb[j], other_srgb, atol=1e-9)
-        apart.append(colour_science().delta_E(lab, other_lab, method="CIE 2000"))
+        (true, shown), (other, other_shown) = (lab_and_srgb(t.values, lamp) for t in (TABLE, faded))
+        np.testing.assert_allclose(measured.srgb[j], shown, atol=1e-9)
+        np.testing.assert_allclose(synthetic.srgb[j], other_shown, atol=1e-9)
+        apart.append(delta_e00(true, other))
     assert 1 < np.stack(apart)[unseen].mean() < 10
     assert scores.delta_e00 == pytest.approx(np.stack(apart)[unseen].mean(), rel=1e-8)
 
 
-def test_reflectance_colours_against_colour_science() -> None:
-    found = reflectance_srgb(TABLE)
-    np.testing.assert_allclose(found, lab_by_colour_science(TABLE.values, read_lamp("D65"))[1], atol=1e-9)
+def test_reflectance_colours_are_those_under_d65() -> None:
+    np.testing.assert_allclose(reflectance_srgb(TABLE), lab_and_srgb(TABLE.values, read_lamp("D65"))[1], atol=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,6 @@ import json
 import os
 import subprocess
 import sys
-import tracemalloc
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +23,7 @@ from camssf_lab.direct import sweep
 from camssf_lab.direct.reading import _read_tiff
 from camssf_lab.learning.training import read_curves
 from tests.support.captures import photos
-from tests.support.processes import SEARCH
+from tests.support.processes import SEARCH, memory_below
 
 pytestmark = pytest.mark.requirement("R-HOSTILE")
 
@@ -142,13 +141,8 @@ def test_sizes_are_capped(size: int, read: Any, tmp_path: Path) -> None:
     """No reader takes in whole a file that is larger than it needs."""
     with (tmp_path / "large.csv").open("wb") as file:
         file.truncate(size + 1)
-    tracemalloc.start()
-    try:
-        with pytest.raises(InvalidArgument, match="larger than"):
-            read(tmp_path / "large.csv")
-        assert tracemalloc.get_traced_memory()[1] < 150_000_000
-    finally:
-        tracemalloc.stop()
+    with memory_below(150_000_000), pytest.raises(InvalidArgument, match="larger than"):
+        read(tmp_path / "large.csv")
 
 
 def test_a_small_tiff_asks_for_little_memory(tmp_path: Path) -> None:
@@ -158,10 +152,5 @@ def test_a_small_tiff_asks_for_little_memory(tmp_path: Path) -> None:
     with tifffile.TiffFile(path, mode="r+") as file:
         for tag in ("ImageWidth", "ImageLength", "RowsPerStrip"):
             file.pages[0].tags[tag].overwrite(30_000)
-    tracemalloc.start()
-    try:
-        with pytest.raises(UnreadableRaw, match="cannot hold"):
-            _read_tiff(path)
-        assert tracemalloc.get_traced_memory()[1] < 20_000_000
-    finally:
-        tracemalloc.stop()
+    with memory_below(20_000_000), pytest.raises(UnreadableRaw, match="cannot hold"):
+        _read_tiff(path)

@@ -297,11 +297,11 @@ BROKEN: dict[str, tuple[str, str, str | None]] = {
     **{f"DCamProf, {new}": ("x.json", DCAMPROF_TEXT.replace(old, new), "DCamProf") for old, new in (
         ("400, 720, 10", "400, 720, 7"), ("400, 720, 10", "720, 400, 10"), ("400, 720, 10", "400, 1e308, 1e-300"),
         ("400, 720, 10", "400, 720"), ('"red_ssf": [', '"red_ssf": [1.0, '), ('"red_ssf": [', '"green_ssf": ['),
-        ('"blue_ssf"', '"blau_ssf"'), ("/* bands in nanometres */", "/* bands in nanometres"), ("}", None),
+        ('"blue_ssf"', '"blau_ssf"'), ("/* bands in nanometres */", "/* bands in nanometres"), ("}", ""),
     )},
     # the whole list, even where another camera of it is wanted: lines that slip would mix cameras
     "list, cut off": ("x.txt:Canon 1D", LIST[: 3 * len(LIST) // 4], None),
-    "list, a name missing": ("x.txt:Canon 1D", LIST.replace("Nikon D40\r\n", None), None),
+    "list, a name missing": ("x.txt:Canon 1D", LIST.replace("Nikon D40\r\n", ""), None),
     "list, a name twice": ("x.txt:Canon 1D", LIST.replace("Nikon D40", "Canon 1D"), None),
 }  # fmt: skip
 """What is read, the file's text, and a part of the message."""
