@@ -1,4 +1,4 @@
-"""The rivals in their limits: exact where the problem is, by hand where a formula is, by another solver elsewhere."""
+"""The rivals in their limits: exact where the problem is, by hand where a formula is, by optimality elsewhere."""
 
 from __future__ import annotations
 
@@ -52,25 +52,16 @@ def test_tikhonov_is_its_closed_form() -> None:
     assert method("tikhonov").estimate(given, w)[::10] == pytest.approx(nodes, rel=1e-6, abs=1e-8)
 
 
-@pytest.mark.full
 def test_the_quadratic_programme_is_solved() -> None:
-    """Against Clarabel, and by its optimality conditions."""
-    cp = pytest.importorskip("cvxpy")
+    """Its optimality conditions: no gradient where a curve is above 0, none below 0 where it is 0."""
     given = capture(TRUTH, read_chart("classic24").values, 0.005)
     found = method("quadratic").estimate(given, 0.3)[::10]
     assert found.min() >= 0.0
-    F = given.node_rows() / 0.005
-    for c in range(3):
-        y = given.signals[:, c] / 0.005
-        gradient = F.T @ (F @ found[:, c] - y) + 0.09 * bends().T @ (bends() @ found[:, c])
-        scale = np.abs(F.T @ y).max()
-        assert gradient.min() > -1e-8 * scale
-        assert np.abs(gradient[found[:, c] > 0]).max() < 1e-8 * scale
-        s = cp.Variable(69, nonneg=True)
-        objective = 0.5 * cp.sum_squares(F @ s - y) + 0.045 * cp.sum_squares(bends() @ s)
-        best = cp.Problem(cp.Minimize(objective)).solve(solver=cp.CLARABEL)
-        ours = 0.5 * np.sum((F @ found[:, c] - y) ** 2) + 0.045 * np.sum((bends() @ found[:, c]) ** 2)
-        assert ours == pytest.approx(best, rel=1e-5)
+    F, y = given.node_rows() / 0.005, given.signals / 0.005
+    gradient = F.T @ (F @ found - y) + 0.09 * bends().T @ (bends() @ found)
+    scale = np.abs(F.T @ y).max(axis=0)
+    assert (gradient > -1e-8 * scale).all()
+    assert (np.abs(np.where(found > 0, gradient, 0.0)) < 1e-8 * scale).all()
 
 
 @pytest.mark.parametrize("name", FIGURE_4)

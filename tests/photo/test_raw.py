@@ -39,13 +39,11 @@ ACME = ("Acme", "Model 1")
 
 def write_raw(path: Path, samples: np.ndarray, cfa: str = "RGGB", maker: tuple[str, str] = ACME) -> Path:
     """A TIFF raw file such as makers write: the mosaic under its own tags, and no word of DNG."""
+    filters = bytes("RGB".index(letter) for letter in cfa)
     tags = [
-        *((271 + i, 2, 0, word, True) for i, word in enumerate(maker)),
-        (274, 3, 1, 6, True),
-        (33421, 3, 2, (2, 2), True),
-        (33422, 1, 4, bytes("RGB".index(letter) for letter in cfa), True),
-        (33434, 5, 1, (1, 60), True),
-    ]
+        *((271 + i, 2, 0, word, True) for i, word in enumerate(maker)), (274, 3, 1, 6, True),
+        (33421, 3, 2, (2, 2), True), (33422, 1, 4, filters, True), (33434, 5, 1, (1, 60), True),
+    ]  # fmt: skip
     tifffile.imwrite(path, samples, photometric="cfa", metadata=None, extratags=tags, rowsperstrip=len(samples))
     return path
 

@@ -55,21 +55,13 @@ def test_what_is_not_used_may_be_unknown() -> None:
 @pytest.mark.parametrize(
     "change",
     [
-        {"signals": np.ones((12, 4))},
-        {"lamp": np.ones(680)},
-        {"lamp_tolerance": np.inf},
-        {"standard_error": np.ones((11, 3))},
-        {"gamma": [0.05, 0.05, 0.06]},
-        {"l2": np.nan},
-        {"basis": "nonsense"},
-        {"engine": "nonsense"},
-        {"used": np.zeros((1, 12), dtype=bool)},
-        {"used": [[True], [True, False]]},
-        {"reflectance": 100 * np.ones((12, 681))},
-        {"frames": 3},
-        {"frames": (np.ones((12, 3)), np.ones((12, 3)), np.ones((5, 3)))},
+        {"signals": np.ones((12, 4))}, {"lamp": np.ones(680)}, {"lamp_tolerance": np.inf},
+        {"standard_error": np.ones((11, 3))}, {"gamma": [0.05, 0.05, 0.06]}, {"l2": np.nan},
+        {"basis": "nonsense"}, {"engine": "nonsense"}, {"reflectance": 100 * np.ones((12, 681))},
+        {"used": np.zeros((1, 12), dtype=bool)}, {"used": [[True], [True, False]]},
+        {"frames": 3}, {"frames": (np.ones((12, 3)), np.ones((12, 3)), np.ones((5, 3)))},
     ],
-)
+)  # fmt: skip
 def test_bad_arguments_are_named(change: dict[str, object]) -> None:
     reflectance, lamp = chart_and_lamp()
     signals = theory(reflectance, lamp, toy_camera())
@@ -84,15 +76,9 @@ def declared(shots: int) -> dict[str, Any]:
     reflectance, day = chart_and_lamp("D55", slice(0, 24))
     lamps = np.stack([day, chart_and_lamp("A")[1]])[:shots]
     y = np.stack([theory(reflectance, lamp, toy_camera()) for lamp in lamps])
-    return {
-        "signals": y[:, ::2],
-        "reflectance": reflectance[::2],
-        "lamp": lamps,
-        "standard_error": np.hypot(0.005 * y[:, ::2], 0.001),
-        "chart_tolerance": 0.03,
-        "white_tolerance": 0.01,
-        "lamp_tolerance": 0.02,
-    }
+    tolerances = {"chart_tolerance": 0.03, "white_tolerance": 0.01, "lamp_tolerance": 0.02}
+    y, error = y[:, ::2], np.hypot(0.005 * y[:, ::2], 0.001)
+    return {"signals": y, "reflectance": reflectance[::2], "lamp": lamps, "standard_error": error} | tolerances
 
 
 def peak_one(code: Floats, lamp: Floats, at: Any = None) -> Floats:

@@ -96,6 +96,7 @@ if __name__ == "__main__":
 @pytest.mark.usefixtures("strace")
 def test_commands_and_library_leave_nothing_send_nothing_and_need_no_network(places: Places) -> None:
     """In a namespace without a network, where one is to be had."""
+    assert places.strace("-c", CONNECT)[1], "the watch sees no connection"
     (places.work / "one.csv").write_text("name,photo,lamp\na,out/shots/chart.dng,D55\n")
     (places.work / "everything.py").write_text(EVERYTHING)
     done, seen = places.strace("everything.py", before=away())
@@ -121,14 +122,6 @@ def away() -> tuple[str, ...]:
     words = ("unshare", "-rn")
     had = shutil.which("unshare") and subprocess.run([*words, "true"], capture_output=True).returncode == 0
     return words if had else ()
-
-
-@pytest.mark.usefixtures("strace")
-def test_the_watch_sees_a_connection(places: Places) -> None:
-    for words, expected in ((CONNECT, True), ("import socket", False)):
-        done, seen = places.strace("-c", words)
-        assert done.returncode == 0, done.stderr
-        assert bool(seen) == expected
 
 
 def holds(path: Path, word: str) -> bool:

@@ -75,13 +75,10 @@ class Scene:
     def evidence(self) -> Observation:
         used = self.signals.used[0]
         return Observation(
-            self.signals.values[:, used],
-            TABLE.values[used],
-            np.stack([lamp.values for lamp in self.lamps]),
-            standard_error=self.signals.standard_error[:, used],
-            chart_tolerance=TABLE.tolerance[used],
+            self.signals.values[:, used], TABLE.values[used], np.stack([lamp.values for lamp in self.lamps]),
+            standard_error=self.signals.standard_error[:, used], chart_tolerance=TABLE.tolerance[used],
             lamp_tolerance=[lamp.tolerance for lamp in self.lamps],
-        )
+        )  # fmt: skip
 
     def told(self) -> VerdictInputs:
         white = np.ones(WAVELENGTHS.size), 0.01
