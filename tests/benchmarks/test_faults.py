@@ -6,7 +6,6 @@ import json
 from functools import cache
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from benchmarks.claims.faults import LAMPS
@@ -59,22 +58,6 @@ def test_a_wrong_name_is_never_the_right_one(lamp: str) -> None:
     told = [apply_fault("wrong-lamp", severity)(sound(lamp)).stated_lamp for severity in SEVERITIES]
     assert lamp not in told
     assert told[-1] == ("D65" if lamp in ("A", "3200K") else "A")  # the opposite
-
-
-@pytest.mark.full
-def test_a_printed_copy_looks_alike_and_is_none() -> None:
-    """Judged by colour-science: near the chart's colours under D50, far from its spectra."""
-    from camssf.spectra import colour_science
-
-    colour = colour_science()
-    shape = colour.SpectralShape(380, 720, 0.5)
-    observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"].copy().align(shape).values
-    light = read_lamp("D50").values
-    white = light @ observer
-    chart, copy = sound().table.values, apply_fault("printed", 3)(sound()).table.values
-    lab = [colour.XYZ_to_Lab((v * light) @ observer / white[1], colour.XYZ_to_xy(white)) for v in (chart, copy)]
-    assert np.median(colour.delta_E(*lab, method="CIE 2000")) < 3
-    assert np.sqrt(np.mean((chart - copy) ** 2)) > 0.04
 
 
 # files

@@ -48,11 +48,11 @@ def photo() -> str:
     return str(photos().shots[0].chart)
 
 
-def read_document(printed: str) -> Any:
+def read_document(printed: str, form: type = ColourDocument) -> Any:
     """The JSON of a command, once its schema and its reader agree."""
     found = json.loads(printed)
-    jsonschema.Draft202012Validator(schema(ColourDocument)).validate(found)
-    assert to_plain(from_plain(found, ColourDocument, "it", "")) == found
+    jsonschema.Draft202012Validator(schema(form)).validate(found)
+    assert to_plain(from_plain(found, form, "it", "")) == found
     return found
 
 
@@ -113,9 +113,7 @@ def test_the_command_states_true_spectra(result: tuple[str, Result], capsys: Cap
     for lights in (["--lamp", "D55"], [str(photos("A").shots[0].chart), "--lamp", "D55", "--lamp", "A"]):
         assert cli.main(["spectrum", path, photo(), *lights, *words]) == 0
         printed = capsys.readouterr()
-        found = json.loads(printed.out)
-        jsonschema.Draft202012Validator(schema(SpectrumDocument)).validate(found)
-        assert to_plain(from_plain(found, SpectrumDocument, "it", "")) == found
+        found = read_document(printed.out, SpectrumDocument)
         assert found["prior"]["name"] == "general"
         assert [len(each["signal"]) for each in found["regions"]] == [lights.count("--lamp")] * len(patches)
         assert printed.err.count("prior general") == len(patches)
@@ -184,8 +182,7 @@ def test_the_command_writes_the_picture_of_a_simulated_photo(
     command = ["picture", str(folder / "result.json"), str(under_a.chart), "-o", str(tmp_path / "a.png")]
     command += ["--lamp", "bulb", *white]
     assert cli.main(command) == 0
-    said = json.loads(capsys.readouterr().out)
-    assert to_plain(from_plain(said, PictureDocument, "it", "")) == said
+    said = read_document(capsys.readouterr().out, PictureDocument)
     assert json.loads(Image.open(tmp_path / "a.png").text["Description"]) == said
     assert said["white"]["source"] == "reference"
     assert cli.main([*command, "--dark", str(under_a.dark)]) == 0

@@ -41,6 +41,7 @@ from camssf_colour.picture_strip import PER_UNIT, StripInputs, picture_strip
 from camssf_colour.regions import measure_regions
 from camssf_colour.standard import of_surfaces
 from camssf_lab.simulation.camera import Sensor, count
+from tests.support.dngs import Dng
 from tests.support.scenes import mosaic
 
 CHART = read_chart("classic24").values.copy()
@@ -248,7 +249,7 @@ def test_the_model_computes_the_same_strip() -> None:
         assert np.abs(ours - other).max() < 1e-6
 
 
-def test_a_smooth_picture_is_demosaiced_as_libraw_does_it(tmp_path: Path) -> None:
+def test_a_smooth_picture_is_demosaiced_as_libraw_does_it() -> None:
     """By bilinear interpolation, with which the filters agree where nothing is sharp."""
     y, x = np.mgrid[0:64, 0:96]
     colours = 3000.0 + np.stack([20 * x + 10 * y, 15 * y + 5 * x, 1500 - 12 * x + 0 * y], axis=-1)
@@ -256,13 +257,7 @@ def test_a_smooth_picture_is_demosaiced_as_libraw_does_it(tmp_path: Path) -> Non
     for at, letter in enumerate("RGGB"):
         rows, columns = slice(at // 2, None, 2), slice(at % 2, None, 2)
         samples[rows, columns] = colours[rows, columns, "RGB".index(letter)]
-    tags = [
-        (33421, 3, 2, (2, 2), True), (33422, 1, 4, bytes((0, 1, 1, 2)), True),
-        (50706, 1, 4, bytes((1, 4, 0, 0)), True), (50717, 4, 1, 65535, True),
-    ]  # fmt: skip
-    path = tmp_path / "smooth.dng"
-    tifffile.imwrite(path, samples, photometric="cfa", metadata=None, extratags=tags)
-    with rawpy.imread(str(path)) as raw:
+    with rawpy.imread(io.BytesIO(Dng(samples).encode())) as raw:
         theirs = raw.postprocess(
             demosaic_algorithm=rawpy.DemosaicAlgorithm.LINEAR, output_color=rawpy.ColorSpace.raw, gamma=(1, 1),
             no_auto_bright=True, no_auto_scale=True, user_wb=[1, 1, 1, 1], output_bps=16,

@@ -101,17 +101,14 @@ def test_an_unknown_prior(spec: str, tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 
 def test_what_is_no_photo() -> None:
-    lit = LitSurfaces("D55", [[0.3, 0.2, 0.1]], 0.002)
-    with pytest.raises(InvalidArgument, match="one or two"):
-        spectrum(exact())
-    with pytest.raises(InvalidArgument, match="one or two"):
-        spectrum(exact(), lit, lit, lit)
-    with pytest.raises(InvalidArgument, match="different numbers"):
-        spectrum(exact(), lit, LitSurfaces("A", [[0.3, 0.2, 0.1]] * 2, 0.002))
-    with pytest.raises(InvalidArgument, match="unknown"):
-        spectrum(exact(), replace(lit, lamp="auto"))
-    with pytest.raises(InvalidArgument, match="no response"):
-        spectrum(exact(), replace(lit, lamp=replace(read_lamp("D55"), values=np.zeros(681))))
+    lit, two = (LitSurfaces("D55", [[0.3, 0.2, 0.1]] * count, 0.002) for count in (1, 2))
+    unlit = replace(lit, lamp=replace(read_lamp("D55"), values=np.zeros(681)))
+    for photos, words in (
+        ((), "one or two"), ((lit, lit, lit), "one or two"), ((lit, replace(two, lamp="A")), "different numbers"),
+        ((replace(lit, lamp="auto"),), "unknown"), ((unlit,), "no response"),
+    ):  # fmt: skip
+        with pytest.raises(InvalidArgument, match=words):
+            spectrum(exact(), *photos)
 
 
 def test_indices_are_means_of_absorbance(tmp_path: Path) -> None:

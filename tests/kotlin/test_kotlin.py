@@ -78,6 +78,13 @@ class Case:
         return {role: getattr(shot, role) for role in ("white", "dark") if getattr(self, role)}
 
 
+def parsed(content: bytes) -> Json:
+    """A document without the hash of its content."""
+    document: Json = json.loads(content)
+    del document["sha256"]
+    return document
+
+
 class Kotlin:
     """One JVM for all captures."""
 
@@ -89,9 +96,7 @@ class Kotlin:
         """The result document; it has the form of one, and the hash of its content."""
         self.run(case, out)
         Result.load(out)
-        document = dict(json.loads(out.read_text("utf-8")))
-        del document["sha256"]
-        return document
+        return parsed(out.read_bytes())
 
     def run(self, case: Case, out: Path) -> None:
         """Write the document."""
@@ -125,14 +130,10 @@ def python(case: Case) -> Json:
         for shot, lamp, corners in zip(case.shots, case.lamps, case.corners, strict=True)
     ]
     result = attempt(shots, chart=chart, options=Options(**options), previous=previous)
-    document = dict(json.loads(document_bytes(result)))
-    del document["sha256"]
-    reasons = json.dumps(document["verdict"].get("reasons", []))
-    for shot in case.shots:
-        for path in filter(None, (shot.chart, shot.white, shot.dark)):
-            reasons = reasons.replace(str(path), path.name)
-    document["verdict"] |= {"reasons": json.loads(reasons)} if "reasons" in document["verdict"] else {}
-    return document
+    content = document_bytes(result)
+    for path in (path for shot in case.shots for path in (shot.chart, shot.white, shot.dark) if path):
+        content = content.replace(str(path).encode(), path.name.encode())
+    return parsed(content)
 
 
 MEANS = "/capture/shots/means"

@@ -60,15 +60,11 @@ def test_colours_of_every_cfa(cfa: str) -> None:
 @pytest.mark.parametrize(
     ("change", "word"),
     [
-        ({"samples": flat(size=122)}, "size"),
-        ({"cfa": "BGGR"}, "CFA"),
-        ({"model": "Other"}, "camera model"),
-        ({"white": 4095.0}, "white level"),
-        ({"black": np.full((2, 2), 800.0)}, "black level"),
-        ({"exposure": 0.02}, "exposure 0.02 s against 0.01 s"),
-        ({"iso": 400.0}, "iso 400 against 100"),
+        ({"samples": flat(size=122)}, "size"), ({"cfa": "BGGR"}, "CFA"), ({"model": "Other"}, "camera model"),
+        ({"white": 4095.0}, "white level"), ({"black": np.full((2, 2), 800.0)}, "black level"),
+        ({"exposure": 0.02}, "exposure 0.02 s against 0.01 s"), ({"iso": 400.0}, "iso 400 against 100"),
     ],
-)
+)  # fmt: skip
 def test_frames_that_differ(change: dict[str, object], word: str) -> None:
     photo = mosaic(flat(), model="This")
     with pytest.raises(FramesDiffer, match=word) as refusal:
@@ -107,9 +103,8 @@ def test_clipped_white_patch_as_reference() -> None:
 @pytest.mark.parametrize("values", [(9000, 12000, 8000), (650, 650, 650), (9000, 12000, 500)])
 def test_white_and_dark_swapped(values: tuple[float, float, float]) -> None:
     swapped = replace(SHOT, white=means(514.0, 3), dark=means(values, 20))
-    with pytest.raises(
-        FramesDiffer, match="Shot 2: the dark frame is brighter than the white frame: they seem to be swapped"
-    ):
+    words = "Shot 2: the dark frame is brighter than the white frame: they seem to be swapped"
+    with pytest.raises(FramesDiffer, match=words):
         normalise([SHOT, swapped], CLASSIC)
 
 

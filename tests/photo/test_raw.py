@@ -30,7 +30,6 @@ from camssf.spectra import read_lamp
 from camssf_lab.simulation.camera import Sensor
 from camssf_lab.simulation.frames import simulate
 from camssf_lab.simulation.scene import Scene
-from tools import site_pages
 
 ROOT = Path(__file__).parents[2]
 ACME = ("Acme", "Model 1")
@@ -290,17 +289,6 @@ def test_every_code_is_explained_and_has_its_page() -> None:
         assert all((ROOT / "docs" / page).is_file() for page in found.see)
     said = {reason.name for code in codes() for reason in explain_code(code).reasons}
     assert said == set(rules().reasons)
-
-
-@pytest.mark.repository
-def test_the_site_has_a_page_of_each_code_and_their_list() -> None:
-    pages = site_pages.error_pages()
-    assert set(pages) == {f"{code}.md" for code in codes()}
-    for code in codes():
-        assert f"({code}.md)" in site_pages.error_index()
-        explained = explain_code(code)
-        assert all(f"1. {explained.do[0]}" in pages[f"{code}.md"] and cause in pages[f"{code}.md"]
-                   for cause in explained.causes)  # fmt: skip
 
 
 def test_explain_prints_what_to_do(capsys: pytest.CaptureFixture[str]) -> None:

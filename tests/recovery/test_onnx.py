@@ -27,7 +27,10 @@ from tests.recovery.test_dense_model import BASES, random_captures
 from tests.support.dense_model import dense_model
 from tests.support.problems import chart_and_lamp, model_inputs, near, recovered, seeds, theory, toy_camera, whiten
 
-OTHERWISE_COSTLY = ("light/three", "light/other-kind", "light/other-kind-unsure", "calibrate/error-rival-of-four")
+OTHERWISE_COSTLY = (
+    "light/three", "light/other-kind", "light/other-kind-unsure", "light/called-kelvin", "light/faded", "light/two",
+    "light/told-of-two", "calibrate/error-rival-of-four", "calibrate/auto-other-maker",
+)  # fmt: skip
 """Cases whose time goes into weighing hypotheses, by the reference whatever solves: test_golden.py runs them, and
 Kotlin by the model. What the model then solves here is what it solves in the other cases of these stages."""
 CASES = {name: case for name, case in EVERY.items() if by_model(case) and name not in OTHERWISE_COSTLY}

@@ -143,7 +143,7 @@ def test_public_tables_are_colour_science_s(spec: str, table: str) -> None:
     colour = colour_science()
     chart = read_chart(spec)
     assert (chart.table, chart.layout.name, chart.white) == (table, spec[:-5] if ":" in spec else spec, 18)
-    assert chart.patches[0] == "dark skin"
+    assert chart.patches == tuple(colour.SDS_COLOURCHECKERS[table])
     assert chart.patches[18] == "white 9.5 (.05 D)"
     assert chart.values.shape == (24, 681)
     assert not chart.values.flags.writeable

@@ -93,18 +93,6 @@ def duality_gap(problem: ElasticNet, x: Floats) -> tuple[float, float]:
     return float(objective[0, 0]), float(gap[0, 0])
 
 
-def whiten_in_80_bits(A: NDArray[Any], b: NDArray[Any], sigma: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """L⁻¹ A and L⁻¹ b with Σ = L Lᵀ, by Gauss's elimination in extended precision."""
-    S, X = sigma.astype(np.longdouble), np.column_stack([A, b]).astype(np.longdouble)
-    for i in range(len(S)):
-        root = np.sqrt(S[i, i])
-        column = S[i + 1 :, i] / root
-        X[i] = X[i] / root
-        X[i + 1 :] -= np.outer(column, X[i])
-        S[i + 1 :, i + 1 :] -= np.outer(column, column)
-    return X[:, :-1], X[:, -1]
-
-
 def model_inputs(observation: Observation, basis: str) -> dict[str, Floats]:
     """The inputs of a shipped model for it, with the usual penalties."""
     y = observation.signals

@@ -22,7 +22,7 @@ from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery.basis import FWHM_TO_SIGMA
 from camssf.spectra import CameraCurves
 from camssf_lab.simulation import dng
-from camssf_lab.simulation.camera import Sensor
+from camssf_lab.simulation.camera import Sensor, count
 from camssf_lab.simulation.shot_plan import FileTags
 
 FINE: Floats = np.arange(330.0, 830.0, 0.05)
@@ -76,9 +76,7 @@ def frame(
 
     Args:
         response: (len(FINE), c) of the camera's channels.
-        device: the spectrograph.
-        rng: of the noise.
-        sensor: how it counts.
+        device, rng, sensor: the spectrograph, of the noise, how it counts.
         cell: (2, 2) channel of each position.
     """
     width, height = device.size
@@ -96,13 +94,8 @@ def frame(
         level = np.where(which == channel, np.interp(nm, FINE, blurred[channel], 0.0, 0.0), level)
     level *= spread * slit[:, None]
     level *= 0.7 / level.max()
-    full = sensor.white_level - sensor.black
-    samples = []
-    for share in (level, np.zeros_like(level)):
-        electrons = rng.poisson(share * sensor.full_well) + sensor.read_noise * rng.standard_normal(level.shape)
-        dn = np.rint(sensor.black + electrons / sensor.full_well * full)
-        samples.append(np.clip(dn, 0, sensor.white_level).astype(np.uint16))
-    return samples[0], samples[1]
+    light = level * (sensor.white_level - sensor.black)
+    return count(light, sensor, rng), count(0.0 * light, sensor, rng)
 
 
 def write_dng(path: Path, samples: NDArray[np.uint16], sensor: Sensor, camera: CameraCurves) -> None:
