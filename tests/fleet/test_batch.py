@@ -138,9 +138,6 @@ def test_no_cell_of_the_summary_is_a_formula(text: str, cell: str) -> None:
     assert {row["name"], row["reason"], row["folder"]} == {cell}
 
 
-# Processes
-
-
 def test_a_script_that_guards_no_call_is_an_error_in_words(pages: Desk) -> None:
     pages.write(ONE, {"a": "no photo"})
     (pages.home / "script.py").write_text(
