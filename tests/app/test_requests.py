@@ -70,8 +70,7 @@ def client(tmp_path: Path) -> Iterator[Client]:
     made.sessions.close()
 
 
-RECTANGLE = [1, 1, 20, 20]
-COLOUR = {"photo": 1, "region": RECTANGLE, "white": RECTANGLE, "reflectance": 0.9}
+COLOUR = {"photo": 1, "region": [1, 1, 20, 20], "white": [1, 1, 20, 20], "reflectance": 0.9}
 MALFORMED: tuple[tuple[str, Any, str], ...] = (
     ("find", b"\xff{}", "no JSON object"), ("find", b"[" * 100_000, "no JSON object"),
     ("find", b'{"photo": 1, "photo": 1}', "no JSON object"), ("find", b'{"photo": NaN}', "no JSON object"),
@@ -168,14 +167,12 @@ def test_a_task_waits_for_the_one_before_it_not_for_ever(client: Client, monkeyp
 
 
 def test_a_file_keeps_its_name(client: Client) -> None:
-    """It is a name, not a path."""
     names = (
         ("photo", "photo.jpg", "photo.jpg"), ("photo", "IMG.CR3", "IMG.CR3"), ("photo", "no_ending", "no_ending"),
         ("photo", "%C3%A4%20b.dng", "ä b.dng"), ("photo", f"{'x' * 300}.dng", f"{'x' * 56}.dng"),
-        ("photo", "", "photo"),
-        ("photo", "...", "photo"), ("photo", "..%2F..%5Ca:b%00.dng", "_.._a_b_.dng"), ("photo", "x.dng.%20", "x.dng"),
-        ("table", "mine.txt", "mine.txt"), ("table", "mine", "mine"), ("layout", "card.JSON", "card.JSON"),
-        ("layout", "card.txt", "card.txt.json"),
+        ("photo", "", "photo"), ("photo", "...", "photo"), ("photo", "..%2F..%5Ca:b%00.dng", "_.._a_b_.dng"),
+        ("photo", "x.dng.%20", "x.dng"), ("table", "mine.txt", "mine.txt"), ("table", "mine", "mine"),
+        ("layout", "card.JSON", "card.JSON"), ("layout", "card.txt", "card.txt.json"),
     )  # fmt: skip
     for number, (kind, sent, kept) in enumerate(names, 1):
         assert client.send(kind, sent) == number
@@ -217,9 +214,7 @@ def test_crashed_tabs_give_way_and_expire(client: Client) -> None:
     assert (status, "Reload the page" in found["error"]["words"]) == (404, True)
 
 
-def test_where_it_cannot_run_is_an_error_in_words(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_where_it_cannot_run_it_says_why(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: Any) -> None:
     """A port that is taken, no room for temporary files, no library."""
     with socket.create_server(("127.0.0.1", 0)) as taken:
         assert main(["app", "--no-browser", "--port", str(taken.getsockname()[1])]) == 2

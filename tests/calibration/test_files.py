@@ -18,6 +18,7 @@ from camssf.files import local, local_folder, write_file, write_files, write_tog
 from tests.support.failures import raising
 
 pytestmark = pytest.mark.requirement("R-WHOLE-FILES")
+URLS = ["s3://bucket/x", "gs://bucket/x", "http://host/x", "HTTPS://host/x", "file:///x", "az+blob://x", " s3://x"]
 
 
 @pytest.mark.parametrize("content", [b"\x00bytes", "words, ψ", b"", b"x" * 3_000_000])
@@ -32,19 +33,14 @@ def test_a_file_is_what_was_written(tmp_path: Path, content: bytes | str) -> Non
 
 @pytest.mark.parametrize("call", ["write", "fsync", "replace"])
 @pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "No space left on device"), KeyboardInterrupt()])
-def test_a_failure_leaves_what_stood_there(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: str, error: BaseException
-) -> None:
+def test_a_failure_leaves_what_stood_there(tmp_path: Path, monkeypatch: Any, call: str, error: Any) -> None:
     path = tmp_path / "file"
     path.write_bytes(b"old")
-
     monkeypatch.setattr(os, call, raising(error))
     with pytest.raises(InvalidArgument if isinstance(error, OSError) else KeyboardInterrupt) as caught:
         write_file(path, b"new")
     monkeypatch.undo()
-    if isinstance(caught.value, InvalidArgument):
-        assert "No space left on device" in str(caught.value)
-        assert caught.value.advice
+    assert isinstance(error, KeyboardInterrupt) or "No space left on device" in str(caught.value)
     assert path.read_bytes() == b"old"
     assert [each.name for each in tmp_path.iterdir()] == ["file"]
 
@@ -55,9 +51,6 @@ def test_a_disk_that_takes_less_at_a_time_still_gets_it_all(tmp_path: Path, monk
     write_file(tmp_path / "file", bytes(range(100)))
     monkeypatch.undo()
     assert (tmp_path / "file").read_bytes() == bytes(range(100))
-
-
-URLS = ["s3://bucket/x", "gs://bucket/x", "http://host/x", "HTTPS://host/x", "file:///x", "az+blob://x", " s3://x"]
 
 
 @pytest.mark.parametrize("path", [*(kind(url) for url in URLS for kind in (str, Path)), "", " ", "\t"], ids=repr)
@@ -80,8 +73,7 @@ def test_a_file_where_a_folder_should_be(tmp_path: Path) -> None:
     ):  # fmt: skip
         with pytest.raises(InvalidArgument, match="file is a file") as caught:
             call()
-        assert "Name a folder" in caught.value.advice
-        assert "space" not in caught.value.advice
+        assert ("Name a folder" in caught.value.advice, "space" in caught.value.advice) == (True, False)
     assert (tmp_path / "file").read_text() == "mine"
 
 
@@ -155,6 +147,7 @@ def killed_at_each_step(work: Callable[[], object], prepare: Callable[[], object
 
 
 OLD = {"keep.txt": b"mine", "result.json": b"old", "ssf.csv": b"old", "gone": b"old"}
+COMING = {"report.html": b"new", "result.json": b"new", "ssf.csv": b"new", "gone": None}
 NEW = {"keep.txt": b"mine", "result.json": b"new", "ssf.csv": b"new", "report.html": b"new"}
 
 
@@ -164,8 +157,7 @@ NEW = {"keep.txt": b"mine", "result.json": b"new", "ssf.csv": b"new", "report.ht
 def test_a_kill_leaves_all_old_files_or_all_new_ones(tmp_path: Path, first: bool) -> None:
     """For whoever reads one file next, and for the next run, which leaves nothing else behind."""
     folder, old = tmp_path / "out", {} if first else OLD
-    coming = {name: NEW.get(name) for name in ("report.html", "result.json", "ssf.csv", "gone")}
-    new = {name: content for name, content in (old | coming).items() if content is not None}
+    new = {name: content for name, content in (old | COMING).items() if content is not None}
 
     def prepare() -> None:
         shutil.rmtree(folder, ignore_errors=True)
@@ -173,7 +165,7 @@ def test_a_kill_leaves_all_old_files_or_all_new_ones(tmp_path: Path, first: bool
         assert contents(folder) == old
 
     seen = set()
-    for step in killed_at_each_step(lambda: write_files(folder, coming), prepare):
+    for step in killed_at_each_step(lambda: write_files(folder, COMING), prepare):
         local(folder / "result.json")
         found = {name: data for name, data in contents(folder).items() if not name.startswith(".camssf")}
         assert found in (old, new), step
@@ -195,10 +187,9 @@ def test_a_kill_while_an_earlier_kill_is_mended(tmp_path: Path) -> None:
         write_files(folder, OLD)
         if os.fork() == 0:
             sys.addaudithook(lambda event, words: event == "os.rename" and "ssf.csv" in str(words[0]) and os._exit(0))
-            write_files(folder, {"report.html": b"new", "result.json": b"new", "ssf.csv": b"new", "gone": None})
+            write_files(folder, COMING)
         os.wait()
-        assert contents(folder)["result.json"] == b"new"
-        assert contents(folder)["ssf.csv"] == b"old"
+        assert [contents(folder)[name] for name in ("result.json", "ssf.csv")] == [b"new", b"old"]
 
     for step in killed_at_each_step(lambda: local_folder(folder), prepare):
         local_folder(folder)

@@ -101,19 +101,16 @@ def test_an_overexposed_photo_and_a_reason_in_german() -> None:
     bright = replace(SHOT, white=replace(SHOT.white, clipped=np.full((24, 3), 0.25)))
     with pytest.raises(Overexposed) as caught:
         normalise([bright], CLASSIC)
-    reason = reason_of(caught.value)
-    assert "25.0% of a patch's samples" in reason.message
+    white = reason_of(caught.value)
+    assert "25.0% of a patch's samples" in white.message
     veil = because("veil", 9.0, {"shot": 2, "amount": np.float64(0.0312)})
     assert veil.message.startswith("shot 2: dark patches are too bright.")
     for said, german in (
-        (reason, "Aufnahme 1: bis zu 25.0% der Werte eines Feldes sind übersteuert."),
+        (white, "Aufnahme 1: bis zu 25.0% der Werte eines Feldes sind übersteuert."),
         (veil, "Aufnahme 2: dunkle Felder sind zu hell, Streulicht fügt 3.1% Weiß hinzu."),
     ):
-        for each in (
-            said,
-            forms.part_of(Reason, forms.to_plain(said)),
-        ):  # an app may store the result
-            assert fill(GERMAN[each.key], each.arguments) == german
+        for reason in (said, forms.part_of(Reason, forms.to_plain(said))):  # an app may store the result
+            assert fill(GERMAN[reason.key], reason.arguments) == german
 
 
 def test_arguments_are_texts_and_finite_numbers() -> None:

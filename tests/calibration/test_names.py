@@ -21,22 +21,17 @@ from camssf_fleet.manifest import Manifest
 from camssf_fleet.passport.keys import read_private
 from camssf_lab.direct.columns import read_columns
 
-READ: dict[str, tuple[Callable[[Any], Any], tuple[str, ...]]] = {
-    "lamp": (read_light, ("D55", "d 55", "2856K", "D:5500", "sun", "halogen", "daylight", "equal-energy", "FL3.1",
-                          "auto", "torch")),
-    "chart": (read_chart, ("classic24", "Nano24", "passport24:ohta")),
-    "camera": (read_camera, ("Canon EOS 5D Mark II", "Demo phone")),
-    "basis": (basis_of, ("phones", "gaussian")),
-    "prior": (read_prior, ("general",)),
+READ: dict[Callable[[Any], Any], tuple[str, ...]] = {
+    read_light: ("D55", "d 55", "2856K", "D:5500", "sun", "halogen", "daylight", "equal-energy", "FL3.1", "auto",
+                 "torch"),
+    read_chart: ("classic24", "Nano24", "passport24:ohta"), read_camera: ("Canon EOS 5D Mark II", "Demo phone"),
+    basis_of: ("phones", "gaussian"), read_prior: ("general",),
 }  # fmt: skip
 """Readers, and names that they know."""
-CASES = [(read, name) for read, names in READ.values() for name in names]
 
 
-@pytest.mark.parametrize(("read", "name"), CASES)
-def test_a_name_goes_before_a_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, read: Callable[[Any], Any], name: str
-) -> None:
+@pytest.mark.parametrize(("read", "name"), [(read, name) for read, names in READ.items() for name in names])
+def test_a_name_goes_before_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, read: Any, name: str) -> None:
     monkeypatch.chdir(tmp_path)
     known = read(name)
     Path(name).write_text("no table")

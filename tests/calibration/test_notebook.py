@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from html import escape
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -20,7 +21,7 @@ from camssf.grid import WAVELENGTHS
 from camssf.report.build import report
 from camssf.report.shots import shots_of
 from camssf.result import Result
-from camssf.spectra import Lamp, read_camera, read_chart, read_lamp, read_light
+from camssf.spectra import read_camera, read_chart, read_lamp, read_light
 from tests.support.captures import shot
 from tests.support.documents import changed, document, refused
 
@@ -31,13 +32,11 @@ def result() -> Result:
 
 
 @pytest.fixture
-def no_figures_left() -> Iterator[None]:
-    plt = pytest.importorskip("matplotlib.pyplot")
-    yield
-    plt.close("all")
-
-
-# -- text and HTML -------------------------------------------------------------------------------------------------
+def plt() -> Iterator[Any]:
+    """matplotlib, whose figures are closed afterwards."""
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    yield pyplot
+    pyplot.close("all")
 
 
 def test_a_result_is_one_line(result: Result) -> None:
@@ -68,17 +67,12 @@ def test_the_html_is_balanced_and_holds_verdict_curves_and_scores(result: Result
 
 
 def test_hostile_names_stay_text() -> None:
-    found = changed(
-        document("D55"), capture__shots__0__photo__make="<b>&",
-        capture__shots__0__photo__model="x\n\x1b[31m" + "y" * 500,
-        capture__shots__0__lamp__name="</p><script>alert(1)</script>",
-    )  # fmt: skip
+    shot, model = "capture__shots__0__", "x\n\x1b[31m" + "y" * 500
+    names = {"photo__make": "<b>&", "photo__model": model, "lamp__name": "</p><script>alert(1)</script>"}
+    found = changed(document("D55"), **{shot + place: name for place, name in names.items()})
     assert "<script" not in found._repr_html_()
     assert not set("\x1b\n") & set(repr(found))
     ElementTree.fromstring(found._repr_html_())
-
-
-# -- curves as numbers ---------------------------------------------------------------------------------------------
 
 
 def test_curves_at_wavelengths_are_linear_between_the_grid_s(result: Result) -> None:
@@ -119,12 +113,7 @@ def test_z_scores_and_coverage_need_a_truth(result: Result) -> None:
     assert changed(judged, answer__std=None).coverage is None
 
 
-# -- drawings ------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.usefixtures("no_figures_left")
-def test_plots_hold_the_result_s_numbers(result: Result) -> None:
-    plt = pytest.importorskip("matplotlib.pyplot")
+def test_plots_hold_the_result_s_numbers(result: Result, plt: Any) -> None:
     own = plt.subplots()[1]
     axes = result.plot(ax=own)
     assert axes is own
@@ -142,7 +131,7 @@ def test_plots_hold_the_result_s_numbers(result: Result) -> None:
     assert sum(bar.get_width() for bar in bars) == pytest.approx(300.0)
 
 
-@pytest.mark.usefixtures("no_figures_left")
+@pytest.mark.usefixtures("plt")
 def test_several_results_are_in_one_plot(result: Result) -> None:
     other = changed(document("A"), capture__shots__0__photo__model="$x$")
     alone = len(result.plot().lines)
@@ -157,20 +146,15 @@ def test_several_results_are_in_one_plot(result: Result) -> None:
 
 
 def test_plots_refuse_what_they_cannot_draw(result: Result) -> None:
-    for call, words in (
-        (lambda: result.plot("spectrum"), "no plot 'spectrum'"),
-        (lambda: result.plot(shot=2), "no shot 2"),
-        (lambda: result.plot("budget", others=[result]), "'budget' shows one result"),
-        (lambda: result.plot(others=[refused()]), "refused"),
-        (lambda: result.plot(shot=True), "no shot True"),
-        (lambda: result.plot(ax="axes"), "A str is not a matplotlib axes"),
-        (lambda: result.to_pandas("all"), "no table 'all'"),
-    ):
+    for words, *kind, options in (
+        ("no plot 'spectrum'", "spectrum", {}), ("no shot 2", {"shot": 2}), ("no shot True", {"shot": True}),
+        ("'budget' shows one result", "budget", {"others": [result]}), ("refused", {"others": [refused()]}),
+        ("A str is not a matplotlib axes", {"ax": "axes"}),
+    ):  # fmt: skip
         with pytest.raises(InvalidArgument, match=words):
-            call()
-
-
-# -- files and pickles ---------------------------------------------------------------------------------------------
+            result.plot(*kind, **options)
+    with pytest.raises(InvalidArgument, match="no table 'all'"):
+        result.to_pandas("all")
 
 
 def test_saved_and_loaded_it_is_the_same_result(result: Result, tmp_path: Path) -> None:
@@ -195,23 +179,20 @@ def test_a_pickle_is_small_and_whole_but_for_the_pictures(result: Result) -> Non
     assert result.capture.shots[0].thumbnail is not None
 
 
-# -- tables --------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.full
 def test_pandas_has_curves_patches_and_budget(result: Result) -> None:
     pytest.importorskip("pandas")
-    table = result.to_pandas()
+    table, colours = result.to_pandas(), ["red", "green", "blue"]
     assert table.index.name == "wavelength_nm"
-    assert np.array_equal(table[["red", "green", "blue"]].to_numpy(), result.curves)
-    assert np.array_equal(table[["red_std", "green_std", "blue_std"]].to_numpy(), result.std)
+    assert np.array_equal(table[colours].to_numpy(), result.curves)
+    assert np.array_equal(table[[f"{colour}_std" for colour in colours]].to_numpy(), result.std)
     patches = result.to_pandas("patches")
     assert len(patches) == 24 * 3
     row = patches[(patches.patch == patches.patch[21]) & (patches.channel == "green")].iloc[0]
     assert row.signal == result.signals.values[0, 7, 1]
     budget = result.to_pandas("budget")
     assert budget.sum().to_numpy() == pytest.approx([1, 1, 1])
-    assert list(budget.columns) == ["red", "green", "blue"]
+    assert list(budget.columns) == colours
 
 
 @pytest.mark.full
@@ -229,13 +210,8 @@ def test_colour_science_takes_the_curves(result: Result) -> None:
     found = result.to_colour()
     assert type(found).__name__ == "RGB_CameraSensitivities"
     assert np.array_equal(found.wavelengths, WAVELENGTHS)
-    own = result.curves * channel_scale(result)
-    assert np.allclose(found.values, own)
-    back = read_camera(found)
-    assert np.allclose(back.values, own)
-
-
-# -- objects and arrays --------------------------------------------------------------------------------------------
+    for curves in (found, read_camera(found)):
+        assert np.allclose(curves.values, result.curves * channel_scale(result))
 
 
 def test_a_lamp_may_be_an_object_or_arrays() -> None:
@@ -257,17 +233,14 @@ def test_a_lamp_may_be_an_object_or_arrays() -> None:
 
 def test_a_lamp_that_is_none_is_a_typed_error() -> None:
     nm = np.arange(380.0, 721.0, 5.0)
-    for given, kind, words in (
-        (5, InvalidArgument, "int is no lamp"),
-        ((nm, nm[:-1]), InvalidArgument, "shapes"),
-        ((nm, np.stack([nm, nm])), InvalidArgument, "holds 2 spectra"),
-        ((nm, -nm), LampUnfit, "no power"),
-        ((nm[:10], nm[:10]), LampUnfit, "covers only"),
+    for lamp, kind, words in (
+        (5, InvalidArgument, "int is no lamp"), ({}, InvalidArgument, "dict is no lamp"),
+        ((nm, nm[:-1]), InvalidArgument, "shapes"), ((nm, np.stack([nm, nm])), InvalidArgument, "holds 2 spectra"),
+        ((nm, -nm), LampUnfit, "no power"), ((nm[:10], nm[:10]), LampUnfit, "covers only"),
         ((nm, nm * np.nan), LampUnfit, "no number|not a number"),
-        ({}, InvalidArgument, "dict is no lamp"),
-    ):
+    ):  # fmt: skip
         with pytest.raises(kind, match=words) as caught:
-            read_lamp(given)
+            read_lamp(lamp)
         assert caught.value.advice
 
 
@@ -293,14 +266,11 @@ def test_a_chart_may_be_objects_or_arrays() -> None:
 
 def test_calibrate_takes_objects_and_arrays(result: Result) -> None:
     """A pair of arrays is one lamp, not two."""
-    lamp, chart, truth = (
-        (WAVELENGTHS, each.values)
-        for each in (read_lamp("D55"), read_chart("classic24"), read_camera("Nikon 5100 (NPL)"))
-    )
+    read = (read_lamp("D55"), read_chart("classic24"), read_camera("Nikon 5100 (NPL)"))
+    lamp, chart, truth = ((WAVELENGTHS, table.values) for table in read)
     found = calibrate(replace(shot(), lamp=lamp), chart=chart, truth=truth, options=Options(basis="cameras"))
     assert np.abs(found.curves - result.curves).max() < 0.05
     stated = found.capture.shots[0].lamp
-    assert isinstance(stated, Lamp)
     assert (stated.name, stated.tolerance, stated.source) == ("lamp (given)", 0.01, "given as arrays")
     assert found.scores.rmse is not None
     with pytest.raises(InvalidArgument, match="is no lamp"):

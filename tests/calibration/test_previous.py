@@ -32,25 +32,24 @@ from golden.forms import resolve
 from golden.scenes import PHONE
 from tests.recovery.test_choice import SEEN, TABLE, capture
 from tests.support import captures
+from tests.support.documents import changed
 from tests.verdict.test_verdict import BLACK
 
-NEW = "1" * 64
+NEW, ACCEPTED = "1" * 64, {"verdict__status": "accepted", "verdict__reasons": ()}
 
 
 def later(lamp: str, named: bool = False, camera: Floats | None = None) -> Capture:
     """A photo of the phone taken later, in this lamp."""
     camera = resolve(PHONE) if camera is None else camera
-    given = in_light(capture(camera, (lamp,), make="Apple"), lamp, camera)
-    (shot,) = given.shots
-    shot = replace(shot, photo=replace(shot.photo, name="later.dng", sha256=NEW))
-    return replace(given, shots=(shot if named else replace(shot, lamp=unnamed_light()),))
+    photo = in_light(capture(camera, (lamp,), make="Apple"), lamp, camera)
+    photo = changed(photo, shots__0__photo__name="later.dng", shots__0__photo__sha256=NEW)
+    return photo if named else changed(photo, shots__0__lamp=unnamed_light())
 
 
 def in_light(given: Capture, lamp: str, camera: Floats) -> Capture:
     """The capture of one photo with the raw white that the camera sees under this lamp."""
     (shot,) = given.shots
     seen = read_lamp(lamp).values @ camera
-
     seen /= seen.max()
     frames = {}
     for role in ("chart", "white", "dark"):
@@ -58,7 +57,7 @@ def in_light(given: Capture, lamp: str, camera: Floats) -> Capture:
             mean = BLACK + seen * (frame.mean - BLACK)
             error = seen * frame.standard_error
             frames[role] = replace(frame, mean=mean, standard_error=error, greens=mean[:, [1, 1]])
-    return replace(given, shots=(replace(shot, means=replace(shot.means, **frames)),))
+    return changed(given, shots__0__means=replace(shot.means, **frames))
 
 
 @cache
@@ -67,21 +66,14 @@ def previous(lamp: str = "D55") -> Result:
     return solve(in_light(capture(resolve(PHONE), (lamp,), make="Apple"), lamp, resolve(PHONE)))
 
 
-def accepted(found: Result) -> Result:
-    return replace(found, verdict=replace(found.verdict, status="accepted", reasons=()))
-
-
 def error(found: Result, camera: Floats) -> float:
     off = (found.ssf.peak()[0] - camera / camera.max(axis=0))[SEEN]
     return float(np.sqrt(np.mean(off**2)))
 
 
-def check(found: Result, name: str = "unit_drift") -> float:
-    (value,) = (each.value for each in found.verdict.checks if each.name == name)
+def drift_of(result: Result) -> float:
+    (value,) = (check.value for check in result.verdict.checks if check.name == "unit_drift")
     return value
-
-
-# -- shots of a document -------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("frames", [("white", "dark"), ()])
@@ -91,8 +83,8 @@ def test_shots_of_a_document_have_the_same_signals(frames: tuple[str, ...]) -> N
     (shot,) = given.shots
     dropped: dict[str, Any] = {role: None for role in ("white", "dark") if role not in frames}
     shot = replace(shot, means=replace(shot.means, **dropped), **dropped)
-    stored = read_previous(accepted(solve(replace(given, shots=(shot,)), options=Options(basis="phones"))))
-    joint = stored.joined(capture(resolve(PHONE), ("D55",), make="Apple"))
+    first = solve(replace(given, shots=(shot,)), options=Options(basis="phones"))
+    joint = read_previous(changed(first, **ACCEPTED)).joined(capture(resolve(PHONE), ("D55",), make="Apple"))
     again, direct = (normalise([each.means], TABLE) for each in (joint.shots[1], evened(shot, TABLE)))
     for name in ("values", "standard_error", "used"):
         assert np.array_equal(getattr(again, name), getattr(direct, name))
@@ -100,9 +92,6 @@ def test_shots_of_a_document_have_the_same_signals(frames: tuple[str, ...]) -> N
     assert again.values == pytest.approx(before / before[:, [TABLE.white]], rel=1e-12, abs=1e-12)
     assert joint.shots[1].lamp.name == "A"
     assert (joint.shots[1].white is None) == ("white" not in frames)
-
-
-# -- the common answer ---------------------------------------------------------------------------------------------
 
 
 @pytest.mark.full
@@ -113,7 +102,7 @@ def test_a_later_photo_in_any_light_is_solved_with_the_previous_result(tmp_path:
     alone, found = solve(new), solve(new, previous=path)
     assert found.verdict.status == "accepted"
     assert [shot.photo.sha256 for shot in found.capture.shots] == [NEW, "0" * 64]
-    assert check(found) < rules().number("verdict.unit_drift_unnamed")
+    assert drift_of(found) < rules().number("verdict.unit_drift_unnamed")
     phone = resolve(PHONE)
     # Two photos of the same chart share its error, so the second adds little; a thousandth is chance.
     assert error(found, phone) < max(error(alone, phone), error(first, phone)) + 0.001
@@ -123,17 +112,14 @@ def test_a_later_photo_in_any_light_is_solved_with_the_previous_result(tmp_path:
     assert any(assumption.code == "previous_result" for assumption in saved.assumptions)
 
 
-# -- drift ---------------------------------------------------------------------------------------------------------
-
-
 def test_moves_by_hand() -> None:
     curve = np.interp(np.arange(681), [0, 200, 300, 680], [0.0, 0.0, 1.0, 0.0])
     whole, long, short = moves(curve)
     assert whole[250] == pytest.approx(-STEPS / 100.0)
     assert whole[400] == long[400] == pytest.approx(STEPS / 380.0)
     assert short[250] == whole[250]
-    assert (long[:301] == 0.0).all()
-    assert (short[300:] == 0.0).all()
+    assert not long[:301].any()
+    assert not short[300:].any()
 
 
 @pytest.mark.requirement("R-PREVIOUS")
@@ -144,7 +130,7 @@ def test_a_drift_is_noticed_and_the_previous_answer_stays() -> None:
     found = solve(later("D65", named=True, camera=phone), previous=first)
     assert found.verdict.status == "doubtful"
     assert [reason.code for reason in found.verdict.reasons] == ["unit_differs"]
-    assert found.verdict.reasons[0].value == check(found)
+    assert found.verdict.reasons[0].value == drift_of(found)
     assert (found.curves == first.curves).all()
     assert [shot.photo for shot in found.capture.shots] == [shot.photo for shot in first.capture.shots]
     assert found.capture.hashes[f"not used: later.dng, {NEW[:8]}"] == NEW
@@ -157,13 +143,10 @@ def test_a_drift_is_noticed_and_the_previous_answer_stays() -> None:
 def test_a_wrong_name_of_the_new_lamp_does_not_touch_the_previous_answer() -> None:
     """The blue curve seems to have moved, but another lamp explains more."""
     first, new = previous(), later("LED-B3")
-    found = solve(replace(new, shots=(replace(new.shots[0], lamp=read_light("daylight")),)), previous=first)
+    found = solve(changed(new, shots__0__lamp=read_light("daylight")), previous=first)
     assert (found.verdict.status, found.verdict.reasons) == ("accepted", ())
     assert (found.curves == first.curves).all()
     assert "(shot 1: later.dng) did not enter: " in found.assumptions[-1].message
-
-
-# -- wrong uses ----------------------------------------------------------------------------------------------------
 
 
 def shot_in(document: dict[str, Any]) -> Any:
@@ -185,19 +168,14 @@ WRONG: list[tuple[Callable[[dict[str, Any]], Any], type[CalibrationError], str]]
 
 
 @pytest.mark.parametrize(("change", "kind", "words"), WRONG, ids=[words for _, _, words in WRONG])
-def test_what_cannot_be_a_previous_result(
-    change: Callable[[dict[str, Any]], Any], kind: type[CalibrationError], words: str, tmp_path: Path
-) -> None:
+def test_what_cannot_be_a_previous_result(change: Any, kind: Any, words: str, tmp_path: Path) -> None:
     document = json.loads(document_bytes(previous()))
     del document["sha256"]
     change(document)
-    path = tmp_path / "first.json"
-    path.write_text(json.dumps(document))
-    new = later("A")
-    (shot,) = new.shots
-    new = replace(new, shots=(replace(shot, photo=replace(shot.photo, unit=Unit(lens="wide"))),))
+    (tmp_path / "first.json").write_text(json.dumps(document))
+    new = changed(later("A"), shots__0__photo__unit=Unit(lens="wide"))
     with pytest.raises(kind, match=words):
-        solve(new, previous=path)
+        solve(new, previous=tmp_path / "first.json")
 
 
 @pytest.mark.parametrize("options", [Options(basis="gaussian"), Options(light_per_patch=0.08)])
@@ -205,9 +183,6 @@ def test_options_without_a_previous_result(options: Options) -> None:
     new = later("A", named=True)
     with pytest.raises(InvalidArgument, match="cannot be used"):
         solve(new, options=options, previous=previous())
-
-
-# -- the command ---------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.full
@@ -218,8 +193,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     photo = str(captures.photos("A", "Demo phone", seed=4).shots[0].chart)
     assert cli.main(["calibrate", photo, "--previous", str(first)]) == 0
     document = json.loads(capsys.readouterr().out)
-    assert document["verdict"]["status"] == "accepted"
-    assert len(document["capture"]["shots"]) == 2
+    assert (document["verdict"]["status"], len(document["capture"]["shots"])) == ("accepted", 2)
     (tmp_path / "joint.json").write_text(json.dumps(document))
     assert cli.main(["patches", photo]) == 0
     (tmp_path / "patches.json").write_text(capsys.readouterr().out)
@@ -230,9 +204,6 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert "previous one by itself" in capsys.readouterr().err
     with pytest.raises(InvalidArgument, match="cannot be read"):
         calibrate(Shot(photo), previous=tmp_path / "none.json")
-
-
-# -- the torch -----------------------------------------------------------------------------------------------------
 
 
 def torch_shot() -> MeasuredShot:
@@ -280,7 +251,6 @@ def test_the_torch_s_spectrum_is_measured_against_a_named_lamp() -> None:
     for words in ("<dd>the phone&#39;s torch + D55</dd>", "Shot 1: the phone&#39;s torch"):
         assert words in made.html
     assert "not named" not in made.html
-    (shot,) = later("A").shots
-    new = replace(later("A"), shots=(replace(shot, photo=replace(shot.photo, sha256="2" * 64)),))
-    again = read_previous(accepted(found)).joined(new)
+    new = changed(later("A"), shots__0__photo__sha256="2" * 64)
+    again = read_previous(changed(found, **ACCEPTED)).joined(new)
     assert [shot.lamp.name for shot in again.shots] == ["auto", "D55"]  # the torch's shot identifies no curves

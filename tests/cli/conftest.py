@@ -6,7 +6,7 @@ from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import pytest
 
@@ -14,6 +14,10 @@ from camssf import cli
 from tests.support.captures import photos
 from tests.support.failures import raising
 
+Capture: TypeAlias = pytest.CaptureFixture[str]
+Feed: TypeAlias = Callable[[str | bytes | None], None]
+Patch: TypeAlias = pytest.MonkeyPatch
+Swap: TypeAlias = Callable[[Any], None]
 FILES = ["patches.csv", "report.html", "result.json", "ssf.csv", "ssf.svg"]
 
 
@@ -39,25 +43,20 @@ def result(shots: Path, triple: list[str], tmp_path_factory: pytest.TempPathFact
 
 
 @pytest.fixture
-def feed(monkeypatch: pytest.MonkeyPatch) -> Callable[[str | bytes | None], None]:
+def feed(monkeypatch: Patch) -> Feed:
     """Put something on stdin, or close it."""
 
     def put(data: str | bytes | None) -> None:
         raw = data.encode() if isinstance(data, str) else data
-        stream = None if raw is None else io.TextIOWrapper(io.BytesIO(raw), "utf-8")
-        monkeypatch.setattr(sys, "stdin", stream)
+        monkeypatch.setattr(sys, "stdin", None if raw is None else io.TextIOWrapper(io.BytesIO(raw), "utf-8"))
 
     return put
 
 
 @pytest.fixture
-def swap(monkeypatch: pytest.MonkeyPatch) -> Callable[[Any], None]:
+def swap(monkeypatch: Patch) -> Swap:
     """Put a function, or an exception, in the place of the calibration."""
-
-    def put(value: Any) -> None:
-        monkeypatch.setattr(import_module("camssf.calibration"), "attempt", raising(value))
-
-    return put
+    return lambda value: monkeypatch.setattr(import_module("camssf.calibration"), "attempt", raising(value))
 
 
 def state(folder: Path) -> dict[str, bytes | None]:

@@ -12,22 +12,18 @@ import pytest
 
 import camssf
 from camssf import cli, errors
-from camssf.errors import CalibrationError, InvalidArgument
+from camssf.errors import InvalidArgument
 from camssf.fit.scores import rmse
 from camssf.options import Options
 from camssf.photo.shot import Shot
 from camssf.recovery.basis import read_basis
+from camssf.result import Result
 from camssf.spectra import read_camera
 from camssf_fleet import batch
-from tests.cli.conftest import FILES
+from tests.cli.conftest import FILES, Capture, Feed, Patch, Swap
 from tests.support.failures import raising
 
 ROOT = Path(__file__).parents[2]
-Capture = pytest.CaptureFixture[str]
-Feed = Callable[[str | bytes | None], None]
-
-
-# -- the whole way ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.requirement("R-PIPELINE")
@@ -36,15 +32,13 @@ def test_calibrate_leaves_its_files_with_curves_near_the_truth(result: Path, sho
     document = json.loads((result / "result.json").read_text("utf-8"))
     assert document["format"] == "camssf/2"
     assert document["verdict"]["status"] in ("accepted", "doubtful")
-    truth = np.genfromtxt(shots / "truth.csv", delimiter=",", skip_header=1)
-    found = np.genfromtxt(result / "ssf.csv", delimiter=",", skip_header=1)
-    inside = (found[:, 0] >= 400) & (found[:, 0] <= 700)
-    for channel in (1, 2, 3):
-        known = np.interp(found[:, 0], truth[:, 0], truth[:, channel])
-        known /= known.max()
+    nm, *truth = np.genfromtxt(shots / "truth.csv", delimiter=",", skip_header=1).T
+    grid, *curves = np.genfromtxt(result / "ssf.csv", delimiter=",", skip_header=1).T
+    inside = (grid >= 400) & (grid <= 700)
+    for known, curve, printed in zip(truth, curves, document["answer"]["scores"]["rmse"], strict=False):
         # computed here from the two CSV files, so that the printed number has a witness
-        error = float(np.sqrt(np.mean((found[inside, channel] - known[inside]) ** 2)))
-        assert error == pytest.approx(document["answer"]["scores"]["rmse"][channel - 1], rel=1e-3)
+        error = float(np.sqrt(np.mean((curve - np.interp(grid, nm, known) / known.max())[inside] ** 2)))
+        assert error == pytest.approx(printed, rel=1e-3)
         assert error < 0.10  # of the peak; the mean of 87 cameras is 0.05, a wrong answer is above 0.15
 
 
@@ -73,31 +67,32 @@ def test_the_pipe_is_calibrate_in_steps(
 
 @pytest.mark.full
 @pytest.mark.requirement("R-PIPELINE")
-def test_demo(tmp_path: Path, capsys: Capture) -> None:
+def test_demo(tmp_path: Path, capsys: Capture, swap: Swap) -> None:
     out = tmp_path / "out"
     assert cli.main(["demo", "-o", str(out)]) == 0
     err = capsys.readouterr().err
     assert sorted(path.name for path in out.iterdir()) == sorted([*FILES, "named", "pictures.html", "shots"])
     assert sorted(path.name for path in (out / "named").iterdir()) == FILES
     assert all(str(out / name) in err for name in ("report.html", "pictures.html"))
-    documents = [json.loads((folder / "result.json").read_text("utf-8")) for folder in (out, out / "named")]
-    assert {each["capture"]["shots"][0]["photo"]["model"] for each in documents} == {"Demo phone"}
-    assert documents[1]["capture"]["shots"][0]["lamp"]["name"] == "D55"
-    unnamed, named = (each["answer"] for each in documents)
-    assert len(unnamed["lights"]) == 1
+    first, second = (Result.load(folder / "result.json") for folder in (out, out / "named"))
+    assert [result.capture.photos[0].model for result in (first, second)] == ["Demo phone"] * 2
+    assert second.capture.shots[0].lamp.name == "D55"
+    unnamed, named = first.answer.scores.rmse, second.answer.scores.rmse
+    assert len(first.answer.lights) == 1
     page = (out / "report.html").read_text("utf-8")
     mean = read_basis("phones").mean.T
     without = rmse(mean / mean.max(axis=0), read_camera("Demo phone").values)
-    for scores in (without, unnamed["scores"]["rmse"]):
-        assert all(f"{value:.3f}" in text for value in scores for text in (err, page))
-    assert all(f"{value:.3f}" in err for value in named["scores"]["rmse"])
+    assert all(f"{value:.3f}" in text for value in (*without, *unnamed) for text in (err, page))
+    assert all(f"{value:.3f}" in err for value in named)
     (shown,) = re.findall(r"```text\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.DOTALL)
     printed = {" ".join(line.split()).replace("┃", "│") for line in err.splitlines()}
     assert {" ".join(line.split()) for line in shown.splitlines()} <= printed
-    assert np.mean(unnamed["scores"]["rmse"]) < 0.8 * np.mean(without)  # the photo is worth something
+    assert np.mean(unnamed) < 0.8 * np.mean(without)  # the photo is worth something
     by_matrix, by_curves = map(float, re.findall(r'"number">([0-9.]+)<', (out / "pictures.html").read_text("utf-8")))
     assert by_curves < 0.6 * by_matrix  # what two phones differ by
-    assert cli.main(["demo", "-o", str(out)]) == 0  # replaces its own
+    swap(InvalidArgument("enough.", ""))
+    assert cli.main(["demo", "-o", str(out)]) == 2
+    assert capsys.readouterr().err == "invalid_argument: enough.\n  \n"  # so it would replace its own
 
 
 def test_simulate_says_what_it_wrote_and_replaces_its_own_alone(tmp_path: Path, capsys: Capture) -> None:
@@ -105,7 +100,9 @@ def test_simulate_says_what_it_wrote_and_replaces_its_own_alone(tmp_path: Path, 
     call = ["simulate", "--lamp", "D55", "--lamp", "2856K", "--size", "480x360", "-o", str(out)]
     for _ in range(2):
         assert cli.main(call) == 0
-        written = json.loads(capsys.readouterr().out)
+        printed = capsys.readouterr()
+    written = json.loads(printed.out)
+    assert "truth.csv" in printed.err
     assert [shot["lamp"] for shot in written["shots"]] == ["D55", "2856K"]
     paths = {Path(shot[kind]) for shot in written["shots"] for kind in ("chart", "white", "dark")}
     assert paths | {Path(written["truth"]), Path(written["corners"])} == set(out.iterdir())
@@ -114,14 +111,9 @@ def test_simulate_says_what_it_wrote_and_replaces_its_own_alone(tmp_path: Path, 
     assert (out / "white-D55.dng").read_bytes() == b"mine"
 
 
-# -- refusals ---------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.requirement("R-REFUSAL")
 @pytest.mark.parametrize("kind", errors.BY_CODE.values(), ids=errors.BY_CODE)
-def test_each_family_has_its_exit_status(
-    kind: type[CalibrationError], swap: Callable[[Any], None], capsys: Capture, tmp_path: Path
-) -> None:
+def test_each_family_has_its_exit_status(kind: Any, swap: Swap, capsys: Capture, tmp_path: Path) -> None:
     swap(kind("What [is] wrong.", "What to do."))
     assert cli.main(["calibrate", "x.dng", "--lamp", "D55", "-o", str(tmp_path / "out")]) == kind.exit_status
     assert tuple(capsys.readouterr()) == ("", f"{kind.code}: What [is] wrong.\n  What to do.\n")
@@ -129,9 +121,7 @@ def test_each_family_has_its_exit_status(
 
 
 @pytest.mark.requirement("R-REFUSAL")
-def test_a_refusal_keeps_its_evidence_and_goes_down_the_pipe(
-    shots: Path, tmp_path: Path, feed: Feed, capsys: Capture
-) -> None:
+def test_a_refusal_goes_down_the_pipe_whole(shots: Path, tmp_path: Path, feed: Feed, capsys: Capture) -> None:
     """A white frame in place of the chart: calibrate, or patches | solve | validate | report."""
     out, photo = tmp_path / "out", [str(shots / "white.dng"), "--lamp", "D55"]
     assert cli.main(["calibrate", *photo, "-o", str(out)]) == errors.ChartNotFound.exit_status
@@ -155,7 +145,7 @@ def test_a_refusal_keeps_its_evidence_and_goes_down_the_pipe(
     assert json.loads(capsys.readouterr().out) == refused
 
 
-def test_an_unknown_exception_is_one_line_and_a_request(swap: Callable[[Any], None], capsys: Capture) -> None:
+def test_an_unknown_exception_is_one_line_and_a_request(swap: Swap, capsys: Capture) -> None:
     swap(RuntimeError("odd [/] thing\nsecond line"))
     call = ["calibrate", "x.dng", "--lamp", "D55"]
     assert cli.main(call) == cli.BUG
@@ -167,9 +157,8 @@ def test_an_unknown_exception_is_one_line_and_a_request(swap: Callable[[Any], No
         assert "Traceback" in capsys.readouterr().err
 
 
-def test_ctrl_c_is_130_and_a_batch_says_how_to_resume(
-    swap: Callable[[Any], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
-) -> None:
+def test_ctrl_c_is_130(swap: Swap, tmp_path: Path, monkeypatch: Patch, capsys: Capture) -> None:
+    """A batch says how to resume."""
     swap(KeyboardInterrupt())
     assert cli.main(["calibrate", "x.dng", "--lamp", "D55"]) == 130
     assert "Traceback" not in capsys.readouterr().err
@@ -179,13 +168,10 @@ def test_ctrl_c_is_130_and_a_batch_says_how_to_resume(
     assert "Run the same command again to resume" in capsys.readouterr().err
 
 
-# -- arguments, lists and progress ------------------------------------------------------------------------------
-
-
-def test_arguments_arrive_in_their_order(swap: Callable[[Any], None]) -> None:
+def test_arguments_arrive_in_their_order(swap: Swap) -> None:
     heard: dict[str, Any] = {}
 
-    def listen(shots: list[Shot], *, options: Options, **more: Any) -> Any:
+    def listen(shots: list[Shot], *, options: Options, progress: Any, **more: Any) -> Any:
         heard.update(vars(options) | more, shots=shots)
         raise InvalidArgument("enough.", "")
 
@@ -194,7 +180,6 @@ def test_arguments_arrive_in_their_order(swap: Callable[[Any], None]) -> None:
     line += "--signed --gamma 0.1 --l2 1 --white-reflectance 0.95 --lamp-tolerance 2% --lamp-tolerance 100K "
     line += "--lens-shading apply --light-per-patch 8% --corners none --corners"
     assert cli.main([*line.split(), "1,2 3,4 5,6.5 -7,8"]) == 2
-    heard.pop("progress")
     assert heard == {
         "shots": [
             Shot("a", "D55", None, "d1", None, "2%", "apply"),
@@ -221,9 +206,7 @@ def test_lists_are_one_name_a_line(capsys: Capture) -> None:
         assert name in [line.partition("\t")[0] for line in capsys.readouterr().out.splitlines()]
 
 
-def test_progress_shows_itself_on_long_work_only(
-    swap: Callable[[Any], None], monkeypatch: pytest.MonkeyPatch, capsys: Capture
-) -> None:
+def test_progress_shows_itself_on_long_work_only(swap: Swap, monkeypatch: Patch, capsys: Capture) -> None:
     def work(*_: Any, progress: Callable[[str, float], None], **__: Any) -> Any:
         progress("looking for the chart", 0.5)
         for timer in threading.enumerate():
@@ -239,6 +222,5 @@ def test_progress_shows_itself_on_long_work_only(
         monkeypatch.setattr(cli.terminal, "PROGRESS_AFTER", after)
         assert cli.main(["calibrate", "x.dng", "--lamp", "D55"]) == 2
         out, err = capsys.readouterr()
-        assert ("looking for the chart" in err) is shown
-        assert out == ""
+        assert (out, "looking for the chart" in err) == ("", shown)
     assert err == "invalid_argument: enough.\n  \n"

@@ -7,33 +7,29 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from camssf import cli
 from camssf.documents.forms import content_hash
-from tests.cli.conftest import spoken
+from tests.cli.conftest import Capture, Feed, Patch, spoken
 from tests.support.failures import raising
 
-Capture = pytest.CaptureFixture[str]
-Feed = Callable[[str | bytes | None], None]
 LATIN = os.fsdecode(b"gr\xfcn")
 """Half of a name in Latin-1, as old cards and archives hold it: no UTF-8."""
 
 FULL = "No space left on device"
 SCRIPTS = [
-    ("patches TRIPLE | camssf solve -", 0, "verdict: "),
-    ("lamps | head -n 1", 0, ""),
+    ("patches TRIPLE | camssf solve -", 0, "verdict: "), ("lamps | head -n 1", 0, ""),
     ("lamps >&-", 2, "Standard output is closed"),
     *((f"{command} > /dev/full", 2, FULL) for command in ("validate RESULT", "lamps", "--version", "--help")),
     ("calibrate WHITE --lamp D55 > /dev/full", 4, FULL),  # the refusal is the greater news
     # PYTHONUNBUFFERED, usual in containers, makes stdout a raw file, which takes what fits and goes on.
-    ("validate RESULT > short.json", 2, "cannot be written"),
-    ("calibrate TRIPLE -o big", 2, "File too large"),
+    ("validate RESULT > short.json", 2, "cannot be written"), ("calibrate TRIPLE -o big", 2, "File too large"),
     ("calibrate TRIPLE -o locked", 2, "Permission denied"),
-]
+]  # fmt: skip
 
 
 @pytest.mark.full
@@ -70,24 +66,20 @@ def test_a_pipe_or_a_disk_that_ends_is_said(
     ("report", '{"format": "camssf/2", "version": "", "verdict": {"status": "good"}}', "verdict.status must be"),
 ])  # fmt: skip
 def test_bad_standard_input_is_2(
-    command: str, data: str | bytes | None, words: str, tmp_path: Path, feed: Feed, monkeypatch: pytest.MonkeyPatch,
-    capsys: Capture,
-) -> None:  # fmt: skip
+    command: str, data: Any, words: str, tmp_path: Path, feed: Feed, monkeypatch: Patch, capsys: Capture
+) -> None:
     monkeypatch.chdir(tmp_path)
     feed(data)
     assert cli.main([command, "-"]) == 2
     out, err = capsys.readouterr()
-    assert out == ""
-    assert err.startswith("invalid_argument: ")
+    assert (out, err.partition(":")[0]) == ("", "invalid_argument")
     assert words in err
     assert tempfile.gettempdir() not in err  # no temporary name in the words
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.full
-def test_standard_input_is_written_nowhere(
-    result: Path, feed: Feed, monkeypatch: pytest.MonkeyPatch, capsys: Capture
-) -> None:
+def test_standard_input_is_written_nowhere(result: Path, feed: Feed, monkeypatch: Patch, capsys: Capture) -> None:
     for name in ("TemporaryDirectory", "NamedTemporaryFile", "mkstemp", "mkdtemp"):
         monkeypatch.setattr(tempfile, name, raising(AssertionError("a temporary file")))
     feed((result / "result.json").read_bytes())
@@ -95,14 +87,10 @@ def test_standard_input_is_written_nowhere(
     assert json.loads(capsys.readouterr().out)["format"] == "camssf/2"
 
 
-def test_a_terminal_shows_no_json(
-    triple: list[str], result: Path, tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_terminal_shows_no_json(triple: list[str], result: Path, capsys: Capture, monkeypatch: Patch) -> None:
     for words, shown in (
-        (["simulate", "--lamp", "D55", "--size", "480x360", "-o", str(tmp_path)], "truth.csv"),
-        (["patches", *triple], "24 patches measured"),
-        (["validate", str(result / "result.json")], "verdict: "),
-    ):
+        (["patches", *triple], "24 patches measured"), (["validate", str(result / "result.json")], "verdict: "),
+    ):  # fmt: skip
         terminal = io.StringIO()
         monkeypatch.setattr(terminal, "isatty", lambda: True)
         monkeypatch.setattr(sys, "stdout", terminal)
@@ -134,7 +122,7 @@ def test_json_is_utf8_on_a_terminal_of_another_coding(result: Path, tmp_path: Pa
 
 @pytest.mark.full
 @pytest.mark.skipif(sys.platform != "linux", reason="names are Unicode there")
-def test_names_that_are_no_utf8(shots: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_names_that_are_no_utf8(shots: Path, tmp_path: Path, monkeypatch: Patch) -> None:
     """Every command that takes or writes files, in a folder and with files of such names."""
     (tmp_path / LATIN).mkdir()
     monkeypatch.chdir(tmp_path / LATIN)
@@ -144,10 +132,11 @@ def test_names_that_are_no_utf8(shots: Path, tmp_path: Path, monkeypatch: pytest
     Path(f"{LATIN}-m.csv").write_text("name,photo,lamp\na,missing.dng,D55\nb,b.dng,D55\n")
     chart, frames = "L-chart.dng", "--white L-white.dng --dark L-dark.dng"
     commands = [
-        (f"calibrate {chart} --lamp D55 {frames} --truth L-truth.csv -o out", 0),
-        (f"patches {chart} --lamp D55 {frames}", 0), ("solve L-patches.json", 0),
+        (f"calibrate {chart} --lamp D55 {frames} --truth L-truth.csv --basis gaussian -o out", 0),
+        (f"patches {chart} --lamp D55 {frames}", 0), ("solve L-patches.json --basis gaussian", 0),
         (f"report L-solve.json -o report --photo {chart}", 0),
-        ("batch L-m.csv -o batch --workers 1", cli.BATCH_FAILED), ("calibrate L-white.dng --lamp D55 -o refused", 4),
+        ("batch L-m.csv --basis gaussian -o batch --workers 1", cli.BATCH_FAILED),
+        ("calibrate L-white.dng --lamp D55 -o refused", 4),
         ("calibrate L-none --lamp D55", 3), (f"calibrate {chart} --lamp L-none", 2), ("solve L-none", 2),
     ]  # fmt: skip
     for line, expected in commands:

@@ -20,13 +20,12 @@ import numpy as np
 import pytest
 
 from camssf import cli
-from camssf.errors import ChartNotFound, InvalidArgument
+from camssf.errors import InvalidArgument
 from camssf.files import ASIDE, NEW
 from camssf.places import write_place
 from camssf.recovery.basis import read_basis
 from camssf.report.build import NAMES
-from camssf.result import refused
-from camssf_fleet import batch, pools
+from camssf_fleet import pools
 from camssf_fleet.batch import MARK, calibrate_into
 from camssf_fleet.inputs import basis_hash, file_hash
 from camssf_fleet.manifest import Job, Manifest
@@ -40,7 +39,8 @@ from tests.support.processes import until
 
 pytestmark = pytest.mark.full  # pools of processes
 
-ONE = ["one,a,D55,,,"]
+ONE, ONE_ROW = ["one,a,D55,,,"], ["one,a,D55,,,,,"]
+"""Without and with a registry."""
 
 
 @pytest.fixture
@@ -79,8 +79,8 @@ def test_it_resumes(pages: Desk) -> None:
     assert again(basis="gaussian") == [False, False, False]
 
 
-def test_a_refused_capture_replaces_no_result_of_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its photo is another now: missing, no RAW, or one that is refused."""
+def test_a_refused_capture_replaces_no_result_of_its_name(tmp_path: Path) -> None:
+    """Its photo is another now, or missing."""
     (tmp_path / "result.json").write_text('{"verdict": {"status": "accepted"}}')
     (tmp_path / "ssf.csv").write_text("curves")
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
@@ -88,9 +88,6 @@ def test_a_refused_capture_replaces_no_result_of_its_name(tmp_path: Path, monkey
     outcome = calibrate_into(job, tmp_path)
     assert (outcome.status, outcome.code) == ("refused", "unreadable_raw")
     assert outcome.reason.endswith("The earlier result of this name was kept as it is.")
-    monkeypatch.setattr(batch, "attempt_job", lambda _: refused(ChartNotFound("No chart.", "Take one.")))
-    outcome = calibrate_into(job, tmp_path)
-    assert outcome.reason == "No chart. Take one. The earlier result of this name was kept as it is."
     assert sorted(path.name for path in (tmp_path / "refused").iterdir()) == ["report.html", "result.json"]
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()} == before
 
@@ -104,8 +101,7 @@ def test_what_came_between_is_not_forgotten(pages: Desk, meanwhile: str, process
     assert [outcome.status for outcome in pages.run_pages()] == ["doubtful"]
     (pages.home / "other.csv").write_text(pages.manifest.read_text().replace("one,a", "one,b"))
     (between,) = pages.run_pages(manifest="other.csv", processes=processes)
-    assert not between.ok
-    assert not (pages.out / "one" / MARK).exists()
+    assert (between.ok, (pages.out / "one" / MARK).exists()) == (False, False)
     (again,) = pages.run_pages()
     assert (again.status, again.resumed) == ("doubtful", False)
     assert json.loads((pages.out / "one" / "result.json").read_text())["verdict"]["status"] == "doubtful"
@@ -124,11 +120,9 @@ def test_a_result_that_is_not_whole_is_done_again(pages: Desk, name: str, gone: 
     assert file.read_bytes() == whole
 
 
-FORMULAS = ("=1", "\n=1", "-1", "@SUM(A1)", "+1", "\uff1dcmd|' /C calc'!A0")
-
-
 @pytest.mark.parametrize(("text", "cell"), [
-    *((text, f"'{text}") for text in FORMULAS), ("\t=1", "'\t'=1"), ("\r=1", "' =1"), ("cam;=1+1", "cam;'=1+1"),
+    *((text, f"'{text}") for text in ("=1", "\n=1", "-1", "@SUM(A1)", "+1", "\uff1dcmd|' /C calc'!A0")),
+    ("\t=1", "'\t'=1"), ("\r=1", "' =1"), ("cam;=1+1", "cam;'=1+1"),
     *((text, text) for text in ("Nikon 5100 (NPL)", "a-b", "2 % - 3", "'quoted", "")),
 ])  # fmt: skip
 def test_no_cell_of_the_summary_is_a_formula(text: str, cell: str) -> None:
@@ -196,9 +190,6 @@ def test_ctrl_c_stops_what_has_not_begun_and_a_second_run_goes_on(pages: Desk) -
     assert all(outcome.ok for outcome in outcomes)
 
 
-ONE_ROW = ["one,a,D55,,,,,"]
-
-
 def test_it_goes_on_and_resumes_without_reading(desk: Desk) -> None:
     rows = ["good,a,D55,,,,S1,lab", "bug,b,D55,,,,,", "wrong,w,D55,,,,,", "refused,d,D55,,,,,", "lost,none,D55,,,,,"]
     desk.write([*rows, "again,a2,D55,,,,S1,lab", "fault,,D55,,,,,"],
@@ -217,8 +208,7 @@ def test_it_goes_on_and_resumes_without_reading(desk: Desk) -> None:
     second = desk.run()
     assert (second.resumed, second.duplicates, second.total) == (3, 0, 7)
     assert desk.visits() == {"good": 1, "bug": 2, "wrong": 2, "refused": 1}
-    assert second.by_status == first.by_status
-    assert second.by_model == first.by_model
+    assert (second.by_status, second.by_model) == (first.by_status, first.by_model)
     assert {model.split()[-1]: dict(each) for model, each in first.by_model.items() if model} == {
         "Phone": {"doubtful": 2}, "refused": {"refused": 1},
     }  # fmt: skip
@@ -230,19 +220,17 @@ def test_it_goes_on_and_resumes_without_reading(desk: Desk) -> None:
 
 
 def test_a_damaged_result_in_the_archive_is_made_anew(desk: Desk) -> None:
+    """Without the registry, which is made again from the archive."""
     desk.write(ONE_ROW, {"a": "Phone"})
     desk.run()
     (file,) = (desk.home / "out").glob("*/*/result.json")
     whole = file.read_bytes()
     file.write_bytes(whole[:1000])
-    shutil.rmtree(desk.home / "phones")
-    assert desk.run().by_status == {"doubtful": 1}
-    assert file.read_bytes() == whole
-    assert desk.visits() == {"one": 2}
-    shutil.rmtree(desk.home / "phones")
-    assert desk.run().by_status == {"doubtful": 1}
-    assert desk.visits() == {"one": 2}  # the registry made again from the archive
-    assert len(desk.rows()) == 1
+    for _ in range(2):
+        shutil.rmtree(desk.home / "phones")
+        assert desk.run().by_status == {"doubtful": 1}
+        assert (file.read_bytes(), len(desk.rows())) == (whole, 1)
+        assert desk.visits() == {"one": 2}
 
 
 def test_a_correction_of_the_manifest_reaches_the_registry(desk: Desk) -> None:
@@ -263,9 +251,8 @@ def test_a_correction_of_the_manifest_reaches_the_registry(desk: Desk) -> None:
         row = desk.rows("*")[0]
         assert {name: row[name] for name in expected} == expected
         assert all(row[name] == value for name, value in before.items() if value and name not in (*expected, "added"))
-    refusal = "SELECT reason FROM jobs WHERE name = 'cam' AND status = 'refused'"
-    for found in Registry(desk.home / "phones").query(refusal):
-        assert "What is given of the result" in found["reason"]
+    refusals = "SELECT reason FROM jobs WHERE name = 'cam' AND status = 'refused'"
+    assert all("What is given of" in row["reason"] for row in Registry(desk.home / "phones").query(refusals))
     assert desk.run().resumed == 2
     desk.write(["camera,a,D55,S2,,,roof"], {})
     desk.run()
@@ -288,7 +275,6 @@ def test_another_basis_in_the_same_file_is_noticed(desk: Desk) -> None:
 
 
 def test_a_process_that_lives_on_reads_the_new_basis(tmp_path: Path) -> None:
-    """As a cluster's worker does."""
     file, shipped = tmp_path / "mine.npz", [read_basis(name) for name in ("phones", "cameras")]
     for number, basis in enumerate(shipped):
         np.savez(file, mean=basis.mean[:, ::10], dictionary=basis.dictionary[..., ::10, :], source="s")
@@ -313,10 +299,6 @@ def test_the_poisonous_is_put_aside(desk: Desk) -> None:
     assert desk.run().by_status["failed"] == 0
 
 
-class Died(Exception):
-    """Of a worker, as a cluster tells it."""
-
-
 AGAIN = f"It was interrupted {pools.RESUBMISSIONS + 1} times. Run the same command again for it."
 
 
@@ -324,13 +306,13 @@ AGAIN = f"It was interrupted {pools.RESUBMISSIONS + 1} times. Run the same comma
     (1, pools.Lost(), 2, ("accepted", "", 0)),
     (pools.RESUBMISSIONS, pools.Lost(), pools.RESUBMISSIONS + 1, ("accepted", "", 0)),
     (10**6, pools.Lost(), pools.RESUBMISSIONS + 1, ("failed", AGAIN, 0)),  # no job's fault: the next run tries again
-    (pools.DEATHS - 1, Died(), None, ("accepted", "", 0)),
-    (pools.DEATHS, Died(), None, ("failed", pools.DIED, pools.DEATHS)),
+    (pools.DEATHS - 1, ChildProcessError(), None, ("accepted", "", 0)),
+    (pools.DEATHS, ChildProcessError(), None, ("failed", pools.DIED, pools.DEATHS)),
 ])  # fmt: skip
 def test_what_is_interrupted_is_submitted_again_not_for_ever(
     interruptions: int, error: Exception, submitted: int | None, end: Any, tmp_path: Path
 ) -> None:
-    asked, ends = Counter[str](), list[tuple[str, str, int]]()
+    asked, ends = Counter[str](), list[Outcome]()
 
     def submit(do: Any, job: Job, work: Any, marks: Path, version: str) -> Future[Outcome]:
         """Interrupts a job so many times, after it has begun, before it does it."""
@@ -343,15 +325,12 @@ def test_what_is_interrupted_is_submitted_again_not_for_ever(
             future.set_exception(error)
         return future
 
-    def add(job: Job, outcome: Outcome) -> None:
-        ends.append((outcome.status, outcome.reason, outcome.deaths))
-
     (tmp_path / "m.csv").write_text("name,photo,lamp\na,x,D55\n")
-    pool = nullcontext(pools.Pool(submit, lambda: 1, Died))
-    recorder: Any = SimpleNamespace(add=add, update=lambda: None)
+    pool = nullcontext(pools.Pool(submit, lambda: 1, ChildProcessError))
+    recorder: Any = SimpleNamespace(add=lambda job, outcome: ends.append(outcome), update=lambda: None)
     jobs = iter(Manifest(tmp_path / "m.csv"))
     pools.run_jobs(jobs, lambda job: Outcome(job.name, "accepted"), pool, tmp_path / "marks", recorder)
-    assert ends == [end]
+    assert [(outcome.status, outcome.reason, outcome.deaths) for outcome in ends] == [end]
     assert submitted is None or asked == {"a": submitted}
 
 

@@ -58,29 +58,20 @@ def test_it_does_what_processes_here_do(desk: Desk, cluster: Any, monkeypatch: p
     assert desk.tasks() == {
         "good": "doubtful", "bug": "failed", "wrong": "refused", "again": "doubtful", "fault": "refused",
     }  # fmt: skip
-    assert summary.total == 5
-    assert len(desk.rows()) == 1
+    assert (summary.total, len(desk.rows())) == (5, 1)
     assert not list(Path("out").glob(".camssf-begun*"))
     again = desk.run(workers=1)
     assert (again.resumed, again.by_status) == (2, summary.by_status)
 
 
 def test_after_a_lost_scheduler_the_same_command_does_the_rest(
-    desk: Desk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    desk: Desk, cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It is killed in the middle; another one, with another address, goes on."""
     monkeypatch.setattr(cluster_module, "SCHEDULER_TIMEOUT", 15.0)  # so long a client looks for a lost one
-    names, processes = desk.fill(12), list[subprocess.Popen[bytes]]()
-    how: Any = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": os.environ | {"PYTHONPATH": SEARCH}}
-
-    def begin(number: int) -> str:
-        """The address of a new scheduler with a worker."""
-        file = tmp_path / f"scheduler-{number}.json"
-        for words in ("scheduler --port 0 --host 127.0.0.1", "worker --nthreads 1 --no-nanny"):
-            line = [sys.executable, "-m", "dask", *words.split(), "--scheduler-file", str(file), "--no-dashboard"]
-            processes.append(subprocess.Popen(line, **how))
-        until(file.exists)
-        return str(json.loads(file.read_text())["address"])
+    names, file, processes = desk.fill(12), tmp_path / "scheduler.json", list[subprocess.Popen[bytes]]()
+    dask = [sys.executable, "-m", "dask"]
+    how: Any = dict.fromkeys(("stdout", "stderr"), subprocess.DEVNULL) | {"env": os.environ | {"PYTHONPATH": SEARCH}}
 
     def kill() -> None:
         until(lambda: desk.visits().total() >= 4)
@@ -88,30 +79,28 @@ def test_after_a_lost_scheduler_the_same_command_does_the_rest(
 
     killer = threading.Thread(target=kill)
     try:
-        address = begin(0)
+        for words in ("scheduler --port 0 --host 127.0.0.1", "worker --nthreads 1 --no-nanny"):
+            call = [*dask, *words.split(), "--scheduler-file", str(file), "--no-dashboard"]
+            processes.append(subprocess.Popen(call, **how))
+        until(file.exists)
         killer.start()
         with pytest.raises(InvalidArgument, match=r"Dask cluster (was lost|has had no worker)") as caught:
-            desk.run(dask=address, work=slow)
-        assert "the same command" in caught.value.advice
+            desk.run(dask=json.loads(file.read_text())["address"], work=slow)
         killer.join()
-        before = desk.visits().total()
-        assert 4 <= before < 12
-        summary = desk.run(dask=begin(1))
     finally:
         for process in processes:
             process.kill()
             process.wait()
-    assert summary.by_status == {"doubtful": 12}
+    assert "the same command" in caught.value.advice
+    assert 4 <= desk.visits().total() < 12
+    assert desk.run(dask=cluster.scheduler_address).by_status == {"doubtful": 12}
     assert [row["name"] for row in desk.rows()] == sorted(names)
     assert desk.visits().total() <= 12 + 1, "what was under way alone is done again"
 
 
-LACKS = ModuleNotFoundError("No module named 'camssf'", name="camssf")
-
-
 @pytest.mark.parametrize(("name", "other", "words", "advice"), [
     ("__version__", "9.9.9", "A worker of the Dask cluster has camssf", "9.9.9"),
-    ("do_job", raising(LACKS), "lacks camssf", "wheel"),
+    ("do_job", raising(ModuleNotFoundError("No module", name="camssf")), "lacks camssf", "wheel"),
 ])  # fmt: skip
 def test_a_worker_with_another_camssf_or_none_is_named(
     desk: Desk, cluster: Any, name: str, other: Any, words: str, advice: str, monkeypatch: pytest.MonkeyPatch
@@ -139,8 +128,7 @@ def test_the_poisonous_is_put_aside_after_two_deaths_and_the_rest_is_done(desk: 
     desk.write([f"{name},{name},D55,,,,," for name in "abcxdef"], {n: f"Phone {n}" for n in others} | {"x": "dies"})
     summary = desk.run(dask=cluster.scheduler_address)
     assert summary.by_status == {"doubtful": 6, "failed": 1}
-    assert desk.tasks()["x"] == "failed"
-    assert desk.visits()["x"] == pools.DEATHS
+    assert (desk.tasks()["x"], desk.visits()["x"]) == ("failed", pools.DEATHS)
     assert [row["name"] for row in desk.rows()] == sorted(others)  # nothing lost, nothing twice
     assert sum(desk.visits()[name] for name in others) <= len(others) + pools.DEATHS
     again = desk.run(dask=cluster.scheduler_address)

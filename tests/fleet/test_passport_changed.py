@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 import jwt
 import pytest
@@ -22,24 +21,8 @@ from camssf_fleet.passport import document as passports
 from camssf_fleet.passport.document import FORMAT, PASSPORT, PassportRequest, create_passport, sign, verify
 from camssf_fleet.passport.jws import sign_jws, verify_jws
 from camssf_fleet.passport.keys import key_name, read_public
-from tests.support.signed_passports import (
-    FOLDER,
-    LATER,
-    accepts,
-    answer,
-    b64,
-    claimed,
-    fixed_key,
-    pem,
-    read_list,
-    refuses,
-    result_json,
-    signed,
-    small,
-    stored,
-    trusted,
-    unb64,
-)
+from tests.support import signed_passports as samples
+from tests.support.signed_passports import accepts, claimed, fixed_key, refuses, result_json, signed, small, trusted
 
 SOUND = {
     "small", "whole", "at 2026-11-22T03:00:00+00:00", "at 2027-11-22T02:59:59+00:00",
@@ -61,14 +44,14 @@ SOUND = {
 @pytest.mark.requirement("R-PASSPORT")
 def test_stored_documents_are_judged_as_kotlin_is_told() -> None:
     """Most are signed well by the trusted key and yet no passport: header, claims, result, JSON, signature, time."""
-    known = stored()
+    known = samples.stored()
     keys = {who: serialization.load_pem_public_key(entry["pem"].encode()) for who, entry in known["keys"].items()}
     assert {who: key_name(key) for who, key in keys.items()} == {w: k["name"] for w, k in known["keys"].items()}
     signer = {key_name(keys["signer"]): keys["signer"]}
     accepted = set()
     for case in known["cases"]:
         at, data = datetime.fromtimestamp(case["at"], UTC), case["data"].encode("latin-1")
-        answers = answer(data, signer, at, case["revoked"])
+        answers = samples.answer(data, signer, at, case["revoked"])
         assert answers == {name: case[name] for name in answers}, case["name"]
         if isinstance(answers["verified"], dict):
             accepted.add(case["name"])
@@ -76,7 +59,7 @@ def test_stored_documents_are_judged_as_kotlin_is_told() -> None:
     (twin,) = accepted - SOUND
     assert twin.startswith("signature ")
     assert accepted > SOUND
-    lists = {case["name"]: read_list(case["data"].encode("latin-1"), signer) for case in known["lists"]}
+    lists = {case["name"]: samples.read_list(case["data"].encode("latin-1"), signer) for case in known["lists"]}
     assert lists == {case["name"]: case["told"] for case in known["lists"]}
     names = {name for name, told in lists.items() if isinstance(told, list)}
     assert names == {"good", "empty", "issued later", "revoked []"}
@@ -106,17 +89,13 @@ def test_any_bit_matters() -> None:
     assert len(others) == 11 * len(short)  # eight bits, left out, doubled, cut off
 
 
-def header_of(data: bytes) -> dict[str, Any]:
-    return dict(json.loads(unb64(data.split(b".")[0])))
-
-
 @pytest.mark.requirement("R-PASSPORT")
 def test_swapped_algorithms() -> None:
     """The old tricks: no signature at all; the public key as the secret of an HMAC."""
-    _header, payload, signature = signed().split(b".")
+    header, payload, signature = signed().split(b".")
     for alg in ("none", "HS256", "ES256"):
-        text = b64(json.dumps(header_of(signed()) | {"alg": alg}).encode()) + b"." + payload
-        macs = (b64(hmac.digest(secret, text, "sha256")) for secret in (pem(), pem().strip()))
+        text = samples.b64(json.dumps(json.loads(samples.unb64(header)) | {"alg": alg}).encode()) + b"." + payload
+        macs = (samples.b64(hmac.digest(secret, text, "sha256")) for secret in (samples.pem(), samples.pem().strip()))
         for mac in (b"", *macs, signature):
             refuses(text + b"." + mac)
 
@@ -136,32 +115,32 @@ def test_other_programs_read_ours_and_ours_reads_theirs() -> None:
     data = sign(drawn, fixed_key())
     changed = data[:2000] + (b"B" if data[2000:2001] == b"A" else b"A") + data[2001:]
     for claims_in in (
-        lambda token: jwt.decode(token, pem(), algorithms=["ES256"]),
-        lambda token: json.loads(JWT(jwt=token.decode(), key=jwk.JWK.from_pem(pem())).claims),
+        lambda token: jwt.decode(token, samples.pem(), algorithms=["ES256"]),
+        lambda token: json.loads(JWT(jwt=token.decode(), key=jwk.JWK.from_pem(samples.pem())).claims),
     ):
         assert claims_in(data) == claimed(drawn)
         with pytest.raises(Exception, match=r"(?i)signature"):
             claims_in(changed)
-    payload = unb64(signed().split(b".")[1])
+    header, payload, _ = (samples.unb64(part) for part in signed().split(b"."))
     for _ in range(8):  # the smaller s, and the larger
-        theirs = jwt.api_jws.encode(payload, fixed_key(), algorithm="ES256", headers=header_of(signed()))
+        theirs = jwt.api_jws.encode(payload, fixed_key(), algorithm="ES256", headers=json.loads(header))
         accepts(theirs.encode())
 
 
 @pytest.mark.requirement("R-PASSPORT")
 def test_kotlins_passports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Signed by `java.security`: verified here, and shown alike."""
-    known, results = json.loads((FOLDER / "kotlin.json").read_text("utf-8")), stored()
+    known, results = json.loads((samples.FOLDER / "kotlin.json").read_text("utf-8")), samples.stored()
     (tmp_path / "key.pem").write_text(known["pem"])
     keys = read_public([tmp_path / "key.pem"])
     assert len(known["passports"]) == 3
     for case in known["passports"]:
         data = case["data"].encode()
         sha256 = hashlib.sha256(results[case["result"]].encode()).hexdigest()
-        assert verify(data, keys, now=LATER).result_sha256 == sha256
+        assert verify(data, keys, now=samples.LATER).result_sha256 == sha256
         (tmp_path / "a.jws").write_bytes(data)
         assert cli.main(["passport", "show", str(tmp_path / "a.jws")]) == 0
         assert json.loads(capsys.readouterr().out) == case["shown"]
         for other in (data[:-1], data[:500] + data[501:], data.replace(b"A", b"B", 1)):
             with pytest.raises(PassportInvalid):
-                verify(other, keys, now=LATER)
+                verify(other, keys, now=samples.LATER)

@@ -1,5 +1,6 @@
-"""The registry: a row a result, which adds up in any order, listed, corrected, deleted, and read by others."""
+"""The registry: a row a result, in any order, listed, corrected, deleted; its commands; read by others."""
 
+import csv
 import json
 import sys
 from dataclasses import replace
@@ -9,18 +10,22 @@ from typing import Any
 
 import pytest
 
+from camssf import cli
 from camssf.documents.document import document_bytes
 from camssf.errors import InvalidArgument
 from camssf.grid import CHANNELS
 from camssf.photo.read.unit import Unit
 from camssf_fleet import record_files
-from camssf_fleet.record_queries import all_records, query_of
+from camssf_fleet.record_queries import all_records, connection, query_of
 from camssf_fleet.records import COLUMNS, STRIDE, Origin, Row, columns, row
-from camssf_fleet.registry import Deleted, Registry, Wanted, _plain
+from camssf_fleet.registry import Deleted, Deletion, Registry, Wanted, _plain
 from camssf_fleet.verification import verify
+from tests.fleet.conftest import Said
 from tests.support.desk import Desk
 from tests.support.documents import document
-from tests.support.registries import START, bells, correct, ended, keys, made
+from tests.support.registries import START, bells, correct, ended, far_off, history, keys, made
+
+WRONG = InvalidArgument.exit_status
 
 
 def test_a_result_s_row_comes_back_as_it_was(one: Registry) -> None:
@@ -31,15 +36,14 @@ def test_a_result_s_row_comes_back_as_it_was(one: Registry) -> None:
     mine = row(document_bytes(whole), whole, origin)
     one.add([mine])
     (stored,) = one.query("SELECT * FROM rows")
+    rounded = {"code_covariance": whole.answer.code_covariance}
+    for colour in CHANNELS:
+        rounded[colour] = getattr(whole.answer.curves, colour)[::STRIDE]
+        rounded[f"{colour}_std"] = getattr(whole.answer.std, colour)[::STRIDE]
     for name in columns(Row):
         value = getattr(mine, name)
-        if name in CHANNELS or name.endswith("_std"):
-            curves = getattr(whole.answer.std if "_" in name else whole.answer.curves, name.partition("_")[0])
-            assert stored[name] == pytest.approx(curves[::STRIDE], rel=1e-6)
-        elif name == "code_covariance":
-            assert stored[name] == pytest.approx(whole.answer.code_covariance, rel=1e-6)
-        else:
-            assert stored[name] == (list(value) if isinstance(value, tuple) else value), name
+        exact = list(value) if isinstance(value, tuple) else value
+        assert stored[name] == (pytest.approx(rounded[name], rel=1e-6) if name in rounded else exact), name
     assert stored["captured"] == datetime(2026, 11, 20, 9, tzinfo=UTC)
     assert json.loads(stored["extra"]) == {"site": "Ω '\";"}
     assert stored["lamps"] == ["D55", "A"]
@@ -125,9 +129,9 @@ def test_history_says_what_was_said_and_when(one: Registry) -> None:
 
 
 def by_pandas(folder: Path, wanted: list[str]) -> Any:
+    pandas, _ = pytest.importorskip("pandas"), pytest.importorskip("pyarrow")
     filters = [("kind", "==", "result"), ("model", "==", "Model")]
-    pytest.importorskip("pyarrow")
-    return pytest.importorskip("pandas").read_parquet(folder, columns=wanted, filters=filters).to_dict("records")
+    return pandas.read_parquet(folder, columns=wanted, filters=filters).to_dict("records")
 
 
 def by_pyarrow(folder: Path, wanted: list[str]) -> Any:
@@ -162,11 +166,9 @@ def test_a_deleted_unit_is_gone_from_every_file(one: Registry) -> None:
     one.add([mine[2]])
     one.append([], [ended("patient-1", mine[1].key), ended("x"), ended("patient-4", serial="PATIENT-7")])
     one.list_records()
-    nothing = one.delete(Unit(serial="nobody"))
-    assert (nothing.results, nothing.records, nothing.files) == ((), 0, 0)
-    deletion = one.delete(Unit(serial="PATIENT-7"))
-    assert deletion.results == tuple(Deleted(f"{n:064x}", f"../a/{n}.json") for n in range(3))
-    assert (deletion.records, deletion.files) == (5, 3)
+    assert one.delete(Unit(serial="nobody")) == Deletion((), records=0, files=0)
+    gone = tuple(Deleted(f"{n:064x}", f"../a/{n}.json") for n in range(3))
+    assert one.delete(Unit(serial="PATIENT-7")) == Deletion(gone, records=5, files=3)
     assert [key[-1] for key in keys(one)] == ["8", "9"]
     assert one.query("SELECT name FROM jobs") == [{"name": "x"}]
     assert one.history(Unit(serial="PATIENT-7")) == []
@@ -175,8 +177,7 @@ def test_a_deleted_unit_is_gone_from_every_file(one: Registry) -> None:
         assert b"atient" not in path.read_bytes().lower(), path
     assert verify(one).faults == ()
     one.add(mine)
-    assert len(keys(one)) == 5
-    assert one.delete(Unit(serial="PATIENT-7")).records == 3
+    assert (len(keys(one)), one.delete(Unit(serial="PATIENT-7")).records) == (5, 3)
     assert (len(keys(one)), verify(one).faults) == (2, ())
 
 
@@ -212,11 +213,11 @@ def test_what_is_silent_empties_nothing_and_what_contradicts_is_refused(one: Reg
     full = made(1, bells(), captured=START, lens="50mm", focal_length=24.0, extra='{"site": "lab"}')
     empty = replace(full, serial="", captured=None, lens="", focal_length=None, extra="", make="", model="", red=())
     assert one.add([empty])[0].new
-    (said,) = one.add([full])
-    assert said.changes == (
-        "make set to Maker", "model set to Model", "serial set to A1", "lens set to 50mm", "focal length set to 24.0",
-        "time set to 2026-01-01T00:00:00Z", "site set to lab",
-    )  # fmt: skip
+    (added,) = one.add([full])
+    assert ", ".join(added.changes) == (
+        "make set to Maker, model set to Model, serial set to A1, lens set to 50mm, focal length set to 24.0, "
+        "time set to 2026-01-01T00:00:00Z, site set to lab"
+    )
     files = one.files.sizes()
     assert [row.changes for row in one.add([empty, full])] == [(), ()]
     assert one.files.sizes() == files
@@ -234,9 +235,8 @@ def test_what_is_silent_empties_nothing_and_what_contradicts_is_refused(one: Reg
     refused = [each.contradiction != "" for each in one.append([*others, replace(full, name="x")], partly=True)]
     assert refused == [True] * len(others) + [False]
     changed = {name: value for more, _ in contradictions for name, value in more.items()}
-    (said,) = correct(one, replace(full, **changed))
-    assert len(said.changes) == len(others)
-    assert all("changed from" in change for change in said.changes)
+    (corrected,) = correct(one, replace(full, **changed))
+    assert ["changed from" in change for change in corrected.changes] == [True] * len(others)
     correct(one, full)
     with pytest.raises(InvalidArgument, match="serial A in the registry, B given"):  # within one call
         one.add([made(3, serial="A"), made(3, serial="B")])
@@ -246,3 +246,83 @@ def test_what_is_silent_empties_nothing_and_what_contradicts_is_refused(one: Reg
     assert one.query("SELECT passport, half_width FROM rows") == [{"passport": "new", "half_width": full.half_width}]
     one.list_records()  # of `append`
     assert verify(one).faults == ()
+
+
+def test_add_list_export(tmp_path: Path, said: Said) -> None:
+    folder, result = tmp_path / "phones", tmp_path / "out" / "result.json"
+    result.parent.mkdir()
+    result.write_bytes(document_bytes(document()))
+    words = ("--serial", "=A1", "--captured", "2026-11-20T10:00:00+01:00")
+    for _ in range(2):
+        said("add", folder, result, *words)
+    out, err = said("list", folder)
+    (listed,) = csv.DictReader(out.splitlines())
+    assert (listed["serial"], listed["captured"], listed["status"]) == ("'=A1", "2026-11-20T09:00:00Z", "doubtful")
+    assert "1 doubtful" in err
+    assert "no results" in said("list", folder, "--model", "another")[1]
+    assert Registry(folder).query("SELECT place FROM rows") == [{"place": "../out/result.json"}]
+    for name in ("all.parquet", "all.csv"):
+        said("export", folder, "-o", tmp_path / name)
+    settings = "current_setting('threads') = 1 AND NOT current_setting('preserve_insertion_order')"  # of an export
+    rows = f"(SELECT count(*) FROM '{tmp_path / 'all.parquet'}' WHERE len(red) = 69)"
+    with connection() as con:
+        assert con.execute(f"SELECT {settings}, {rows}").fetchone() == (False, 1)
+    (cells,) = csv.DictReader((tmp_path / "all.csv").read_text("utf-8").splitlines())
+    assert (cells["serial"], "red" in cells) == ("'=A1", False)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["all.csv", "all.parquet", "out", "phones"]
+
+
+@pytest.mark.full
+def test_upkeep(one: Registry, said: Said) -> None:
+    one.add([made(1, place="../1.json"), made(2, serial="B2")])
+    one.add([made(3, serial="B2")])
+    found = said.document("verify", one.folder)
+    assert (found["rows"], found["documents_missing"], found["faults"]) == (3, 1, [])
+    (head, *_) = found["heads"]
+    assert f"head {head}" in said("verify", one.folder, "--head", head)[1]
+    for words, status in ((f" {head.upper()} {head[:12]}", 0), ("7" * 64, cli.PARTED), ("7", WRONG)):
+        said("verify", one.folder, "--head", words, status=status)
+    assert "4 files before, 1 file now" in said("compact", one.folder)[1]
+    assert len(said("list", one.folder)[0].splitlines()) == 4
+    (change,) = csv.DictReader(said("history", one.folder, "A1")[0].splitlines())
+    assert (change["key"], change["what"]) == (f"{1:064x}", "accepted result, make Maker, model Model, serial A1")
+    said("history", one.folder, "nobody", status=WRONG)
+    deleted = said.document("delete", one.folder, "A1")
+    assert deleted["results"] == [{"key": f"{1:064x}", "place": "../1.json"}]
+    assert (deleted["records"], deleted["files"]) == (1, 1)
+    said("delete", one.folder, "A1", status=WRONG)
+    file = Path(next(iter(one.files.sizes())))
+    file.write_bytes(file.read_bytes()[:100] + b"!" + file.read_bytes()[101:])
+    assert said.document("verify", one.folder, status=cli.PARTED)["faults"]
+    assert "damaged" in said("verify", one.folder, status=cli.PARTED)[1]
+
+
+def test_compare(one: Registry, said: Said) -> None:
+    """The status tells an alarm; a unit is named by its number, a model's spread counts what it leaves out."""
+    others = [replace(row, key=f"b{row.key[1:]}", serial="B2") for row in history(13, 0)]
+    left_out = (far_off(serial="r"), far_off(key="a" * 64, status="refused", red=(), serial=""))
+    one.add([*history(13, 6), *others, *left_out])
+    drift = ("compare", one.folder, "--serial", "A1")
+    assert said.document(*drift, status=cli.PARTED)["alarm"] is True
+    assert "red centre" in said(*drift, status=cli.PARTED)[1]
+    assert said.document("compare", one.folder, "--serial", "B2")["alarm"] is False
+    found = said.document("compare", one.folder, "--model", "Model")
+    assert (found["units"], found["left_out"]) == (2, {"doubtful": 1, "refused": 1})
+    assert "left out: 1 doubtful, 1 refused" in said("compare", one.folder, "--model", "Model")[1]
+
+
+def test_a_newest_result_that_was_left_out_is_not_no_drift(one: Registry, said: Said) -> None:
+    one.add([*history(5, 0), far_off()])
+    words = ("compare", one.folder, "--serial", "A1")
+    printed = said.document(*words, status=cli.UNDECIDED)
+    assert (printed["outcome"], printed["alarm"], printed["doubtful"]) == ("undecided", False, 0)
+    (left,) = printed["left_out"]
+    assert (left["key"], left["captured"]) == (f"{50:064x}", "2026-07-20T00:00:00Z")
+    assert (left["why"], left["newest"]) == ("doubtful", True)
+    assert left["steps"]["blue centre"] == pytest.approx(11, abs=2)
+    message = said(*words, status=cli.UNDECIDED)[1]
+    for part in ("2026-07-20T00:00:00Z, doubtful (lamp_unfit: The photo fits", "blue centre +1", "undecided"):
+        assert part in message
+    printed = said.document(*words, "--doubtful", status=cli.PARTED)
+    assert (printed["outcome"], printed["doubtful"], printed["left_out"]) == ("drift", 1, [])
+    assert "6 results, 1 of them doubtful," in said(*words, "--doubtful", status=cli.PARTED)[1]

@@ -4,6 +4,7 @@ from contextlib import suppress
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
+from unittest.mock import DEFAULT, Mock
 
 import numpy as np
 import pytest
@@ -20,18 +21,7 @@ from camssf_fleet.verification import verify
 from tests.support.documents import document
 from tests.support.failures import raising
 from tests.support.processes import until
-from tests.support.registries import (
-    START,
-    bells,
-    correct,
-    ended,
-    files_where,
-    keys,
-    made,
-    meanwhile,
-    rewritten,
-    writing,
-)
+from tests.support.registries import START, bells, correct, ended, holding, keys, made, meanwhile, rewritten, writing
 
 pytestmark = pytest.mark.full  # processes that are killed, disks that are full: half a minute
 
@@ -83,7 +73,7 @@ def test_a_compaction_leaves_damaged_and_strange_files_alone(one: Registry, tmp_
     """It would give them a right name, and take the evidence away."""
     for number in range(4):
         one.add([made(number, serial=f"S{number}")])
-    (file,) = files_where(one, "kind = 'result' AND serial = 'S2'")
+    (file,) = holding(one, "kind = 'result' AND serial = 'S2'")
     whole = file.read_bytes()
     changed = rewritten(file, "* REPLACE ('WRONG' AS serial)", tmp_path).read_bytes()
     file.write_bytes(changed)
@@ -100,7 +90,7 @@ def test_a_compaction_leaves_damaged_and_strange_files_alone(one: Registry, tmp_
 @pytest.mark.parametrize("columns", ["'x' AS foo", "* REPLACE ('x' AS revision)"])
 def test_a_file_of_another_program_with_a_right_name_is_named(one: Registry, columns: str) -> None:
     one.add([made(1)])
-    strange = rewritten(files_where(one, "kind = 'result'")[0], columns, Path(one.folder))
+    strange = rewritten(holding(one, "kind = 'result'")[0], columns, Path(one.folder))
     (fault,) = verify(one).faults
     assert fault.startswith(f"{strange} is no file of a registry (its columns ")
 
@@ -162,9 +152,7 @@ def test_two_writers_that_begin_a_registry_together(one: Registry, monkeypatch: 
 
 
 @pytest.mark.requirement("R-REGISTRY")
-def test_a_fact_that_is_said_of_a_result_that_is_being_deleted_is_named(
-    one: Registry, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_fact_of_a_result_that_was_just_deleted_is_named(one: Registry, monkeypatch: pytest.MonkeyPatch) -> None:
     one.add([made(1, serial="A"), made(2, serial="B")])
     meanwhile(monkeypatch, "Registry._held", lambda: Registry(one.folder).delete(Unit(serial="A")))
     one.add([made(1, serial="A", lens="50mm")])
@@ -193,20 +181,11 @@ def test_a_clock_that_is_set_back_moves_nothing(one: Registry) -> None:
 
 
 @pytest.mark.parametrize(("write", "words"), [(1, "No space"), (2, "The results were added, but then: .*No space")])
-def test_a_disk_that_takes_no_more_leaves_all_or_nothing(
-    one: Registry, write: int, words: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_leaves_all_or_nothing(one: Registry, write: int, words: str, monkeypatch: Any) -> None:
     """The second file is the list."""
     one.add([made(1)])
-    real, calls = record_files.write_place, []
-
-    def full(*values: Any) -> None:
-        calls.append(values)
-        if len(calls) == write:
-            raise OSError(28, "No space left on device")
-        real(*values)
-
-    monkeypatch.setattr(record_files, "write_place", full)
+    ends = [DEFAULT] * (write - 1) + [OSError(28, "No space left on device")]
+    monkeypatch.setattr(record_files, "write_place", Mock(wraps=record_files.write_place, side_effect=ends))
     with pytest.raises(InvalidArgument, match=words) as caught:
         one.add([made(2)])
     monkeypatch.undo()
@@ -217,11 +196,8 @@ def test_a_disk_that_takes_no_more_leaves_all_or_nothing(
 
 
 @pytest.mark.requirement("R-REGISTRY")
-def test_a_deletion_that_is_killed_is_finished_by_the_same_command(
-    one: Registry, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_killed_deletion_is_finished_by_the_same_command(one: Registry, monkeypatch: pytest.MonkeyPatch) -> None:
     one.add([made(1, serial="A"), made(2, serial="B")])
-
     monkeypatch.setattr(RecordFiles, "drop", raising(KeyboardInterrupt()))
     with pytest.raises(KeyboardInterrupt):
         one.delete(Unit(serial="A"))
@@ -249,10 +225,8 @@ def test_six_writers_two_of_them_killed(one: Registry) -> None:
             added.append([acknowledged_first])
         added += [process.communicate(timeout=240)[0].decode().splitlines() for process in writers]
     assert [process.returncode != 0 for process in writers] == [True] * 2 + [False] * 4
-    assert [len(lines) for lines in added[4:]] == [20] * 4
-    stored = keys(reader)
+    stored, acknowledged = keys(reader), {line for lines in added for line in lines}
     assert len(stored) == len(set(stored))
-    acknowledged = {line for lines in added for line in lines}
     assert acknowledged <= set(stored)
     assert len(set(stored) - acknowledged) <= 10  # a task of each victim that was safe, and he did not live to say so
     reader.files.compact()

@@ -17,10 +17,11 @@ from camssf_fleet.record_files import DAMAGED
 from camssf_fleet.registry import Registry
 from tests.fleet.conftest import Said
 from tests.support.desk import Desk, stub, template
-from tests.support.registries import files_where, rewritten
+from tests.support.registries import holding, rewritten
 
 pytestmark = pytest.mark.full  # each loss is compared with the archive
 
+Loss: TypeAlias = Callable[[Path], object]
 NAMES = [f"c{number}" for number in range(6)]
 WRITTEN = "name, serial, captured, model, key, made_from, extra"
 
@@ -58,24 +59,17 @@ def verify(home: Path, said: Said) -> Callable[..., dict[str, Any]]:
     return partial(said.document, "verify", home / "phones")
 
 
-Loss: TypeAlias = Callable[[Path], object]
-
-
-def holder(condition: str) -> Loss:
-    """A file of the registry is removed, by what it holds."""
-    return lambda home: [file.unlink() for file in files_where(Registry(home / "phones"), condition)]
-
-
-def gone(pattern: str) -> Loss:
-    """A folder is removed."""
-    return lambda home: shutil.rmtree(next(home.glob(pattern)))
+def remove(home: Path, condition: str) -> None:
+    """Remove files of the registry by what they hold."""
+    for file in holding(Registry(home / "phones"), condition):
+        file.unlink()
 
 
 def edited(change: Callable[[bytes], bytes], kind: str = "result") -> Loss:
     """Bytes of a file change; as `verify` advises, it is moved away afterwards (`MOVED`)."""
 
     def edit(home: Path) -> None:
-        file, *_ = files_where(Registry(home / "phones"), f"kind = '{kind}'")
+        file, *_ = holding(Registry(home / "phones"), f"kind = '{kind}'")
         file.write_bytes(change(file.read_bytes()))
 
     return edit
@@ -107,9 +101,8 @@ LOSSES: dict[str, Loss] = {
     "a cut file": edited(lambda data: data[:-500]),
     "a damaged list": edited(lambda data: data[:-100] + bytes(100), "list"),
     "a strange file": lambda home: (home / "phones" / "notes.txt").write_text("dear"),
-    "a result's folder": gone("out/*/*"),
-    "the archive": gone("out"),
-    "an old backup of all": restored,
+    "a result's folder": lambda home: shutil.rmtree(next(home.glob("out/*/*"))),
+    "the archive": lambda home: shutil.rmtree(home / "out"), "an old backup of all": restored,
 }  # fmt: skip
 MOVED = ("a flipped bit", "a cut file", "a damaged list", "a strange file", "a changed record")
 """Losses after which a file is moved away, as the message says."""
@@ -147,7 +140,7 @@ def test_a_backup_is_laid_over_by_copying_what_lacks(home: Path, verify: Any) ->
     desk, phones, whole = Desk(home), home / "phones", home / "whole"
     before = desk.rows(WRITTEN)
     shutil.copytree(phones, whole)
-    holder("kind = 'list'")(home)
+    remove(home, "kind = 'list'")
     for file in sorted(phones.iterdir())[:2]:
         file.unlink()
     for file in whole.iterdir():
@@ -197,7 +190,7 @@ def test_a_lost_row_comes_back_without_photo(home: Path, verify: Any, lost: str,
     """The photo is said, and no refusal takes the place of a result with curves."""
     desk, photo = Desk(home), home / "c2"
     before = desk.rows(WRITTEN)
-    holder(lost)(home)
+    remove(home, lost)
     photo.write_text("torn") if torn else photo.unlink()
     for again in (resumed, 6):
         found = desk.run(work=unreadable)

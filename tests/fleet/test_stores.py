@@ -27,10 +27,9 @@ from camssf_fleet.outcome import Summary
 from camssf_fleet.registry import Deleted, Deletion, Registry
 from camssf_fleet.verification import verify
 
-pytestmark = [
-    pytest.mark.full,
-    pytest.mark.filterwarnings("default"),  # of moto, botocore and aiohttp: not ours to mend
-]
+# Warnings of moto, botocore and aiohttp are not ours to mend.
+pytestmark = [pytest.mark.full, pytest.mark.filterwarnings("default")]
+NAMES = [f"c{i}" for i in range(4)]
 
 
 @pytest.fixture(scope="module")
@@ -53,9 +52,6 @@ def ran(home: str, log: Path) -> Summary:
     """A batch whose visits are kept here: the folder of a photo from a bucket is a temporary one."""
     registry, work = Registry(f"{home}/phones", new=True), partial(stub, log=log)
     return batch.run_batch(Manifest(f"{home}/manifest.csv"), f"{home}/out", registry, workers=2, work=work)
-
-
-NAMES = [f"c{i}" for i in range(4)]
 
 
 def test_a_registry_does_there_what_it_does_in_a_folder(bucket: str) -> None:
@@ -110,14 +106,12 @@ def test_a_batch_from_a_bucket_to_a_bucket_whatever_fails(bucket: str, server: F
         pytest.fail("it never ended")
     server.rate, visits = 0.0, Desk(tmp_path).visits()
     assert server.faults > before + 5
-    assert set(visits) == set(NAMES)
     again = ran(bucket, tmp_path)
     assert (again.by_status, again.resumed) == ({"doubtful": 4}, 4)
     assert Desk(tmp_path).visits() == visits
     one = Registry(f"{bucket}/phones")
     stored = one.query("SELECT name, place FROM rows ORDER BY name")
-    assert [row["name"] for row in stored] == sorted(NAMES)
-    assert all(row["place"].startswith("../out/") for row in stored)
+    assert [(row["name"], row["place"][:7]) for row in stored] == [(name, "../out/") for name in NAMES]
     checked = verify(one)
     assert (checked.rows, checked.documents, checked.documents_missing, checked.faults) == (4, 4, 0, ())
     place(f"{bucket}/photos/c0").write_text("Phone other")  # another photo of the same name

@@ -31,8 +31,7 @@ def colours_once() -> Iterator[None]:
 
         def call(*arguments: Any) -> Any:
             name = repr(key(*arguments))
-            if name not in made:
-                made[name] = function(*arguments)
+            made[name] = made[name] if name in made else function(*arguments)
             return made[name]
 
         return call
@@ -78,13 +77,13 @@ class Page(HTMLParser):
         self.feed(page)
         self.close()
 
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append((tag, dict(attrs)))
-        if tag not in ("meta", "link", "br"):
-            self.open.append(tag)
-
     def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self.tags.append((tag, dict(attrs)))
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.handle_startendtag(tag, attrs)
+        if tag not in ("meta", "link", "br"):
+            self.open.append(tag)
 
     def handle_endtag(self, tag: str) -> None:
         assert self.open.pop() == tag, f"</{tag}> closes nothing"
@@ -104,8 +103,7 @@ class Page(HTMLParser):
 
 def points(way: str | None) -> Floats:
     """(n, 2) the corners of a path or polygon."""
-    pairs = re.findall(r"(-?[\d.]+),(-?[\d.]+)", way or "")
-    return np.array(pairs, dtype=float)
+    return np.array(re.findall(r"(-?[\d.]+),(-?[\d.]+)", way or ""), dtype=float)
 
 
 def number(text: str) -> float:

@@ -48,12 +48,9 @@ def hostile(made: Document, words: str) -> Result:
 SPOKEN = ("Runtime.consoleAPICalled", "Runtime.exceptionThrown", "Log.entryAdded")
 """Events of what a page writes to the console."""
 WIDTHS = (360, 1280)
-SHEET = 703
-"""CSS pixels between the margins of an A4 sheet, 186 mm."""
-
-
-SHEET_HEIGHT = 1039
-"""The same from top to bottom, 275 mm."""
+SHEET, SHEET_HEIGHT = 703, 1039
+"""CSS pixels between the margins of an A4 sheet, 186 mm x 275 mm."""
+MEASURE = Path(__file__).with_name("measure.js").read_text("utf-8")
 
 
 def on_paper(page: str) -> str:
@@ -71,14 +68,12 @@ def shown() -> dict[str, str]:
     """Pages of all kinds: one shot and two, signed and compared, refused with and without a photo, long names."""
     return {
         "one shot": html_of(document(), [preview()], provenance=known(document())),
-        "two shots": html_of(document("D55", "A"), [preview(), None]),
+        "two shots": html_of(document("D55", "A"), [preview(), None]), "refused": html_of(refused()),
         "an unnamed light": html_of(unnamed(), [preview()]),
-        "refused": html_of(refused()),
         "refused, with its photo": html_of(unplaced(), [preview()]),
-        "refused, measured": html_of(refused(shots=True), [preview()]),
+        "refused, measured": html_of(refused(shots=True), [preview()]), "a fleet": fleet(),
         "long names": html_of(hostile(document(), "A_name_without_a_gap_" * 20), [preview()]),
-        "a fleet": fleet(),
-    }
+    }  # fmt: skip
 
 
 def fleet() -> str:
@@ -86,23 +81,17 @@ def fleet() -> str:
     at, names = datetime(2026, 11, 1, tzinfo=UTC), ("Google Pixel 9 Pro", "NIKON D850", "Apple iPhone 17")
     drift = FleetDrift("green centre", -4.2, "trend", 12, 700.0)
     change = LastChange("green centre", -4.2, 1.4, warns=True)
+    last = [at - timedelta(days=200 * i) for i in range(3)]
     units = (
-        *(
-            FleetUnit(f"S{i} 2", at - timedelta(days=200 * i), at, "accepted", 0, 4, (drift,) * (i == 1))
-            for i in range(3)
-        ),
-        FleetUnit("SERIAL3 2", None, at, "refused"),
-        FleetUnit("SERIAL4", at, at, "accepted", timed=2, change=change),
-    )
+        *(FleetUnit(f"S{i} 2", time, at, "accepted", 0, 4, (drift,) * (i == 1)) for i, time in enumerate(last)),
+        FleetUnit("SERIAL3 2", None, at, "refused"), FleetUnit("SERIAL4", at, at, "accepted", timed=2, change=change),
+    )  # fmt: skip
     spread = np.array([[0.012, 0.02, 0.011], [0.008, 0.015, 0.0], [0.03, 0.04, 0.05]])
     statuses = Counter(accepted=120, doubtful=7, refused=12)
     models = [FleetModel(name, statuses, units, spread) for name in names]
     reasons = [("chart_not_found", 0, 12), ("of_a_later_release", 7, 0)]
     captures = [NotAccepted("Google Pixel 9 Pro SERIAL3 2", "a.dng, b.dng", "refused", "blurred", "It is blurred.")]
     return fleet_html(models, reasons, (captures, 3), days=365.0, now=at, false_alarms=0.01)
-
-
-MEASURE = Path(__file__).with_name("measure.js").read_text("utf-8")
 
 
 @pytest.mark.full
@@ -114,13 +103,12 @@ def test_the_page_at_every_width_and_on_paper(browser: Browser, tmp_path: Path) 
         f'<iframe title="{name}" style="border:0;width:{width}px;height:900px" srcdoc="{html.escape(page)}"></iframe>'
         for (name, width), page in pages.items()
     )
-    head = "<!DOCTYPE html><meta charset=utf-8><title>widths</title>"
     harness = tmp_path / "harness.html"
-    harness.write_text(head + frames, "utf-8")
+    harness.write_text(f"<!DOCTYPE html><meta charset=utf-8><title>widths</title>{frames}", "utf-8")
     browser.open(harness.as_uri())
     measured = {(name, width): rest for name, width, *rest in browser.js(f"({MEASURE})()")}
-    spoken = [each for each in browser.events if each["method"] in SPOKEN]
-    assert not [each for each in spoken if each["sessionId"] == browser.session]
+    ours = [event for event in browser.events if event.get("sessionId") == browser.session]
+    assert not [event for event in ours if event["method"] in SPOKEN]
     assert set(measured) == set(pages)
     for (name, width), (wide, height, broken, out, certificate_ends) in measured.items():
         assert wide <= width, f"{name} at {width} px is {wide} px wide"
@@ -132,11 +120,10 @@ def test_the_page_at_every_width_and_on_paper(browser: Browser, tmp_path: Path) 
 
 
 @pytest.mark.full
-@pytest.mark.parametrize(
-    ("name", "scheme"),
-    [(name, "light") for name in ("one shot", "two shots", "an unnamed light", "refused, with its photo", "a fleet")]
-    + [("two shots", "dark")],
-)
+@pytest.mark.parametrize(("name", "scheme"), [
+    ("one shot", "light"), ("two shots", "light"), ("an unnamed light", "light"),
+    ("refused, with its photo", "light"), ("a fleet", "light"), ("two shots", "dark"),
+])  # fmt: skip
 def test_axe_finds_no_serious_fault(name: str, scheme: str, browser: Browser, tmp_path: Path) -> None:
     (tmp_path / "page.html").write_text(opened(shown()[name]), "utf-8")
     browser.open((tmp_path / "page.html").as_uri())

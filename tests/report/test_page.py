@@ -65,10 +65,8 @@ def words_of_pages() -> str:
     The accepted one is of an unnamed light, signed, and compared with another.
     """
     accepted = unnamed()
-    checks = tuple(
-        replace(check, value=0.5 * check.limit) if check.name == "dirty" else check
-        for check in accepted.verdict.checks
-    )
+    (dirty,) = (check for check in accepted.verdict.checks if check.name == "dirty")
+    checks = tuple(replace(c, value=0.5 * c.limit) if c is dirty else c for c in accepted.verdict.checks)
     accepted = changed(accepted, verdict=Verdict("accepted", (), checks))
     pages = {
         "accepted": html_of(accepted, [preview()], known(accepted)),
@@ -117,11 +115,8 @@ def test_residuals_are_predicted_minus_measured() -> None:
     patches, mean = patches_in(made), made.capture.shots[0].means.chart.mean  # type: ignore[union-attr]
     dim = patches.dark[6] + (patches.white - patches.dark)[6] * [0.0, 0.1, 0.1]  # no light, no relative error
     wild = 2.5 * patches.signal[5]  # + 150 %: beyond any scale
-    made = changed(
-        made,
-        capture__shots__0__means__chart__mean=put(mean, 6, dim),
-        answer__unseen=put(patches.unseen[None], (0, 5), wild),
-    )
+    unseen = put(patches.unseen[None], (0, 5), wild)
+    made = changed(made, capture__shots__0__means__chart__mean=put(mean, 6, dim), answer__unseen=unseen)
     page, patches = html_of(made), patches_in(made)
     rows = re.findall(r'<tr><th scope="row"><span class="swatch".*?</tr>', page, re.DOTALL)
     assert len(rows) == 24
@@ -136,11 +131,8 @@ def test_residuals_are_predicted_minus_measured() -> None:
     assert rows[5].count("<path") == 3
     assert rows[6].count("–</td>") == 1
     # A dot left of the middle is a negative residual.
-    for x, value_shown in re.findall(
-        r'<circle class="full" cx="([\d.]+)%".*?class="value">([^<]*)<', page, re.DOTALL
-    ):
-        value = number(value_shown)
-        assert value == 0 or (float(x) > 50) == (value > 0)
+    for x, shown in re.findall(r'<circle class="full" cx="([\d.]+)%".*?class="value">([^<]*)<', page, re.DOTALL):
+        assert number(shown) == 0 or (float(x) > 50) == (number(shown) > 0)
 
 
 def test_a_bar_holds_noise_and_what_the_prediction_leaves_open() -> None:
@@ -191,21 +183,15 @@ def test_odd_numbers_still_draw(dark: int) -> None:
     patches, wave = patches_in(made), np.cos(WAVELENGTHS / 9)
     mean = (patches.dark + (patches.white - patches.dark) * [2e-6, 0.0, -1.0])[:dark]
     made = changed(
-        made,
-        answer__curves__red=wave / wave.max(),
-        answer__std__green=np.full(681, 1e12),
-        answer__scores__rmsre_percent=np.array([1e9, 0.0, 1e-9]),
-        answer__scores__rmse=None,
-        answer__scores__delta_e00=0.0,
-        answer__unseen=np.full((1, 24, 3), 1e12),
+        made, answer__curves__red=wave / wave.max(), answer__std__green=np.full(681, 1e12),
+        answer__scores__rmsre_percent=np.array([1e9, 0.0, 1e-9]), answer__scores__rmse=None,
+        answer__scores__delta_e00=0.0, answer__unseen=np.full((1, 24, 3), 1e12),
         capture__shots__0__means__chart__mean=put(patches.chart, slice(dark), mean),
         capture__shots__0__pose__corners=np.full((4, 2), 5.0),
-        capture__shots__0__pose__patches=np.full((24, 4, 2), 5.0),
-        capture__shots__0__photo__exposure=0.0,
-        capture__shots__0__photo__iso=None,
-        truth__curves__blue=np.zeros(681),
+        capture__shots__0__pose__patches=np.full((24, 4, 2), 5.0), capture__shots__0__photo__exposure=0.0,
+        capture__shots__0__photo__iso=None, truth__curves__blue=np.zeros(681),
         truth__curves__green=put(np.ones(681), slice(2), [-1e12, 1e12]),
-    )
+    )  # fmt: skip
     result = report(made)
     assert not re.search(r'="[^"]*\b(nan|inf)\b', result.html)
     assert not re.search(r'="[^"]*\b(nan|inf)\b', result.ssf_svg or "nan")

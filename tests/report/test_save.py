@@ -1,15 +1,13 @@
 """A report's files: CSV and PNG, all or none of them on disk."""
 
 import errno
-import itertools
 import os
 import re
 import shutil
-from collections.abc import Callable
 from functools import cache
 from itertools import product
 from pathlib import Path
-from typing import Any
+from unittest.mock import DEFAULT, Mock
 
 import numpy as np
 import pytest
@@ -26,13 +24,12 @@ from tests.support.documents import changed, document, preview, refused
 def test_what_no_report_is_made_of_is_said() -> None:
     made = document()
     unsolved = Document(format=made.format, version=made.version, capture=made.capture)
-    for given, previews, words in (
-        (unsolved, [], "was not solved"),
+    for whole, previews, words in (
+        (unsolved, [], "was not solved"), (made, [None, preview()], "2 previews for 1 shots"),
         (made, [b"GIF89a"], "Preview 1 is not a JPEG or PNG"),
-        (made, [None, preview()], "2 previews for 1 shots"),
-    ):
+    ):  # fmt: skip
         with pytest.raises(InvalidArgument, match=words):
-            report(given, previews)
+            report(whole, previews)
 
 
 def test_csv_reads_back() -> None:
@@ -57,18 +54,14 @@ def results() -> tuple[Report, Report, Report]:
 
 
 def test_save_leaves_five_files(tmp_path: Path) -> None:
-    first, second, _ = results()
-    paths = first.save(tmp_path / "a" / "b")
-    assert [path.name for path in paths] == [name for name in NAMES if name != "ssf.png"]
-    assert state(tmp_path / "a" / "b") == {
-        "result.json": first.result_json,
-        "ssf.csv": (first.ssf_csv or "").encode(),
-        "patches.csv": (first.patches_csv or "").encode(),
-        "ssf.svg": (first.ssf_svg or "").encode(),
-        "report.html": first.html.encode(),
-    }
-    second.save(str(tmp_path / "a" / "b"))
-    assert state(tmp_path / "a" / "b")["result.json"] == second.result_json
+    (first, second, _), folder = results(), tmp_path / "a" / "b"
+    assert [path.name for path in first.save(folder)] == [name for name in NAMES if name != "ssf.png"]
+    texts = {"ssf.csv": first.ssf_csv, "patches.csv": first.patches_csv, "ssf.svg": first.ssf_svg}
+    texts["report.html"] = first.html
+    written = {name: (text or "").encode() for name, text in texts.items()}
+    assert state(folder) == written | {"result.json": first.result_json}
+    second.save(str(folder))
+    assert state(folder)["result.json"] == second.result_json
 
 
 def test_a_refused_result_replaces_no_curves(tmp_path: Path) -> None:
@@ -97,18 +90,6 @@ def test_a_refused_result_replaces_no_file_that_it_does_not_know(tmp_path: Path)
         assert sorted(path.name for path in folder.iterdir()) == sorted([name, "refused"]), (name, content)
 
 
-def failing(real: Callable[..., Any], turn: int, error: BaseException) -> Callable[..., Any]:
-    """A function that fails at its call of this number, from 0 on."""
-    calls = itertools.count()
-
-    def call(*args: Any) -> Any:
-        if next(calls) == turn:
-            raise error
-        return real(*args)
-
-    return call
-
-
 def test_save_is_all_or_none(tmp_path: Path) -> None:
     """Whichever file cannot be written or put in its place, over an earlier result or not."""
     first, second, refusal = results()
@@ -123,7 +104,8 @@ def test_save_is_all_or_none(tmp_path: Path) -> None:
         before = state(tmp_path)
         expected = InvalidArgument if isinstance(error, OSError) else KeyboardInterrupt
         with pytest.MonkeyPatch.context() as patched:
-            patched.setattr(os, name, failing(getattr(os, name), turn, error))
+            ends = [DEFAULT] * turn + [error] + [DEFAULT] * 20
+            patched.setattr(os, name, Mock(wraps=getattr(os, name), side_effect=ends))
             with pytest.raises(expected):
                 coming.save(folder)
         assert state(tmp_path) == before, (earlier, turn, error, name)

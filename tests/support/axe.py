@@ -17,8 +17,8 @@ axe.run(document, {resultTypes: ["violations"], iframes: false}).then(judged => 
 ])"""
 
 
-def faults(browser: Browser, scheme: str = "light") -> list[Any]:
-    """Identifier, impact and places of each fault, of whatever impact."""
+def serious_faults(browser: Browser, scheme: str = "light") -> list[Any]:
+    """Identifier, impact and places of each serious or critical fault."""
     axe = Path(os.environ.get("CAMSSF_AXE", ""))
     if not axe.is_file():
         pytest.skip("no axe-core on this machine (CAMSSF_AXE names no file): accessibility is not judged by axe")
@@ -27,8 +27,4 @@ def faults(browser: Browser, scheme: str = "light") -> list[Any]:
     version, dark, passes, found = browser.js(JUDGE)
     assert (version, dark) == (AXE, scheme == "dark")
     assert passes > 10
-    return list(found)
-
-
-def serious_faults(browser: Browser, scheme: str = "light") -> list[Any]:
-    return [fault for fault in faults(browser, scheme) if fault[1] in ("serious", "critical")]
+    return [fault for fault in found if fault[1] in ("serious", "critical")]

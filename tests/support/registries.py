@@ -28,12 +28,11 @@ if TYPE_CHECKING:
     import pytest
 
 START = datetime(2026, 1, 1, tzinfo=UTC)
-PEAKS = np.array([600.0, 540.0, 460.0])
 
 
 def bells(shift: Floats | float = 0.0, width: float = 35.0) -> Floats:
     """(3, wavelengths): bells whose centres are moved by so many nm."""
-    centre = PEAKS + shift
+    centre = np.array([600.0, 540.0, 460.0]) + shift
     return np.exp(-0.5 * ((NM - centre[:, None]) / width) ** 2)
 
 
@@ -51,12 +50,11 @@ def plain() -> Row:
 
 def made(number: int, curves: Floats | None = None, **more: object) -> Row:
     """A row with a key of its own."""
-    each = replace(plain(), key=f"{number:064x}", added=START + timedelta(seconds=number))
+    values: dict[str, Any] = {"key": f"{number:064x}", "added": START + timedelta(seconds=number)}
     if curves is not None:
-        red, green, blue = (tuple(curve.tolist()) for curve in curves)
-        band = (0.02,) * len(NM)
-        each = replace(each, red=red, green=green, blue=blue, red_std=band, green_std=band, blue_std=band)
-    return replace(each, **more)
+        for colour, curve in zip(("red", "green", "blue"), curves, strict=True):
+            values |= {colour: tuple(curve.tolist()), f"{colour}_std": (0.02,) * len(NM)}
+    return replace(plain(), **values | more)
 
 
 def ended(name: str, key: str = "", **more: Any) -> JobEnd:
@@ -66,8 +64,7 @@ def ended(name: str, key: str = "", **more: Any) -> JobEnd:
 
 def history(count: int, drift: float, step: float = 0.0) -> list[Row]:
     """Results of one unit every month; red's centre drifts by so many nm a year, and steps before the last."""
-    dice = np.random.default_rng(0)
-    rows = []
+    dice, rows = np.random.default_rng(0), []
     for month in range(count):
         red = drift * month / 12 + step * (month == count - 1)
         curves = bells(np.array([red, 0, 0]) + 0.3 * dice.standard_normal(3))
@@ -91,7 +88,7 @@ def keys(registry: Registry) -> list[str]:
     return [str(found["key"]) for found in registry.query("SELECT key FROM rows ORDER BY key")]
 
 
-def files_where(registry: Registry, condition: str) -> list[Path]:
+def holding(registry: Registry, condition: str) -> list[Path]:
     """Files with such records."""
     sql = f"SELECT DISTINCT filename FROM stored WHERE {condition} ORDER BY filename"
     return [Path(name) for (name,) in registry.files.ask(lambda con: con.execute(sql).fetchall())]
@@ -105,22 +102,16 @@ def rewritten(file: Path, columns: str, to: Path, where: str = "true") -> Path:
     return part.rename(to / f"{hashlib.sha256(part.read_bytes()).hexdigest()}.parquet")
 
 
-def meanwhile(patch: pytest.MonkeyPatch, method: str, act: Callable[[], object], *, before: bool = False) -> None:
-    """Somebody else acts once, right after or before this process's next call of a method of `Registry` or its files.
-
-    The method is named as in `RecordFiles.sizes`.
-    """
+def meanwhile(patch: pytest.MonkeyPatch, method: str, act: Callable[[], object]) -> None:
+    """Somebody else acts once, right after this process's next call of a method such as `RecordFiles.sizes`."""
     owner = Registry if method.startswith("Registry.") else record_files.RecordFiles
     name = method.partition(".")[2]
     real = getattr(owner, name)
 
     def call(self: Any, *values: Any) -> Any:
         patch.setattr(owner, name, real)
-        if before:
-            act()
         answer = real(self, *values)
-        if not before:
-            act()
+        act()
         return answer
 
     patch.setattr(owner, name, call)

@@ -69,10 +69,6 @@ def claimed(passport: Passport) -> dict[str, Any]:
     return {"result": claims.pop("result")} | claims
 
 
-def same(one: Passport, other: Passport) -> bool:
-    return claimed(one) == claimed(other)
-
-
 @cache
 def small_result() -> dict[str, Any]:
     """The excerpt of a result, as short as its form allows, as plain data that nobody changes."""
@@ -107,13 +103,14 @@ def result_json() -> bytes:
 
 
 @cache
-def whole_passport() -> Passport:
-    """A passport of a whole result."""
+def complete() -> Passport:
     return create_passport(result_json(), PassportRequest(), now=NOW)
 
 
-def accepts(data: bytes, passport: Passport | None = None, number: int = 0, **more: Any) -> None:
-    assert same(verify(data, trusted(number), now=LATER, **more), passport or small())
+def accepts(data: bytes, passport: Passport | None = None, **more: Any) -> Passport:
+    verified = verify(data, trusted(), now=LATER, **more)
+    assert claimed(verified) == claimed(passport or small())
+    return verified
 
 
 def refuses(data: bytes, words: str = "", number: int = 0, **more: Any) -> None:
@@ -122,9 +119,9 @@ def refuses(data: bytes, words: str = "", number: int = 0, **more: Any) -> None:
     assert words in caught.value.message
 
 
-# What Kotlin is held to
-
 FOLDER = Path(__file__).with_name("passports")
+"""What Kotlin is held to."""
+LETTERS = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_"
 PAYLOADS: dict[str, bytes] = {
     "a list": b'[]', "a number": b'1', "no UTF-8": b'\xff', "a BOM": b'\xef\xbb\xbf{}', "nothing": b' ',
     "two": b'{}{}', "deep": b"[" * 10_000, "an overlong letter": b'{"a":"\xc0\xaf"}',
@@ -154,34 +151,34 @@ HEADERS: list[dict[str, Any]] = [
 ]  # fmt: skip
 
 
+def numbers(r: int, s: int) -> bytes:
+    return b64(r.to_bytes(32, "big") + s.to_bytes(32, "big"))
+
+
 def raw(text: bytes, number: int = 0) -> bytes:
     """Anything, signed well."""
     return text + b"." + numbers(*decode_dss_signature(fixed_key(number).sign(text, ec.ECDSA(SHA256()))))
 
 
-def told(ask: Callable[[], Any]) -> Any:
+def read_or_refused(read: Callable[[], Any]) -> Any:
     """What it gives, of a passport the claims but for the result; or the words of its refusal."""
     try:
-        found = ask()
+        product = read()
     except PassportInvalid as error:
         return error.message
-    if not isinstance(found, Passport):
-        return found
-    return {name: value for name, value in claimed(found).items() if name != "result"}
+    if isinstance(product, Passport):
+        return {name: value for name, value in claimed(product).items() if name != "result"}
+    return product
 
 
 def answer(data: bytes, trusted: dict[str, Any], at: datetime, revoked: tuple[str, ...]) -> dict[str, Any]:
     """What `verify` and `read` say."""
-    verified = told(lambda: verify(data, trusted, now=at, revoked=revoked))
-    return {"verified": verified, "read": told(lambda: read(data)[0])}
-
-
-def numbers(r: int, s: int) -> bytes:
-    return b64(r.to_bytes(32, "big") + s.to_bytes(32, "big"))
+    verified = read_or_refused(lambda: verify(data, trusted, now=at, revoked=revoked))
+    return {"verified": verified, "read": read_or_refused(lambda: read(data)[0])}
 
 
 def small_document() -> Any:
-    """A whole result with letters that are easily written wrong."""
+    """A whole result with letters and numbers that are easily written wrong."""
     red = np.array([1.0, 0.123455, 0.123445, 0.015625, -1e-7, 12e-6] + [0] * 675)
     flat = np.array([1.0] + [0.0] * 680)
     return changed(
@@ -322,9 +319,6 @@ def gather(result: bytes) -> list[dict[str, Any]]:
     return cases
 
 
-LETTERS = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_"
-
-
 def compact(value: Any) -> bytes:
     """As JSON without blanks, so that hundreds of payloads stay a small file."""
     return json.dumps(value, separators=(",", ":")).encode()
@@ -357,7 +351,7 @@ def lists() -> list[dict[str, Any]]:
 
 def read_list(data: bytes, trusted: dict[str, Any]) -> Any:
     """The names in a signed list, or the words of the refusal."""
-    return told(lambda: sorted(revocations.read_revoked(data, trusted, LATER)))
+    return read_or_refused(lambda: sorted(revocations.read_revoked(data, trusted, LATER)))
 
 
 def stored() -> dict[str, Any]:

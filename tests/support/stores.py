@@ -51,12 +51,8 @@ def served() -> Iterator[Faulty]:
     from moto.moto_server.werkzeug_app import DomainDispatcherApplication, create_backend_app
     from werkzeug.serving import WSGIRequestHandler, make_server
 
-    class Quiet(WSGIRequestHandler):
-        def log(self, kind: str, message: str, *values: Any) -> None:
-            pass
-
     application = Faulty(DomainDispatcherApplication(create_backend_app))
-    server = make_server("127.0.0.1", 0, application, threaded=True, request_handler=Quiet)
+    server = make_server("127.0.0.1", 0, application, threaded=True)
     thread = threading.Thread(target=server.serve_forever, daemon=True)
     thread.start()
     environment = {
@@ -66,6 +62,7 @@ def served() -> Iterator[Faulty]:
     }  # fmt: skip
     try:
         with pytest.MonkeyPatch.context() as patched:
+            patched.setattr(WSGIRequestHandler, "log", lambda *_: None)
             for name, value in environment.items():
                 patched.setenv(name, value)
             yield application
