@@ -107,10 +107,7 @@ def test_the_colour_temperature_is_that_of_colour_science() -> None:
     pytest.param("A", "bulb", marks=pytest.mark.full),
 ])  # fmt: skip
 def test_a_phone_in_any_light(lamp: str, kind: str) -> None:
-    """Nothing named: curves within their bands, the light within its own, and no kelvin is invented.
-
-    All are accepted; the LED by the shape that is like it.
-    """
+    """Nothing named: accepted, curves and light within their bands, and no kelvin is invented."""
     done = found(lamp)
     assert done.ssf.band_ratio is not None
     assert (done.verdict.status, done.ssf.basis) == ("accepted", "phones")
@@ -198,10 +195,7 @@ def test_a_stored_name_reads_no_file(name: str, tmp_path: Path, monkeypatch: pyt
 @pytest.mark.full
 @pytest.mark.requirement("R-COLOUR")
 def test_the_colour_after_a_calibration_in_unnamed_light_covers_the_truth() -> None:
-    """In the chart's light and in another, of phones drawn from the prior.
-
-    What curves and light add is compared with the colour by the true ones.
-    """
+    """In the chart's light and in another; what curves and light add, by the colour through the true ones."""
     seen, none = surfaces()[::30], np.zeros((0, 681))
     rng, basis = np.random.default_rng(8), read_basis("phones")
     whole: dict[bool, list[Any]] = {False: [], True: []}

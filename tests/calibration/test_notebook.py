@@ -146,13 +146,13 @@ def test_several_results_are_in_one_plot(result: Result) -> None:
 
 
 def test_plots_refuse_what_they_cannot_draw(result: Result) -> None:
-    for words, *kind, options in (
-        ("no plot 'spectrum'", "spectrum", {}), ("no shot 2", {"shot": 2}), ("no shot True", {"shot": True}),
-        ("'budget' shows one result", "budget", {"others": [result]}), ("refused", {"others": [refused()]}),
-        ("A str is not a matplotlib axes", {"ax": "axes"}),
+    for options, words in (
+        ({"kind": "spectrum"}, "no plot 'spectrum'"), ({"shot": 2}, "no shot 2"), ({"shot": True}, "no shot True"),
+        ({"kind": "budget", "others": [result]}, "'budget' shows one result"), ({"others": [refused()]}, "refused"),
+        ({"ax": "axes"}, "A str is not a matplotlib axes"),
     ):  # fmt: skip
         with pytest.raises(InvalidArgument, match=words):
-            result.plot(*kind, **options)
+            result.plot(**options)
     with pytest.raises(InvalidArgument, match="no table 'all'"):
         result.to_pandas("all")
 

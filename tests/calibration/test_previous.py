@@ -35,7 +35,8 @@ from tests.support import captures
 from tests.support.documents import changed
 from tests.verdict.test_verdict import BLACK
 
-NEW, ACCEPTED = "1" * 64, {"verdict__status": "accepted", "verdict__reasons": ()}
+NEW = "1" * 64
+ACCEPTED = {"verdict__status": "accepted", "verdict__reasons": ()}
 
 
 def later(lamp: str, named: bool = False, camera: Floats | None = None) -> Capture:
