@@ -60,9 +60,6 @@ def test_a_wrong_name_is_never_the_right_one(lamp: str) -> None:
     assert told[-1] == ("D65" if lamp in ("A", "3200K") else "A")  # the opposite
 
 
-# files
-
-
 WORST = {
     "swapped": "chart_not_found", "cfa": "chart_not_found", "mirrored": "chart_not_found", "clipped": "overexposed",
     "dark-iso": "frames_differ", "glare": "glare", "tone-mapped": "not_sensor_raw", "white-level": "frames_differ",
@@ -82,9 +79,6 @@ def test_the_worst_is_caught_from_real_files(tmp_path: Path, name: str, code: st
     except CalibrationError as error:
         codes = {reason.code for reason in error.reasons} | {error.code}
     assert code in codes
-
-
-# docs
 
 
 @pytest.mark.repository

@@ -19,9 +19,6 @@ APART = 0.036
 """RMSE of the two passes of the monochromator from each other."""
 
 
-# what is read
-
-
 def test_the_capture_is_read_as_it_stands() -> None:
     capture = d70()
     assert capture.raw.shape == (24, 3)
@@ -41,9 +38,6 @@ def test_the_passes_are_read_apart_and_differ() -> None:
     assert truth["2011"][at[1], 2] == pytest.approx(0.0957149 / 0.547828)
     assert real.judged(truth["2010"])["2011"]["rmse"] == pytest.approx(APART, abs=5e-4)
     assert real.judged(truth["2011"])["2011"]["rmse"] == 0
-
-
-# the page
 
 
 @pytest.fixture(scope="module")

@@ -62,8 +62,7 @@ def test_a_result_agrees_with_itself(result: Json) -> None:
 
 
 def shot(document: Json) -> Json:
-    found: Json = document["capture"]["shots"][0]
-    return found
+    return document["capture"]["shots"][0]
 
 
 def shift(document: Json, part: float) -> None:
@@ -76,8 +75,7 @@ def shift(document: Json, part: float) -> None:
 
 
 def chart(document: Json) -> Json:
-    means: Json = shot(document)["means"]["chart"]
-    return means
+    return shot(document)["means"]["chart"]
 
 
 def scale(values: list[float], at: int, by: float) -> None:

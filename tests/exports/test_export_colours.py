@@ -1,6 +1,5 @@
 """An export in another program: RawTherapee's colours of 24 patches, by recovered curves and by the true ones."""
 
-import io
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,9 @@ from camssf.grid import Floats
 from camssf.result import Result
 from camssf.spectra import read_camera, read_chart, read_lamp
 from camssf_colour import View, lab
+from camssf_colour.picture import SPACES
 from camssf_colour.standard import of_surfaces
+from tests.colour.test_picture import linear
 from tests.exports.conftest import run
 from tests.support.captures import photos
 from tests.support.documents import changed
@@ -55,8 +56,7 @@ WorkingProfile=ProPhoto
 OutputProfile=RTv4_sRGB
 OutputProfileIntent=Relative
 """
-RGB = [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.072175], [0.0193339, 0.119192, 0.9503041]]
-SRGB = np.array(RGB)
+SRGB = SPACES["srgb"].to_xyz
 
 
 def by_rawtherapee(document: Result, photo: Path, folder: Path) -> Floats:
@@ -67,11 +67,10 @@ def by_rawtherapee(document: Result, photo: Path, folder: Path) -> Floats:
     profile.write_bytes(export(document, "dcp"))
     steps.write_text(DEVELOP.format(profile=profile), "utf-8")
     run("rawtherapee-cli", "-q", "-o", picture, "-Y", "-t", "-b16", "-p", steps, "-c", photo, home=folder)
-    coded = tifffile.imread(io.BytesIO(picture.read_bytes())) / 65535.0
-    linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
+    light = linear(tifffile.imread(picture))
     outlines = document.capture.shots[0].pose.patches
     low, high = outlines.min(axis=1).astype(int) + 20, outlines.max(axis=1).astype(int) - 20
-    rgb = np.array([linear[b:d, a:c].mean(axis=(0, 1)) for (a, b), (c, d) in zip(low, high, strict=True)])
+    rgb = np.array([light[b:d, a:c].mean(axis=(0, 1)) for (a, b), (c, d) in zip(low, high, strict=True)])
     return np.asarray(rgb @ SRGB.T)
 
 

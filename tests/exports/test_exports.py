@@ -65,9 +65,6 @@ def strict(text: bytes) -> Any:
     return json.loads(text.decode(), parse_constant=pytest.fail)
 
 
-# -- what all have in common ------------------------------------------------------------------------------------
-
-
 def said(content: bytes, words: str) -> bool:
     """In whatever coding the format has."""
     return any(words.encode(coding) in content for coding in ("utf-8", "utf-16-be"))
@@ -107,9 +104,6 @@ def test_the_command_line_writes_the_file(tmp_path: Path, capsys: pytest.Capture
     assert out.read_bytes() == export(result(), "csv")
 
 
-# -- the camera's own scale -------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("lamp", ["D55", "A"])
 def test_exported_curves_give_the_camera_s_own_white_balance(lamp: str) -> None:
     """Σ L s dλ under the lamp of the calibration is the raw white that was measured, channel against channel.
@@ -145,9 +139,6 @@ def test_without_a_scale_nothing_is_exported_that_needs_one(to: str) -> None:
     assert export(given, "icc", created=THEN)  # its white is balanced
 
 
-# -- rawtoaces --------------------------------------------------------------------------------------------------
-
-
 def judge_of_rawtoaces() -> Any:
     return jsonschema.Draft4Validator(json.loads((RAWTOACES / "spectral_1.0.0.schema.json").read_text("utf-8")))
 
@@ -180,9 +171,6 @@ def test_the_time_is_utc_and_can_be_fixed(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "1000000000")
     found = strict(export(result(), "rawtoaces", created=THEN))
     assert found["header"]["document_creation_date"] == "2001-09-09T01:46:40Z"
-
-
-# -- tables -----------------------------------------------------------------------------------------------------
 
 
 def test_plain_csv_reads_back_and_is_a_camera_to_camssf(tmp_path: Path) -> None:
@@ -220,9 +208,6 @@ def test_colour_science_reads_its_csv(tmp_path: Path) -> None:
     assert np.array_equal(camera.wavelengths, WAVELENGTHS)
     assert [label.casefold()[0] for label in camera.labels] == ["r", "g", "b"]
     np.testing.assert_allclose(camera.values, own_curves(given), rtol=1e-13)
-
-
-# -- matrices ---------------------------------------------------------------------------------------------------
 
 
 def balanced(made: Result, lamp: str) -> tuple[Floats, Floats, Floats]:

@@ -252,30 +252,26 @@ NO_LAMP = "the colour matrices were left out: with them AsShotNeutral is the whi
 EQUAL = [1, 1] * 3
 
 
+WHATEVER_THE_NEUTRAL = (
+    (PLACEHOLDER, 21, None, LEFT_OUT),  # also a word of Kotlin's TagsTest
+    (DISPLAY, 21, None, "whose red is 1.00"),
+    (PLACEHOLDER, 17, None, "whose red is 2.8"),
+    (SOUND, 21, "D65", ""),
+)
+
+
 @pytest.mark.parametrize(
-    ("matrix", "code", "neutral", "light", "words"),
+    ("matrix", "code", "light", "words", "neutral"),
     [
-        *(
-            (matrix, code, neutral, light, words)
-            for matrix, code, light, words in (
-                (PLACEHOLDER, 21, None, LEFT_OUT),  # also a word of Kotlin's TagsTest
-                (DISPLAY, 21, None, "whose red is 1.00"),
-                (PLACEHOLDER, 17, None, "whose red is 2.8"),
-                (SOUND, 21, "D65", ""),
-            )
-            for neutral in (NEUTRAL, EQUAL, None)
-        ),
-        (ANOTHER, 21, NEUTRAL, None, NO_LAMP),
-        (ANOTHER, 21, EQUAL, "D65", ""),  # says nothing
-        *((SOUND, code, None, light, "") for code, light in ((1, "D55"), (3, "A"), (11, "D75"), (23, "D50"))),
-        *(
-            (SOUND, code, None, None, f"made for light source {code or 0}, whose")
-            for code in (None, 2, 24, 255, 4711)
-        ),
+        *((*row, neutral) for row in WHATEVER_THE_NEUTRAL for neutral in (NEUTRAL, EQUAL, None)),
+        (ANOTHER, 21, None, NO_LAMP, NEUTRAL),
+        (ANOTHER, 21, "D65", "", EQUAL),  # says nothing
+        *((SOUND, code, light, "", None) for code, light in ((1, "D55"), (3, "A"), (11, "D75"), (23, "D50"))),
+        *((SOUND, n, None, f"made for light source {n or 0}, whose", None) for n in (None, 2, 24, 255, 4711)),
     ],
 )
 def test_matrices_that_no_camera_or_lamp_has_are_left_out(
-    matrix: list[int], code: int | None, neutral: list[int] | None, light: str | None, words: str, tmp_path: Path
+    matrix: list[int], code: int | None, light: str | None, words: str, neutral: list[int] | None, tmp_path: Path
 ) -> None:
     first: Tags = {50721: (SRATIONAL, [part for value in matrix for part in (value, 10_000)])}
     first |= {50728: neutral and (RATIONAL, neutral), 50778: code and (SHORT, [code])}

@@ -36,9 +36,6 @@ def theirs(name: str) -> Path:
     return path
 
 
-# -- lamps ------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("name", "reader"),
     [
@@ -134,8 +131,6 @@ def test_a_broken_tm27_file_is_refused(old: str, new: str, words: str, tmp_path:
     with pytest.raises(InvalidArgument, match=words):
         read_lamp(write(tmp_path / "x.spdx", SPDX.replace(old, new)))
 
-
-# -- cameras ----------------------------------------------------------------------------------------------------
 
 D850 = ROOT / "data" / "rawtoaces" / "Nikon_D850_380_780_5.json"
 

@@ -37,9 +37,6 @@ def write(path: Path, text: str) -> str:
     return str(path)
 
 
-# Lamps
-
-
 def test_every_name_reads() -> None:
     for name in lamp_names():
         lamp = read_lamp(name)
@@ -131,9 +128,6 @@ def test_a_narrow_line_between_grid_points_keeps_its_power(tmp_path: Path) -> No
 
 def test_noise_below_zero_is_forgiven(tmp_path: Path) -> None:
     assert at(read_lamp(write(tmp_path / "n.csv", text_table(["-1", *PLAIN[1:]]))).values, 380) == 0
-
-
-# Charts
 
 
 @pytest.mark.parametrize(
@@ -268,9 +262,6 @@ def test_a_table_that_is_not_of_the_chart_is_refused(
 ) -> None:
     with pytest.raises(kind, match=words):
         read_chart(write(tmp_path / "c.csv", text))
-
-
-# Cameras
 
 
 def test_named_cameras_are_colour_science_s_and_the_shipped_ones() -> None:

@@ -97,9 +97,6 @@ def test_a_refusal_raises_the_error_of_its_gravest_reason() -> None:
     assert (error.message, error.value, error.threshold, len(error.reasons)) == ("bent.", 3.0, 2.0, 2)
 
 
-# rule 1: expected errors, against sensing's own
-
-
 def test_covariance_is_that_of_the_sensing_matrix_at_the_answer() -> None:
     """All rows of two shots at once: red's, green's, blue's."""
     scene = Scene(clean(), clean("A"), lamps=("D55", "A"))
@@ -116,9 +113,6 @@ def test_covariance_is_that_of_the_sensing_matrix_at_the_answer() -> None:
     assert (mine[red, green] > 2 * np.abs(mine[red, np.roll(green, 1)])).mean() > 0.8
 
 
-# rule 2: goodness_of_fit
-
-
 def test_the_length_of_the_code_by_hand() -> None:
     """Ten directions fully known, none of the others: χ² of ten degrees of freedom."""
     scene = Scene(clean())
@@ -131,9 +125,6 @@ def test_the_length_of_the_code_by_hand() -> None:
         assert code_length(exact) == pytest.approx(norm.isf(chance), abs=0.03)
     assert code_length(replace(found, code_covariance=np.eye(72))) is None  # nothing was learned
     assert code_length(replace(found, code_covariance=None)) is None
-
-
-# the rest
 
 
 def test_what_refuses_is_the_first_reason() -> None:
