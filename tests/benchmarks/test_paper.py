@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,24 +11,20 @@ import pytest
 from benchmarks.paper import experiments as paper
 from benchmarks.paper import gathering
 from benchmarks.paper.rivals import TABLE_1, method
+from tests.support.pages import text_of
 
-DOCS = Path(__file__).parents[2] / "docs"
 PAPER, TUNED = "l1 on Gaussians (the paper)", "l1 on Gaussians, γ tuned"
 PRODUCT, WIENER = "elastic net on cameras (camssf)", "Wiener"
 JIANG = "PCA subspace (Jiang 2013, colour-science)"
 QR, PINV = "QR with non-negativity", "pseudo-inverse with non-negativity"
 NOISES = ("0.0", "0.005", "0.01")
-
-
-@pytest.fixture(scope="module")
-def found() -> dict[str, Any]:
-    return dict(json.loads((DOCS / "paper.json").read_text("utf-8")))
+RUN: dict[str, Any] = json.loads(text_of("docs/paper.json"))
 
 
 @pytest.mark.repository
 @pytest.mark.requirement("R-PAPER")
-def test_what_the_page_says_in_words_holds(found: dict[str, Any]) -> None:
-    rows = found["figure_4"]
+def test_what_the_page_says_in_words_holds() -> None:
+    rows = RUN["figure_4"]
     for noise in NOISES[1:]:
         qr, pinv = (rows[f"{name}: wavelengths, clipped"][noise] for name in (QR, PINV))
         assert qr > pinv > 2 * rows[PAPER][noise]
@@ -38,14 +33,14 @@ def test_what_the_page_says_in_words_holds(found: dict[str, Any]) -> None:
         assert rows[PRODUCT][noise] == min(row[noise] for row in rows.values())
     quiet = rows[f"{PINV}: wavelengths, NNLS"]["0.0"]
     assert quiet < rows[PAPER]["0.0"]
-    families = found["rivals"]
+    families = RUN["rivals"]
     for noise in NOISES[1:]:
         for light in families[PRODUCT][noise]:
             ours, theirs = (families[name][noise][light]["rmse"] for name in (PRODUCT, WIENER))
             assert ours < theirs
             assert theirs < families[JIANG][noise][light]["rmse"]
             assert theirs == min(families[method(name).label][noise][light]["rmse"] for name in TABLE_1)
-    for row in found["lamps"].values():
+    for row in RUN["lamps"].values():
         for light in ("A", "LED-B3", "LED-V1", "FL2"):
             assert row["ignored"][light]["rmse"] > 1.5 * row["known"][light]["rmse"]
             assert row["ignored"][light]["rmsre_percent"] < 0.7
@@ -53,9 +48,9 @@ def test_what_the_page_says_in_words_holds(found: dict[str, Any]) -> None:
 
 @pytest.mark.repository
 @pytest.mark.requirement("R-PAPER")
-def test_the_run_was_whole_and_its_bars_hold(found: dict[str, Any]) -> None:
-    assert [bar["bar"] for bar in found["bars"] if not bar["met"]] == []
-    assert (found["every"], found["cameras"]) == (1, 54)
+def test_the_run_was_whole_and_its_bars_hold() -> None:
+    assert [bar["bar"] for bar in RUN["bars"] if not bar["met"]] == []
+    assert (RUN["every"], RUN["cameras"]) == (1, 54)
 
 
 @pytest.mark.full

@@ -17,6 +17,7 @@ from camssf_colour.posterior import LinearResponse, surface_posterior
 from camssf_colour.reflectance import LitSurfaces, spectrum
 from camssf_colour.surface_prior import SurfacePrior, prior_of, read_prior
 from tests.colour.conftest import exact, known, power
+from tests.spectra.test_spectra import columns
 
 
 def test_the_library_holds_760_surfaces_and_97_skins() -> None:
@@ -74,9 +75,7 @@ def test_spectra_reproduce_their_signals_and_colours() -> None:
 def test_a_file_is_a_prior(tmp_path: Path) -> None:
     rows = a_few()
     path = tmp_path / "leaves.csv"
-    lines = [",".join(["name", *(f"{nm:g}" for nm in SURFACE_NODES)])]
-    lines += [",".join([f"leaf {i}", *(repr(float(value)) for value in row)]) for i, row in enumerate(rows)]
-    path.write_text("\n".join(lines), "utf-8")
+    path.write_text(columns([f"leaf {i}" for i in range(len(rows))], rows, SURFACE_NODES), "utf-8")
     found, own = read_prior(str(path)), prior_of(rows)
     assert found.name == "leaves.csv"
     assert np.abs(found.shapes - own.shapes).max() < 1e-12

@@ -13,15 +13,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.pages import blocks
+from tests.support.pages import ROOT, blocks, text_of
 
-ROOT = Path(__file__).parents[2]
 BINDINGS = Path(os.environ.get("CAMSSF_BINDINGS", ROOT / "android-bindings"))
 REPOSITORY = Path(os.environ.get("CAMSSF_REPOSITORY", BINDINGS / "packaging" / "target" / "repository"))
 ROBOLECTRIC = BINDINGS / "camera2" / "target"
-JVM_PAGE = (ROOT / "docs" / "jvm.md").read_text("utf-8")
-ANDROID_PAGE = (ROOT / "docs" / "android.md").read_text("utf-8")
-LIVE_PAGE = (ROOT / "docs" / "live.md").read_text("utf-8")
+JVM_PAGE, ANDROID_PAGE, LIVE_PAGE = map(text_of, ("docs/jvm.md", "docs/android.md", "docs/live.md"))
 
 pytestmark = pytest.mark.full
 if shutil.which("mvn") is None or shutil.which("java") is None:

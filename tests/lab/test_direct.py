@@ -248,12 +248,9 @@ def test_what_stands_there_is_not_replaced(tmp_path: Path) -> None:
 
 @pytest.mark.full
 def test_the_command(frames: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    paths = {name: str(path) for name, path in frames.items()}
+    words = "direct rgb.dng mono.tif --dark rgb-dark.dng --dark mono-dark.tif --response mono-response.csv -o"
     out = tmp_path / "out"
-    both = ["direct", paths["rgb.dng"], paths["mono.tif"]]
-    darks = ["--dark", paths["rgb-dark.dng"], "--dark", paths["mono-dark.tif"]]
-    more = ["--response", paths["mono-response.csv"], "-o", str(out)]
-    assert main([*both, *darks, *more]) == 0
+    assert main([*(str(frames.get(word, word)) for word in words.split()), str(out)]) == 0
     said = capsys.readouterr()
     assert said.out == ""
     assert "rgb: " in said.err

@@ -122,7 +122,7 @@ def test_a_stranger_is_the_more_probable_the_longer_its_code() -> None:
     assert probability(-2.0, 0.5) == 1.0
 
 
-DRAWN = 300
+DRAWN = 150
 """Captures of the Monte Carlo."""
 
 

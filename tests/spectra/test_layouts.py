@@ -18,6 +18,7 @@ from camssf.spectra import ChartTable, read_chart
 from camssf.spectra.layouts import layout_from, read_layout
 from camssf_lab.simulation.frames import simulate
 from camssf_lab.simulation.scene import Scene, true_pose
+from tests.spectra.test_spectra import columns
 from tests.support.captures import capture_in, document_of
 
 CARD: dict[str, Any] = {
@@ -28,13 +29,10 @@ CARD: dict[str, Any] = {
 
 def table_text(count: int) -> str:
     """Reflectances of patches mixed from the 24 of a ColorChecker, as a CSV file."""
-    nodes = np.isin(WAVELENGTHS, np.arange(400, 701, 20))
-    known, lines = read_chart("classic24").values[:, nodes], [["patch", *WAVELENGTHS[nodes]]]
-    for i in range(count):
-        share = (37 * i) % 100 / 100
-        mixed = (1 - share) * known[i % 24] + share * known[(7 * i + 5) % 24]
-        lines.append([f"p{i + 1}", *(f"{value:.4f}" for value in mixed)])
-    return "\n".join(",".join(map(str, line)) for line in lines) + "\n"
+    i, nodes = np.arange(count), np.arange(400, 701, 20)
+    share, known = 37 * i[:, None] % 100 / 100, read_chart("classic24").values[:, np.isin(WAVELENGTHS, nodes)]
+    mixed = (1 - share) * known[i % 24] + share * known[(7 * i + 5) % 24]
+    return columns([f"p{number + 1}" for number in i], mixed.round(4), nodes)
 
 
 def write_card(folder: Path, **fields: Any) -> str:

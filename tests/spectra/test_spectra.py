@@ -162,9 +162,9 @@ def babel() -> tuple[list[str], Floats]:
     return list(table), np.array([sd.values for sd in table.values()])
 
 
-def columns(names: list[str], rows: Floats) -> str:
+def columns(names: list[str], rows: Floats, nm: Floats = TEN) -> str:
     """A CSV with the wavelengths as its first line."""
-    lines = [["name", *map(str, TEN)], *([n, *map(repr, row)] for n, row in zip(names, rows.tolist(), strict=True))]
+    lines = [["name", *map(str, nm)], *([n, *map(repr, row)] for n, row in zip(names, rows.tolist(), strict=True))]
     return "\n".join(map(",".join, lines))
 
 
