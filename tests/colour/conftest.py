@@ -3,8 +3,8 @@
 import pickle
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -67,15 +67,8 @@ def of_two_lamps(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result
 @pytest.fixture(scope="session", autouse=True)
 def tables_once() -> Iterator[None]:
     """A picture's table of colours takes most of its time, and most pictures here are in one light."""
-    made: dict[bytes, Any] = {}
     tabulate = picture.tabulate
-
-    def once(*arguments: Any) -> Any:
-        key = pickle.dumps(arguments)
-        if key not in made:
-            made[key] = tabulate(*arguments)
-        return made[key]
-
+    by_content = cache(lambda content: tabulate(*pickle.loads(content)))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(picture, "tabulate", once)
+        patch.setattr(picture, "tabulate", lambda *arguments: by_content(pickle.dumps(arguments)))
         yield

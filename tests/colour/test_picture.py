@@ -42,7 +42,7 @@ from camssf_colour.regions import measure_regions
 from camssf_colour.standard import of_surfaces
 from camssf_lab.simulation.camera import Sensor, count
 from tests.support.dngs import Dng
-from tests.support.scenes import mosaic
+from tests.support.scenes import filtered, mosaic
 
 CHART = read_chart("classic24").values.copy()
 CHART[18] = 0.9  # the reference
@@ -74,11 +74,7 @@ def scene(
     for light, part in ((lamp, level), ("A", ambient)):
         by_it = (CHART * read_lamp(light).values) @ camera().values * own.raw / (own.lamp.values @ camera().values)
         raw += part * (sensor.white_level - sensor.black) * by_it / by_it.max()
-    blocks = raw.reshape(4, 6, 3).repeat(SIDE, axis=0).repeat(SIDE, axis=1)
-    light = np.empty(blocks.shape[:2], dtype=np.float32)
-    for at, letter in enumerate(cfa):
-        rows, columns = slice(at // 2, None, 2), slice(at % 2, None, 2)
-        light[rows, columns] = blocks[rows, columns, "RGB".index(letter)]
+    light = filtered(raw.reshape(4, 6, 3).repeat(SIDE, axis=0).repeat(SIDE, axis=1), cfa).astype(np.float32)
     return replace(mosaic(count(light, sensor, np.random.default_rng(seed)), replace(sensor, cfa=cfa)), **changes)
 
 
@@ -253,10 +249,7 @@ def test_a_smooth_picture_is_demosaiced_as_libraw_does_it() -> None:
     """By bilinear interpolation, with which the filters agree where nothing is sharp."""
     y, x = np.mgrid[0:64, 0:96]
     colours = 3000.0 + np.stack([20 * x + 10 * y, 15 * y + 5 * x, 1500 - 12 * x + 0 * y], axis=-1)
-    samples = np.empty(x.shape, np.uint16)
-    for at, letter in enumerate("RGGB"):
-        rows, columns = slice(at // 2, None, 2), slice(at % 2, None, 2)
-        samples[rows, columns] = colours[rows, columns, "RGB".index(letter)]
+    samples = filtered(colours).astype(np.uint16)
     with rawpy.imread(io.BytesIO(Dng(samples).encode())) as raw:
         theirs = raw.postprocess(
             demosaic_algorithm=rawpy.DemosaicAlgorithm.LINEAR, output_color=rawpy.ColorSpace.raw, gamma=(1, 1),

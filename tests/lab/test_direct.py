@@ -24,6 +24,7 @@ from camssf_lab.direct.dispersion import FEWEST, LINES, disperse
 from camssf_lab.simulation.camera import Sensor
 from tests.repository.test_docs import ROOT, blocks
 from tests.support import spectrograph
+from tests.support.scenes import filters
 from tests.support.spectrograph import FINE, MONO, RGB, Spectrograph, shoot, write_dng
 
 
@@ -290,9 +291,7 @@ def photograph_sweep(curves: Floats) -> None:
     stray = 40.0  # DN in every frame, the dark one too
 
     def shoot(name: str, signals: Any) -> None:
-        mosaic = np.empty((240, 320))
-        for (i, j), channel in {(0, 0): 0, (0, 1): 1, (1, 0): 1, (1, 1): 2}.items():
-            mosaic[i::2, j::2] = signals[channel]
+        mosaic = np.asarray(signals)[filters((240, 320))]
         mosaic = mosaic + SENSOR.black + stray + 6.0 * rng.normal(size=mosaic.shape)
         write_dng(folder / name, np.rint(mosaic).astype(np.uint16), SENSOR, read_camera("Demo phone"))
 

@@ -22,6 +22,7 @@ from camssf_lab.simulation.frames import Simulation, simulate
 from camssf_lab.simulation.scene import Scene, homography, render_mosaic, true_pose
 from camssf_lab.simulation.shot import Frames, photograph
 from tests.support.problems import bell
+from tests.support.scenes import filters
 
 SIZE = (600, 450)
 QUIET = Sensor(noise=False)
@@ -46,11 +47,6 @@ def inside(patch: Floats, shape: tuple[int, int], share: float = 0.7) -> NDArray
     """(h, w) True in the central part of a quadrilateral."""
     corners = patch.mean(axis=0) + share * (patch - patch.mean(axis=0))
     return cv2.fillConvexPoly(np.zeros(shape, np.uint8), np.rint(corners).astype(np.int32), 1).astype(bool)
-
-
-def colour_map(cfa: str, shape: tuple[int, int]) -> NDArray[np.int64]:
-    cell = np.array(["RGB".index(letter) for letter in cfa]).reshape(2, 2)
-    return np.tile(cell, (shape[0] // 2 + 1, shape[1] // 2 + 1))[: shape[0], : shape[1]]
 
 
 @pytest.mark.parametrize(
@@ -85,7 +81,7 @@ def test_patches_hold_theory_to_rounding(turn: float) -> None:
     within = [inside(patch, SIZE[::-1]) for patch in true_pose(scene).patches]
     for cfa in CFA_ORDERS if turn == 33 else CFA_ORDERS[:1]:
         frames = photograph(CAMERA, FLAT, TABLE, scene, replace(QUIET, cfa=cfa))
-        colours = colour_map(cfa, frames.chart.shape)
+        colours = filters(frames.chart.shape, cfa)
         for patch, levels in zip(within, frames.levels, strict=True):
             seen, of = frames.chart[patch], colours[patch]
             for colour in range(3):
@@ -101,7 +97,7 @@ def test_noise_is_that_of_a_photon_counter() -> None:
     sensor = Sensor(full_well=3000, read_noise=4.0, exposure=0.7, dark_current=30)
     frames = taken(sensor=sensor, seeds=(11,), fill=0.8)
     electrons = 3000 / (16383 - 512)
-    colours = colour_map("RGGB", frames.white.shape)
+    colours = filters(frames.white.shape)
 
     def judge(samples: NDArray[np.uint16], level: float) -> None:
         count = samples.size
@@ -169,7 +165,7 @@ def test_glare_dark_current_gains_and_clipping() -> None:
     assert (veiled.dark == 512 + 25).all()
     np.testing.assert_array_equal(veiled.signals, plain.signals)  # the truth about the patches, not about the veil
     y, x = plain.pose.patches[7].mean(axis=0).round().astype(int)[::-1]
-    colour = colour_map("RGGB", plain.chart.shape)[y, x]
+    colour = filters(plain.chart.shape)[y, x]
     assert veiled.chart[y, x] == pytest.approx(veiled.levels[7, colour], abs=0.51)
     cast = taken(sensor=replace(QUIET, gains=(1, 0.5, 0.1)))
     np.testing.assert_allclose(cast.signals, plain.signals)
@@ -277,7 +273,7 @@ def test_eq5_of_the_files_against_colour_science(tmp_path: Path) -> None:
     theory = (reflectance * light) @ camera / (light @ camera)
     shot = done.shots[0]
     lit, white, dark = (read_dng(path).samples.astype(float) for path in (shot.chart, shot.white, shot.dark))
-    colours = colour_map("RGGB", lit.shape)
+    colours = filters(lit.shape)
     measured = np.empty((24, 3))
     for number, patch in enumerate(done.pose.patches):
         within = inside(patch, lit.shape)

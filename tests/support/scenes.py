@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from camssf.grid import Floats
 from camssf.photo.read.dng import Mosaic
 from camssf.spectra import ChartTable, read_camera, read_chart, read_lamp
 from camssf_lab.simulation.camera import Sensor
@@ -23,6 +24,17 @@ def mosaic(samples: NDArray[np.uint16], sensor: Sensor | None = None, **changes:
         color_matrix1=None, color_matrix2=None, as_shot_neutral=None, sha256="",
     )  # fmt: skip
     return replace(plain, **changes)
+
+
+def filters(shape: tuple[int, ...], cfa: str = "RGGB") -> NDArray[np.int64]:
+    """(h, w) the channel of each sample."""
+    cell = np.array(["RGB".index(letter) for letter in cfa]).reshape(2, 2)
+    return np.tile(cell, (shape[0] // 2 + 1, shape[1] // 2 + 1))[: shape[0], : shape[1]]
+
+
+def filtered(colours: Floats, cfa: str = "RGGB") -> Floats:
+    """(h, w) of each pixel (h, w, 3) the colour that its filter lets through."""
+    return np.take_along_axis(colours, filters(colours.shape[:2], cfa)[..., None], axis=2)[..., 0]
 
 
 @cache

@@ -16,7 +16,7 @@ from camssf.photo.photon_noise import Estimate, mixed_noise
 from camssf.verdict.processed import DEMOSAICED, colours_mixed, processed
 from camssf.verdict.reasons import Checks
 from camssf_lab.simulation.camera import Sensor
-from tests.support.scenes import mosaic, shoot, table
+from tests.support.scenes import filtered, filters, mosaic, shoot, table
 
 KERNEL = np.array([[1.0, 2.0, 1.0], [2.0, 4.0, 2.0], [1.0, 2.0, 1.0]])
 Change = Callable[[Floats], Floats]
@@ -27,30 +27,21 @@ def pose() -> Pose:
     return find_chart(mosaic(shoot().chart), table())
 
 
-def colours(shape: tuple[int, ...]) -> Floats:
-    """The colour of each sample of the mosaic, RGGB."""
-    return np.tile(np.array([[0, 1], [1, 2]]), (shape[0] // 2, shape[1] // 2))
-
-
 def demosaiced(light: Floats) -> Floats:
     """(h, w, 3), each colour between its samples."""
-    own = colours(light.shape)
+    own = filters(light.shape)
     full = [convolve(light * (own == c), KERNEL) / convolve((own == c) * 1.0, KERNEL) for c in range(3)]
     return np.stack([np.where(own == c, light, one) for c, one in enumerate(full)], axis=2)
 
 
-def mosaicked(full: Floats) -> Floats:
-    return np.take_along_axis(full, colours(full.shape[:2])[:, :, None], axis=2)[:, :, 0]
-
-
 def desaturated(share: float) -> Change:
-    return lambda light: mosaicked(demosaiced(light) @ (np.eye(3) * (1.0 - share) + share / 3.0))
+    return lambda light: filtered(demosaiced(light) @ (np.eye(3) * (1.0 - share) + share / 3.0))
 
 
 def without_chroma_noise(light: Floats) -> Floats:
     full = demosaiced(light)
     grey = full.mean(axis=2, keepdims=True)
-    return mosaicked(grey + np.stack([gaussian_filter((full - grey)[:, :, c], 2.0) for c in range(3)], axis=2))
+    return filtered(grey + np.stack([gaussian_filter((full - grey)[:, :, c], 2.0) for c in range(3)], axis=2))
 
 
 def reasons_of(change: Change | None, sensor: Sensor | None = None) -> list[str]:
@@ -66,7 +57,7 @@ def reasons_of(change: Change | None, sensor: Sensor | None = None) -> list[str]
     ("change", "reasons"),
     [
         (None, []),
-        (lambda light: mosaicked(demosaiced(light)), []),
+        (lambda light: filtered(demosaiced(light)), []),
         (desaturated(0.15), ["not_sensor_raw.mixed"]),
         (desaturated(0.35), ["not_sensor_raw.mixed"]),
         (without_chroma_noise, ["not_sensor_raw.mixed"]),
