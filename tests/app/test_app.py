@@ -58,7 +58,7 @@ def browser(server: Server, tmp_path: Path) -> Iterator[Browser]:
         yield running
         running.do("Page.navigate", url="about:blank")  # leaves the page: its files go
         running.wait("location.href === 'about:blank'")  # its question is answered while something is asked of it
-        left(server, [])
+        until(lambda: server.folders() == [], 60.0)
     events = {name: [event["params"] for event in running.events if event["method"] == name] for name in EVENTS}
     thrown, logged, sent = events.values()
     assert thrown == []
@@ -71,11 +71,6 @@ def open_page(browser: Browser, server: Server) -> str:
     target = browser.open(server.address)
     browser.wait("document.documentElement?.dataset.ready")
     return target
-
-
-def left(server: Server, folders: list[Path]) -> None:
-    """Wait until only these sessions' folders are left."""
-    until(lambda: server.folders() == folders, 60.0)
 
 
 def chart() -> Path:
@@ -270,7 +265,7 @@ def test_bad_files_cancelling_a_refusal_and_a_second_tab(server: Server, browser
     assert browser.js("document.querySelectorAll('.card').length") == 0
     browser.do("Target.closeTarget", targetId=second)
     browser.session = session
-    left(server, [first])
+    until(lambda: server.folders() == [first], 60.0)
 
     assert calibrated(browser) == ("", "refused")  # a camera, and no lamp was chosen
     assert text(browser, "#reasons") != ""

@@ -25,8 +25,7 @@ from tests.support.problems import toy_camera
 
 ROOT = Path(__file__).parents[2]
 SIZE = (900, 675)
-# The toy's bells are unlike any real filter, so the learned basis has no easy game; real cameras are scored in
-# benchmarks/.
+# Bells are unlike any real filter, so the learned basis has no easy game; benchmarks/ scores real cameras.
 CAMERA = CameraCurves("toy", toy_camera(), "a formula")
 
 

@@ -35,7 +35,7 @@ Reports = list[tuple[str, float]]
 STAGES = [file for file in FILES if not {"cli", "cli.py", "__main__.py"} & set(file.parts)]
 
 
-def told_by_python(code: str, *words: str, cwd: Path | None = None) -> str:
+def stderr_of(code: str, *words: str, cwd: Path | None = None) -> str:
     """What a new interpreter, which ends well, writes to stderr."""
     call = [sys.executable, "-c", code, *words]
     done = subprocess.run(call, cwd=cwd, capture_output=True, text=True, timeout=300)
@@ -82,7 +82,7 @@ print(json.dumps(found), file=sys.stderr)
 def test_what_a_new_interpreter_loads() -> None:
     """One interpreter: the package, `calibrate`, a help, lamps and charts by name, public names, every stage."""
     stages = [".".join(file.with_suffix("").parts).removesuffix(".__init__") for file in STAGES]
-    assert json.loads(told_by_python(FRESH, json.dumps([HEAVY, stages]))) == {
+    assert json.loads(stderr_of(FRESH, json.dumps([HEAVY, stages]))) == {
         "import camssf": [], "import calibrate": [], "help": [], "lamps and charts by name": [], "all stages": [],
     }  # fmt: skip
 
@@ -139,21 +139,21 @@ def check(reports: Reports) -> None:
     assert max(late - early for early, late in pairwise(parts)) <= 0.65, reports
 
 
-def told(reports: Reports) -> Progress:
+def into(reports: Reports) -> Progress:
     return lambda stage, part: reports.append((stage, part))
 
 
 def test_measuring_and_solving_tell_from_0_to_1(photo: Path) -> None:
     measured, solved = Reports(), Reports()
-    solve(measure(Shot(photo, "D55"), progress=told(measured)), progress=told(solved))
+    solve(measure(Shot(photo, "D55"), progress=into(measured)), progress=into(solved))
     check(measured)
     check(solved)
 
 
 def test_a_part_of_the_whole() -> None:
     reports: Reports = []
-    part_of(told(reports), 0.2, 0.6)("solving", 0.5)
-    part_of(part_of(told(reports), 0.5, 1.0), 0.5, 1.0)("validating", 1.0)
+    part_of(into(reports), 0.2, 0.6)("solving", 0.5)
+    part_of(part_of(into(reports), 0.5, 1.0), 0.5, 1.0)("validating", 1.0)
     part_of(None, 0.0, 1.0)("nothing", 0.0)
     assert reports == [("solving", pytest.approx(0.4)), ("validating", 1.0)]
 
@@ -177,19 +177,13 @@ print(json.dumps(said), file=sys.stderr)
 
 def test_a_command_begins_to_tell_before_it_loads_anything(tmp_path: Path) -> None:
     """Each command ends at its first word."""
-    assert json.loads(told_by_python(SAID, cwd=tmp_path)) == [["starting", 0.0, False]] * 3
+    assert json.loads(stderr_of(SAID, cwd=tmp_path)) == [["starting", 0.0, False]] * 3
 
 
 @pytest.mark.full
 def test_a_command_tells_from_0_to_1(photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    reports: Reports = []
-    real = cli.terminal._Bar.__call__
-
-    def call(bar: cli.terminal._Bar, stage: str, part: float) -> None:
-        reports.append((stage, part))
-        real(bar, stage, part)
-
-    monkeypatch.setattr(cli.terminal._Bar, "__call__", call)
+    reports = Reports()
+    monkeypatch.setattr(cli.terminal._Bar, "__call__", lambda bar, stage, part: reports.append((stage, part)))
     monkeypatch.chdir(tmp_path)
     for words in (f"calibrate {photo} --lamp D55 -o out", "report out/result.json -o again"):
         assert cli.main(words.split()) == 0
@@ -198,27 +192,18 @@ def test_a_command_tells_from_0_to_1(photo: Path, tmp_path: Path, monkeypatch: p
 
 
 PLAIN_RUN = """
-import contextlib, io, json, os, sys
+import contextlib, io, os, sys
 sys.modules |= dict.fromkeys(("colour", "colour_cxf", "matplotlib", "pandas", "xarray"))  # None: not installed
 from camssf import Result
 from camssf.cli import main
 from camssf.errors import InvalidArgument
 
-def said(*words):
-    out, err = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        status = main(words)
-    return status, out.getvalue(), err.getvalue()
-
-photo = ["calibrate", "chart.dng", "--lamp", "D55"]
-status, _, err = said(*photo, "--white", "white.dng", "--basis", "cameras", "-o", "out", "--truth", "truth.csv")
-assert status == 0, err
+assert main("calibrate chart.dng --lamp D55 --white white.dng --basis cameras -o out --truth truth.csv".split()) == 0
 assert set(os.listdir("out")) == {"result.json", "ssf.csv", "patches.csv", "ssf.svg", "report.html"}
-status, _, err = said(*photo, "--chart", "chart.cxf")
-assert status == 2, err
-assert 'pip install -e ".[cxf]"' in err
-status, _, err = said("simulate", "--lamp", "D55", "--size", "900x675", "-o", "simulated")
-assert status == 0, err
+with contextlib.redirect_stderr(io.StringIO()) as err:
+    assert main("calibrate chart.dng --lamp D55 --chart chart.cxf".split()) == 2
+assert 'pip install -e ".[cxf]"' in err.getvalue()
+assert main("simulate --lamp D55 --size 900x675 -o simulated".split()) == 0
 result = Result.load("out/result.json")
 assert "<svg" in result._repr_html_()
 for ask in (result.plot, result.to_pandas, result.to_xarray, result.to_colour):
@@ -238,4 +223,4 @@ def test_without_the_dropped_libraries_it_calibrates_and_says_what_is_missing(tm
         shutil.copy(str(path), tmp_path)
     cxf = '<?xml version="1.0"?><CxF xmlns="http://colorexchangeformat.com/CxF3-core"/>'
     (tmp_path / "chart.cxf").write_text(cxf)
-    told_by_python(PLAIN_RUN, cwd=tmp_path)
+    stderr_of(PLAIN_RUN, cwd=tmp_path)

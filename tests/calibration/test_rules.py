@@ -33,8 +33,7 @@ def limit(document: Json, name: str = "goodness_of_fit") -> Json:
 
 BREAKS: dict[str, tuple[Callable[[Json], object], str]] = {
     "another format": (lambda d: d.update(format="camssf-rules/2"), "camssf-rules/2"),
-    "unknown key": (lambda d: d.update(kinds=[]), "kinds"),
-    "missing key": (lambda d: d.pop("rivals"), "rivals"),
+    "unknown key": (lambda d: d.update(kinds=[]), "kinds"), "missing key": (lambda d: d.pop("rivals"), "rivals"),
     "no value": (lambda d: limit(d).pop("value"), "verdict.goodness_of_fit.*value"),
     "a text for a number": (lambda d: limit(d).update(value="3.5"), "verdict.goodness_of_fit"),
     "no reason why": (lambda d: limit(d).update(why=""), "empty text"),
@@ -46,7 +45,7 @@ BREAKS: dict[str, tuple[Callable[[Json], object], str]] = {
     "unknown message": (lambda d: d["reasons"]["veil"].update(message="glare.mist"), "glare.mist"),
     "unknown limit": (lambda d: d["reasons"]["veil"].update(limits=["fears"]), "limits"),
     "limits exchanged": (lambda d: d["reasons"]["veil"]["limits"].reverse(), "limits"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", BREAKS)

@@ -157,8 +157,7 @@ def test_an_unknown_exception_is_one_line_and_a_request(swap: Swap, capsys: Capt
         assert "Traceback" in capsys.readouterr().err
 
 
-def test_ctrl_c_is_130(swap: Swap, tmp_path: Path, monkeypatch: Patch, capsys: Capture) -> None:
-    """A batch says how to resume."""
+def test_ctrl_c_is_130_and_a_batch_resumes(swap: Swap, tmp_path: Path, monkeypatch: Patch, capsys: Capture) -> None:
     swap(KeyboardInterrupt())
     assert cli.main(["calibrate", "x.dng", "--lamp", "D55"]) == 130
     assert "Traceback" not in capsys.readouterr().err

@@ -70,7 +70,6 @@ def test_after_a_lost_scheduler_the_same_command_does_the_rest(
     """It is killed in the middle; another one, with another address, goes on."""
     monkeypatch.setattr(cluster_module, "SCHEDULER_TIMEOUT", 15.0)  # so long a client looks for a lost one
     names, file, processes = desk.fill(12), tmp_path / "scheduler.json", list[subprocess.Popen[bytes]]()
-    dask = [sys.executable, "-m", "dask"]
     how: Any = dict.fromkeys(("stdout", "stderr"), subprocess.DEVNULL) | {"env": os.environ | {"PYTHONPATH": SEARCH}}
 
     def kill() -> None:
@@ -80,7 +79,7 @@ def test_after_a_lost_scheduler_the_same_command_does_the_rest(
     killer = threading.Thread(target=kill)
     try:
         for words in ("scheduler --port 0 --host 127.0.0.1", "worker --nthreads 1 --no-nanny"):
-            call = [*dask, *words.split(), "--scheduler-file", str(file), "--no-dashboard"]
+            call = [sys.executable, "-m", "dask", *words.split(), "--scheduler-file", str(file), "--no-dashboard"]
             processes.append(subprocess.Popen(call, **how))
         until(file.exists)
         killer.start()

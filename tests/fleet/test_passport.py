@@ -161,8 +161,7 @@ def test_what_was_printed_can_be_verified_again() -> None:
 
 def pkcs8(key: Any, passphrase: bytes | None = None) -> bytes:
     lock = serialization.BestAvailableEncryption(passphrase) if passphrase else serialization.NoEncryption()
-    made: bytes = key.private_bytes(serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, lock)
-    return made
+    return bytes(key.private_bytes(serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, lock))
 
 
 def test_a_pair_of_keys(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -123,9 +124,7 @@ def test_a_batch_from_a_bucket_to_a_bucket_whatever_fails(bucket: str, server: F
     assert not [path for path in files_below(place(f"{bucket}/out")) if path.name not in ("result.json",)]
 
 
-def test_on_the_command_line(
-    bucket: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, said: Said, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_on_the_command_line(bucket: str, tmp_path: Path, monkeypatch: Any, said: Said, capsys: Any) -> None:
     monkeypatch.chdir(tmp_path)
     phones, other = f"{bucket}/phones", f"{bucket}/results/other.json"
     (tmp_path / "result.json").write_bytes(document_bytes(document()))

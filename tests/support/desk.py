@@ -31,9 +31,9 @@ HEADER = "name,photo,lamp,white,dark,chart,serial,site"
 @cache
 def template(refusal: bool) -> dict[str, Any]:
     """A document of an answer or of a refusal, without the hash of its content."""
-    whole = json.loads(document_bytes(unplaced() if refusal else document()))
+    whole: dict[str, Any] = json.loads(document_bytes(unplaced() if refusal else document()))
     del whole["sha256"]
-    return dict(whole)
+    return whole
 
 
 def stub(job: Job, folder: Path, names: tuple[str, ...] = ("result.json",), log: Path | None = None) -> Outcome:
