@@ -68,22 +68,8 @@ def rmse(found: ArrayLike, expected: ArrayLike) -> float:
     return float(np.sqrt(np.mean(difference**2, axis=0)).mean())
 
 
-def sums(found: ArrayLike, expected: ArrayLike) -> float:
-    """`norm` between a symmetric matrix (3 r, 3 r), summed over each channel's r columns, and such sums (3 r, 3).
-
-    Sums replace the matrix to store fewer numbers; every element still counts. Found values that are sums already are
-    compared directly.
-    """
-    a = np.asarray(found, dtype=float)
-    if a.shape == (len(a), 3) == np.shape(expected):
-        return norm(a, expected)
-    if a.ndim != 2 or len(a) % 3 or a.shape[0] != a.shape[1] or not norm(a, a.T) <= 1e-9:
-        return np.inf
-    return norm(a.reshape(len(a), 3, -1).sum(axis=2), expected)
-
-
 METRICS: dict[str, Callable[[Any, Any], float]] = {
-    metric.__name__: metric for metric in (exact, norm, difference, relative, at_most, peak, rmse, sums)
+    metric.__name__: metric for metric in (exact, norm, difference, relative, at_most, peak, rmse)
 }
 
 

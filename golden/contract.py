@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
 
-from golden.forms import ROOT, Json
+from golden.forms import NIKON, ROOT, Json
 
 LARGEST_GAP = 1e-9
 """Largest relative duality gap of any engine's result."""
@@ -15,6 +15,11 @@ PLAIN = ("basis", "shots", "prior", "make", "unnamed", "called", "colour_matrice
 """Inputs that are no numbers."""
 Limits: TypeAlias = Sequence[tuple[str, float, str]]
 """Limits against the stored outputs: metric, bound, names of the values."""
+Row: TypeAlias = tuple[str, str, Json]
+"""Name, comment, and what is unlike the base case of the stage, or unlike EXPECTED."""
+EXPECTED: Json = {"expect": "success", "rmse": None, "outputs": None}
+"""What a row expects: an error's code; a bound on the error of the curves against the true camera, NIKON unless the
+row names another; outputs that the author knows, with which what is computed must agree."""
 
 
 def words(text: str) -> frozenset[str]:
@@ -35,31 +40,45 @@ class Stage:
     """One stage.
 
     Attributes:
-        requires: the capabilities that a runner needs.
         inputs, optional: keys of the inputs, and those that a case may leave out.
-        cases: all cases before they are run; None: those that are stored, as `handwritten` says.
-        limits: against the stored outputs, or all limits of a complete case from it and what `case` said of it.
+        limits: against the stored outputs, or all limits of a complete case from it and its row.
+        rows: all cases; None: those that are stored are written by hand: `comment`, `expect`, `inputs`.
+        requires: the capabilities that a runner needs, if others than that of the stage's name.
+        made: the inputs of a case from a row's change.
         outputs: stored outputs beyond those of `limits`.
+        written: whether the outputs of cases by hand were, too.
         arrays: inputs that `resolve` makes arrays of; None for all but PLAIN.
         rounded: outputs that are stored with fewer digits.
         convex: whether its cases are convex problems, which cvxpy solves, too.
     """
 
     name: str
-    requires: str
     run: Callable[[Call], dict[str, Any]]
     inputs: frozenset[str]
     limits: Limits | Callable[[Json, Json], list[Json]]
-    cases: Callable[[], Iterable[Json]] | None = None
+    rows: Callable[[], Iterable[Row]] | None = None
+    made: Callable[[Json], Json] = dict
+    requires: str = ""
     optional: frozenset[str] = frozenset()
     outputs: frozenset[str] = frozenset()
+    written: bool = False
     arrays: frozenset[str] | None = None
-    rounded: frozenset[str] = words("ssf ssf_std code_covariance")
+    rounded: frozenset[str] = words("ssf ssf_std code_covariance_sums")
     convex: bool = False
 
-    def scenes(self) -> Iterable[Json]:
-        """All cases before they are run."""
-        return handwritten(self.name) if self.cases is None else self.cases()
+    def scenes(self) -> Iterator[Json]:
+        """All cases before they are run: `case`, `comment`, `inputs`, and what they expect."""
+        for name, comment, change in self._stored_rows() if self.rows is None else self.rows():
+            inputs = self.made({key: value for key, value in change.items() if key not in EXPECTED})
+            known = {key: change.get(key, usual) for key, usual in EXPECTED.items()}
+            truth = None if known["rmse"] is None else change.get("camera", NIKON)
+            yield {"case": f"{self.name}/{name}", "comment": comment, "inputs": inputs, "truth": truth, **known}
+
+    def _stored_rows(self) -> Iterator[Row]:
+        for path in sorted((ROOT / "cases" / self.name).glob("*.json")):
+            known = json.loads(path.read_bytes())
+            outputs = known.get("outputs") if self.written else None
+            yield path.stem, known["comment"], known["inputs"] | {"expect": known["expect"], "outputs": outputs}
 
     def stored_outputs(self) -> list[str]:
         """The outputs that a case stores."""
@@ -71,39 +90,6 @@ class Stage:
         if callable(self.limits):
             return self.limits(made, scene)
         return [*stored(made, self.limits), *against_truth(made, scene)]
-
-
-def case(
-    name: str,
-    comment: str,
-    inputs: Json,
-    *,
-    expect: str = "success",
-    truth: Json | None = None,
-    rmse: float | None = None,
-    outputs: Json | None = None,
-) -> Json:
-    """A case before it is run.
-
-    Args:
-        name: with its stage, "ssf/cameras-nikon".
-        truth: the true camera; `rmse` bounds the error of the curves.
-        outputs: those that the author knows; what is found must agree.
-    """
-    return {
-        "case": name, "comment": comment, "inputs": inputs, "expect": expect, "truth": truth, "rmse": rmse,
-        "outputs": outputs,
-    }  # fmt: skip
-
-
-def handwritten(stage: str, *, outputs: bool = False) -> Iterator[Json]:
-    """The cases of a stage that are written by hand: `comment`, `expect`, `inputs`, and maybe `outputs`."""
-    for path in sorted((ROOT / "cases" / stage).glob("*.json")):
-        known = json.loads(path.read_bytes())
-        yield case(
-            f"{stage}/{path.stem}", known["comment"], known["inputs"], expect=known["expect"],
-            outputs=known.get("outputs") if outputs else None,
-        )  # fmt: skip
 
 
 def limit(value: str, against: str, metric: str, bound: float, *requires: str) -> Json:
@@ -123,5 +109,5 @@ def stored(made: Json, limits: Limits) -> list[Json]:
 
 
 def against_truth(made: Json, scene: Json) -> list[Json]:
-    """The error of the curves, where the true camera is given."""
+    """The error of the curves, where the true camera is known."""
     return [limit("ssf", "truth", "rmse", scene["rmse"])] if made["truth"] is not None else []

@@ -9,12 +9,15 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.polynomial.polynomial import polyval
 
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.recovery.basis import interpolate
 
 Json: TypeAlias = dict[str, Any]
 ROOT = Path(__file__).parent
+NIKON: Json = {"camera": "Nikon D5100"}
+"""The camera of the base cases."""
 PENDING: dict[str, bytes] = {}
 """Cases that the generator has made but not yet written; it writes only after all checks have passed."""
 
@@ -86,10 +89,9 @@ def _form(form: Json) -> Any:
     if kind == {"constant", "shape"}:
         return np.full(form["shape"], _numbers(form["constant"]), float)
     if kind == {"polynomials"}:
-        u = (WAVELENGTHS - 550.0) / 170.0
-        return np.array([[_horner(mode, u) for mode in shot] for shot in form["polynomials"]], float).reshape(
-            len(form["polynomials"]), -1, WAVELENGTHS.size
-        )
+        u, shots = (WAVELENGTHS - 550.0) / 170.0, form["polynomials"]
+        powers = [[polyval(u, mode) for mode in shot] for shot in shots]
+        return np.array(powers, float).reshape(len(shots), -1, WAVELENGTHS.size)
     if kind == {"modes"}:
         return modes(form["modes"])
     if kind == {"camera"}:
@@ -99,13 +101,6 @@ def _form(form: Json) -> Any:
             [sum(h * np.exp(-0.5 * ((WAVELENGTHS - m) / s) ** 2) for h, m, s in c) for c in form["bells"]], axis=1
         )
     raise GoldenError(f"there is no input form with the keys {sorted(form)}")
-
-
-def _horner(coefficients: list[float], u: Floats) -> Floats:
-    total = np.zeros_like(u)
-    for coefficient in reversed(coefficients):
-        total = total * u + coefficient
-    return total
 
 
 def _numbers(value: Any) -> Any:

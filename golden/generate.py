@@ -20,8 +20,7 @@ from rich.progress import track
 
 from camssf.errors import CalibrationError
 from camssf.files import write_file
-from camssf.recovery.hypotheses import AUTO
-from camssf.recovery.onnx_model import load_model
+from camssf.recovery.onnx_model import SHIPPED, load_model
 from golden import forms
 from golden.compare import METRICS, blur, optimality, rmse
 from golden.contract import Stage
@@ -118,7 +117,6 @@ def _files(scenes: dict[str, Json]) -> dict[str, bytes]:
     }
     manifest = {
         "format": FORMAT,
-        "count": len(scenes),
         "generator": generator_digest(),
         **given,
         "cases": {name: digest(forms.PENDING[f"cases/{name}.json"]) for name in sorted(scenes)},
@@ -143,14 +141,15 @@ def finish(scene: Json) -> Json:
     name, success = scene["case"], scene["expect"] == "success"
     stage = STAGES[name.partition("/")[0]]
     inputs = _plain(scene["inputs"])
+    basis = inputs.get("basis")
     made: Json = {
         "format": FORMAT,
         "case": name,
         "stage": stage.name,
         "comment": scene["comment"],
         "expect": scene["expect"],
-        "requires": stage.requires.split(),
-        "source": _source(inputs),
+        "requires": (stage.requires or stage.name).split(),
+        "basis_sha256": load_model(basis).metadata["basis_sha256"] if basis in SHIPPED else None,
         "inputs": inputs,
         "outputs": None,
         "oracle": None,
@@ -184,35 +183,12 @@ def finish(scene: Json) -> Json:
     return check(made)
 
 
-def _source(inputs: Json) -> Json:
-    """The source of a case: the basis with the hash in the shipped model's metadata, the spectra by name."""
-    basis = inputs.get("basis")
-    return {
-        "generator": COMMAND,
-        "basis": basis,
-        "basis_sha256": None if basis in (None, AUTO) else load_model(basis).metadata["basis_sha256"],
-        "spectra": sorted(_names(inputs)),
-    }
-
-
-def _names(value: Any) -> set[str]:
-    """The spectra that input forms name."""
-    if not isinstance(value, dict):
-        return set()
-    found = {f"charts:{value['chart']}"} if isinstance(value.get("chart"), str) else set()
-    found |= {f"lamps:{name}" for name in value.get("lamps", []) if name != "equal-energy"}
-    found |= {f"modes:{name}" for name in value.get("modes", []) if name}
-    return found.union(*(_names(v) for v in value.values()))
-
-
 def _stored(name: str, value: Any, stage: Stage) -> Any:
-    """A value as it is stored: None for a missing band, and large arrays with fewer numbers or digits."""
+    """A value as it is stored: None for a missing band, and large arrays with fewer digits."""
     if isinstance(value, np.ndarray) and value.dtype.kind == "f" and np.isnan(value).all():
         return None
     if value is None or name not in stage.rounded:
         return value
-    if name == "code_covariance":
-        return value.reshape(len(value), 3, -1).sum(axis=2)
     return np.vectorize(lambda v: float(f"{v:.{DIGITS}g}"))(value)
 
 

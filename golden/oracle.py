@@ -19,9 +19,6 @@ from golden.compare import optimality
 from golden.forms import Json, resolve
 from golden.linear_model import LinearModel
 
-ENOUGH = 1e-13
-"""Relative duality gap at which polishing stops; for λ₂ > 0, where the gap is of second order, its square is used."""
-
 
 @dataclass(frozen=True)
 class Problem:
@@ -78,19 +75,16 @@ def consult(rows: LinearModel, given: Json) -> Json:
 
 
 def _solved(problem: Problem) -> tuple[Floats, bool]:
-    """The code of one problem, and whether polishing improved Clarabel's gap."""
-    x = _clarabel(problem)
-    best, better, enough = x, False, ENOUGH**2 if problem.l2 > 0 else ENOUGH
-    size = float(np.abs(x).max(initial=0.0))
-    w = problem.slope(x)
+    """The code of one problem, and whether solving on its support improved Clarabel's gap."""
+    x = best = _clarabel(problem)
+    size, w = float(np.abs(x).max(initial=0.0)), problem.slope(x)
     for share in (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9):
-        for support in (np.abs(x) > share * size, np.abs(w) >= problem.gamma * (1 - share)):
-            if problem.optimality(best)[1] <= enough:
-                return best, better
-            tried = _polish(problem, support, np.sign(np.where(np.abs(x) > share * size, x, w)))
+        large = np.abs(x) > share * size
+        for support in (large, np.abs(w) >= problem.gamma * (1 - share)):
+            tried = _polish(problem, support, np.sign(np.where(large, x, w)))
             if tried is not None and problem.optimality(tried)[1] < problem.optimality(best)[1]:
-                best, better = tried, True
-    return best, better
+                best = tried
+    return best, best is not x
 
 
 def _clarabel(problem: Problem) -> Floats:
@@ -115,35 +109,18 @@ def _clarabel(problem: Problem) -> Floats:
 
 
 def _polish(problem: Problem, support: NDArray[np.bool_], sign: Floats) -> Floats | None:
-    """Active-set iteration from a guessed support: KKT system by QR, drop wrong signs, add the worst violator.
-
-    Returns None if the system is singular.
-    """
-    F, y, l2, gamma = problem.F, problem.y, problem.l2, problem.gamma
-    x = np.zeros(F.shape[1])
-    for _ in range(4 * x.size):
-        x = np.zeros(x.size)
-        if support.any():
-            S = np.concatenate([F[:, support], np.sqrt(l2) * np.eye(int(support.sum()))])
-            if S.shape[1] > S.shape[0]:
-                return None
-            Q, R = np.linalg.qr(S)
-            if np.abs(np.diag(R)).min() <= 1e-12 * np.abs(np.diag(R)).max():
-                return None
-            target = np.concatenate([y, np.zeros(S.shape[1])])
-            x[support] = np.linalg.solve(R, Q.T @ target - gamma * np.linalg.solve(R.T, sign[support]))
-            off = S.T @ (target - S @ x[support]) - gamma * sign[support]  # one step of iterative refinement
-            x[support] += np.linalg.solve(R, np.linalg.solve(R.T, off))
-        wrong = support & ((x < 0) if problem.nonnegative else (x * sign < 0)) & ((gamma > 0) | problem.nonnegative)
-        if wrong.any():
-            support = support & ~wrong
-            continue
-        w = problem.slope(x)
-        over = np.where(support, 0.0, problem.beyond(w) - gamma * (1.0 + 1e-12))
-        if not over.max() > 0:
-            return x
-        worst = np.arange(x.size) == over.argmax()
-        support, sign = support | worst, np.where(worst, np.sign(w), sign)
+    """The code with this support and these signs that solves the KKT system, by QR; None if that is singular."""
+    x, count = np.zeros(problem.F.shape[1]), int(support.sum())
+    if count == 0:
+        return x
+    S = np.concatenate([problem.F[:, support], np.sqrt(problem.l2) * np.eye(count)])
+    target, pull = np.concatenate([problem.y, np.zeros(count)]), problem.gamma * sign[support]
+    Q, R = np.linalg.qr(S)
+    if len(R) < count or np.abs(np.diag(R)).min() <= 1e-12 * np.abs(np.diag(R)).max():
+        return None
+    x[support] = np.linalg.solve(R, Q.T @ target - np.linalg.solve(R.T, pull))
+    off = S.T @ (target - S @ x[support]) - pull  # one step of iterative refinement
+    x[support] += np.linalg.solve(R, np.linalg.solve(R.T, off))
     return x
 
 

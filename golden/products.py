@@ -38,29 +38,15 @@ CALL = words(
     "basis reflectance chart_tolerance white_reflectance white_tolerance lamp lamp_tolerance lamp_modes chart white "
     "dark standard_error l2 gamma nonnegative"
 )
-CAPTURE = words(
-    "shots reflectance chart_tolerance white lamp lamp_tolerance lamp_modes white_reflectance basis l2 gamma "
-    "nonnegative"
-)
+CAPTURE = CALL - words("white_tolerance chart dark standard_error") | {"shots"}
 """Inputs of a model's call, and of a capture."""
 
 
 def build_observation(given: dict[str, Any], signals: Any, frames: Any = None) -> Observation:
     """The observation of a case."""
-    return Observation(
-        signals=signals,
-        reflectance=given["reflectance"],
-        lamp=given["lamp"],
-        standard_error=given["standard_error"],
-        chart_tolerance=given["chart_tolerance"],
-        white_reflectance=given["white_reflectance"],
-        white_tolerance=given["white_tolerance"],
-        lamp_tolerance=given["lamp_tolerance"],
-        lamp_modes=given["lamp_modes"],
-        gain_modes=given.get("gain_modes", np.zeros((0, 0))),
-        gain_own=given.get("gain_own", 0.0),
-        frames=frames,
-    )
+    named = CALL & Observation.__annotations__.keys()
+    gains = {"gain_modes": given.get("gain_modes", np.zeros((0, 0))), "gain_own": given.get("gain_own", 0.0)}
+    return Observation(signals=signals, frames=frames, **gains, **{name: given[name] for name in named})
 
 
 def build_rows(given: dict[str, Any]) -> LinearModel:
@@ -146,25 +132,17 @@ def build_answer(given: dict[str, Any], solution: dict[str, Any]) -> Ssf:
     basis = max(choice, key=lambda weight: weight.probability).basis if choice else given.get("basis", "golden")
     std, size = given["ssf_std"], solution["code"].size
     return Ssf(
-        basis=basis,
-        engine="golden",
-        l2=1.0,
-        gamma=np.zeros(3),
-        values=solution["ssf"],
-        code=solution["code"],
-        predicted=solution["predicted"],
+        basis=basis, engine="golden", l2=1.0, gamma=np.zeros(3),
+        values=solution["ssf"], code=solution["code"], predicted=solution["predicted"],
         proof=Proof(gap=np.zeros(3), layers_gap=np.zeros(1), finish_steps=np.zeros(1, np.int64)),
-        lamp=given["lamp"],
-        gain_code=np.zeros((1, 0)),
-        channel_gain=np.ones(3),
-        std=std,
+        lamp=given["lamp"], gain_code=np.zeros((1, 0)), channel_gain=np.ones(3), std=std,
         code_covariance=None if std is None else np.diag(np.array(given.get("code_variance", np.ones(size)), float)),
         log_evidence=None if std is None else 0.0,
         half_width_without_photo=half_width_of(prior_std(read_basis(basis))) if basis in LEARNED else None,
         chart_fading=given.get("chart_fading", 0.0),
         family_test=FamilyTest(*given["family_test"]) if "family_test" in given else None,
         choice=choice,
-    )
+    )  # fmt: skip
 
 
 def build_capture(given: dict[str, Any], engine: str) -> tuple[Capture, Options]:
@@ -184,15 +162,11 @@ def build_capture(given: dict[str, Any], engine: str) -> tuple[Capture, Options]
         matrices = tuple(ColourMatrix(matrix["light"], tuple(matrix["values"])) for matrix in stated)
         shots.append(
             MeasuredShot(
-                lamp=_light(given, j),
-                photo=replace(chart, colour_matrices=matrices),
-                white=white if shot["white"] else None,
-                dark=dark if shot["dark"] else None,
-                pose=pose,
-                means=build_means(shot),
-                thumbnail=None,
+                lamp=_light(given, j), photo=replace(chart, colour_matrices=matrices),
+                white=white if shot["white"] else None, dark=dark if shot["dark"] else None,
+                pose=pose, means=build_means(shot), thumbnail=None,
             )
-        )
+        )  # fmt: skip
     names = ("basis", "nonnegative", "l2", "gamma")
     options = Options(**{name: given[name] for name in names}, engine=engine,
                       light_per_patch=given.get("light_per_patch"))  # fmt: skip
@@ -235,9 +209,7 @@ def build_means(shot: Json) -> PatchMeans:
     frames = [_frame(shot[name]) for name in ("chart", "white", "dark")]
     assert frames[0] is not None
     noise = _noise(shot["noise"]) if "noise" in shot else None
-    return PatchMeans(
-        chart=frames[0], white=frames[1], dark=frames[2], black=black, saturation=saturation, noise=noise
-    )
+    return PatchMeans(frames[0], frames[1], frames[2], black=black, saturation=saturation, noise=noise)
 
 
 def _noise(noise: Json) -> SampleNoise:

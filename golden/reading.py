@@ -13,7 +13,7 @@ from golden.forms import ROOT, GoldenError, Json, digest, need
 from golden.stages import STAGES
 
 FORMAT = 1
-FIELDS = words("format case stage comment expect requires source inputs outputs oracle truth limits")
+FIELDS = words("format case stage comment expect requires basis_sha256 inputs outputs oracle truth limits")
 CAPABILITIES = words("mosaic pose patches signals reference model verdict metadata colour finder")
 """Capabilities of a runner; format.md explains each."""
 

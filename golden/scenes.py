@@ -8,26 +8,25 @@ DN are rounded to 1/1000 and stored; the rounded numbers are the inputs.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
 from camssf.grid import Floats
 from camssf.spectra.charts import faded
-from golden.contract import case
-from golden.forms import Json, resolve
+from golden.forms import NIKON, Json, resolve
 
-Row: TypeAlias = tuple[str, str, Json]
-"""Name, comment, and what is unlike the base case: fields of the photos, inputs, `rmse` and `expect`."""
 NOISES = {"none": (0.0, 0.0), "low": (0.001, 0.0002), "usual": (0.005, 0.001)}
 """σ = hypot(first · y, second)."""
 GAINS = (0.55, 1.0, 0.7)
 ALL = list(range(1, 25))
 TWELVE = list(range(7, 19))
+PLACE = (np.arange(24) % 6 - 2.5) / 2.5, (np.arange(24) // 6 - 1.5) / 2.5
+"""x and y of the patches, from the chart's middle, in parts of half its width."""
 FAMILY = [[[0.0, 0.15], [0.0], [0.0]], [[0.0, 0.5], [0.0, 0.0, 0.6], [0.0, -0.3, 0.0, 0.5]]]
 """Modes of two uncertain lamps, a daylight and a white LED, as polynomials."""
 BOTH = ["D55", "A"]
-NIKON, CANON = {"camera": "Nikon D5100"}, {"camera": "Canon EOS 5D Mark II"}
+CANON = {"camera": "Canon EOS 5D Mark II"}
 PHONE = {
     "bells": [
         [[0.66, 623.6, 26.9], [0.639, 595.5, 11.9], [0.102, 524.3, 22.6]],
@@ -97,13 +96,13 @@ def photograph(
 
 SCENE: Json = {
     "camera": NIKON, "lamps": ["D55"], "patches": ALL, "taken": "babelcolor", "noise": "low", "fading": 0.0,
-    "card": FLAT, "rmse": None, "expect": "success",
+    "card": FLAT,
 }  # fmt: skip
 """The base case of `scene`; taken, fading: table and fading of the chart that was photographed; card: the white's."""
 
 
-def scene(name: str, comment: str, change: Json) -> Json:
-    """A case of the stage ssf or choice: a photo as SCENE says, and how the product solves it, but for the change."""
+def scene(change: Json) -> Json:
+    """Inputs of the stage ssf or choice: a photo as SCENE says, and how the product solves it, but for the change."""
     told = SCENE | {key: change[key] for key in SCENE.keys() & change.keys()}
     known, lamps, white = {"chart": "babelcolor", "patches": told["patches"]}, told["lamps"], told["card"]
     taken = known | {"chart": told["taken"]}
@@ -126,25 +125,22 @@ def scene(name: str, comment: str, change: Json) -> Json:
     for tolerance, shape in (("chart_tolerance", [n]), ("lamp_tolerance", [k])):
         if isinstance(inputs[tolerance], float):
             inputs[tolerance] = {"constant": inputs[tolerance], "shape": shape}
-    truth = None if told["rmse"] is None else told["camera"]
-    return case(name, comment, inputs, expect=told["expect"], truth=truth, rmse=told["rmse"])
+    return inputs
 
 
 def gain_modes(own: float | None = None) -> list[list[float]]:
     """Linear and quadratic gain modes (5, 24), and one of the white patch of this size, 0 on the white patch."""
-    i = np.arange(24)
-    x, y = (i % 6 - 2.5) / 2.5, (i // 6 - 1.5) / 2.5
+    x, y = PLACE
     ways = np.stack([0.2 * x, 0.2 * y, 0.3 * x**2, 0.3 * x * y, 0.3 * y**2])
     if own is not None:
-        ways = np.concatenate([ways, own * (i == 18)[None]])
+        ways = np.concatenate([ways, own * (np.arange(24) == 18)[None]])
     modes: list[list[float]] = np.round(ways - ways[:, [18]], 9).tolist()
     return modes
 
 
 def uneven_light(bend: float = 1.0) -> Floats:
     """Uneven light (24,) on the patches, a quadratic times a plane, 1 on the white patch."""
-    i = np.arange(24)
-    x, y = (i % 6 - 2.5) / 2.5, (i // 6 - 1.5) / 2.5
+    x, y = PLACE
     light = (1.0 - bend * (0.12 * (x - 0.3) ** 2 + 0.12 * (y + 0.2) ** 2)) * (1.0 + 0.07 * bend * x)
     return np.asarray(np.round(light / light[18], 9))
 
@@ -171,18 +167,16 @@ def frames(
     return shots
 
 
-def clip(shot: Json, frame: str, patches: slice, share: float = 0.5, channels: slice = slice(1, 2)) -> Json:
-    """The shot with a share of some patches' samples clipped."""
-    clipped = np.zeros((24, 3))
-    clipped[patches, channels] = share
-    return shot | {frame: shot[frame] | {"clipped": clipped}}
-
-
 def put(shot: Json, frame: str, key: str, where: Any, value: float) -> Json:
     """The shot with one statistic changed."""
-    array = np.array(shot[frame][key])
+    array = np.array(resolve(shot[frame][key]))
     array[where] = value
     return shot | {frame: shot[frame] | {key: array}}
+
+
+def clip(shot: Json, frame: str, patches: slice, share: float = 0.5, channel: int = 1) -> Json:
+    """The shot with a share of some patches' samples clipped."""
+    return put(shot, frame, "clipped", (patches, channel), share)
 
 
 def evenly(camera: Json = NIKON, lamps: Sequence[str] = ("D55",), **more: Any) -> list[Json]:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from golden.contract import Stage
-from golden.stages import captures, choice, colour, finder, mosaic, patches, picture, pose, signals, ssf, verdict
+from golden.stages import captures, choice, colour, finder, photos, picture, signals, ssf, verdict
 
 ORDER = (
-    mosaic.STAGE, pose.STAGE, patches.STAGE, signals.STAGE, ssf.STAGE, choice.STAGE, *captures.STAGES, verdict.STAGE,
+    *photos.STAGES, signals.STAGE, ssf.STAGE, choice.STAGE, *captures.STAGES, verdict.STAGE,
     colour.STAGE, colour.SPECTRUM, picture.REGION_STAGE, picture.STAGE, finder.STAGE,
 )  # fmt: skip
 """A stage follows those whose cases its own name."""

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from camssf.recovery.hypotheses import recover
-from golden.contract import LARGEST_GAP, Call, Stage, words
+from golden.contract import LARGEST_GAP, Call, Row, Stage, words
 from golden.forms import Json
 from golden.products import CALL, build_observation, chosen, raw_signals, settings_of
-from golden.scenes import BETWEEN, BOTH, ODD, PHONE, TWELVE, YELLOW_PHONE, Row, moved, scene
+from golden.scenes import BETWEEN, BOTH, ODD, PHONE, TWELVE, YELLOW_PHONE, moved, scene
 
 TOLD: Json = {"camera": BETWEEN, "lamps": ["D55"], "patches": TWELVE, "noise": "usual"}
 """Little is known: one lamp, twelve patches, the usual noise."""
@@ -25,31 +24,21 @@ def rows() -> list[Row]:
         ("phone", "A phone under two lamps: its basis answers alone.", {"camera": PHONE}),
         ("camera", "A camera under two lamps: its basis answers alone.", {}),
         ("undecided", "Between the two under one lamp: both answers are mixed, bands and all.", TOLD),
-        ("maker-cameras", "The same with odds of 20 for cameras: it answers alone.",
-         TOLD | {"prior": {"cameras": 20.0}}),
-        ("maker-phones", "The same with odds of 20 for phones: it leads, but not by 20 : 1.",
-         TOLD | {"prior": {"phones": 20.0}}),
+        ("maker-cameras", "With odds of 20 for cameras: it answers alone.", TOLD | {"prior": {"cameras": 20.0}}),
+        ("maker-phones", "With odds of 20 for phones: it leads by less.", TOLD | {"prior": {"phones": 20.0}}),
         ("maker-outweighed", "A phone whose file names a maker of cameras: the signals outweigh 20 : 1.",
          {"camera": PHONE, "prior": {"cameras": 20.0}, "noise": "none"}),
         ("ryyb", "A phone with yellow in green's place: the basis made for it answers alone.",
          {"camera": YELLOW_PHONE, "prior": {"phones": 20.0}}),
         ("unfamiliar", "Curves that no basis knows: the answer has a wider prior.", {"camera": ODD}),
         ("moved-9", "A phone moved by 9 nm: a third of the answer has a wider prior.", {"camera": moved(9.0)}),
-        ("moved-10", "A phone moved by 10 nm: more than half of the answer has a wider prior.",
-         {"camera": moved(10.0)}),
+        ("moved-10", "By 10 nm: more than half of the answer has a wider prior.", {"camera": moved(10.0)}),
         ("faded", "A chart that lost a fifth of its colours: noticed, and the prior is not wider.",
          {"camera": PHONE, "fading": 0.2}),
-        ("faded-barely", "Odds of 22 : 1 that the chart has faded; from 20 : 1 on it is taken to have.",
-         DULL | {"fading": 0.176}),
+        ("faded-barely", "Odds of 22 : 1 that the chart has faded: from 20 : 1 on it has.", DULL | {"fading": 0.176}),
         ("faded-hardly", "Odds of 17 : 1: it is not.", DULL | {"fading": 0.173}),
         ("l1-only", "λ₂ = 0: the evidence does not know of the penalties.", TOLD | {"l2": 0.0, "gamma": 1.4}),
     ]  # fmt: skip
-
-
-def cases() -> Iterator[Json]:
-    """All cases."""
-    for name, comment, change in rows():
-        yield scene(f"choice/{name}", comment, {"lamps": BOTH, "basis": "auto", "prior": {}} | change)
 
 
 def run(call: Call) -> dict[str, Any]:
@@ -69,15 +58,14 @@ def run(call: Call) -> dict[str, Any]:
 STAGE = Stage(
     name="choice",
     requires="model",
-    cases=cases,
+    rows=rows,
+    made=lambda change: scene({"lamps": BOTH, "basis": "auto", "prior": {}} | change),
     run=run,
     inputs=CALL | words("prior"),
     limits=(
-        ("exact", 0.0, "weighed"),
+        ("exact", 0.0, "weighed basis prior_scale"),
         ("relative", 1e-10, "log_evidence"),
-        ("norm", 1e-8, "probability"),
-        ("exact", 0.0, "basis prior_scale"),
-        ("norm", 1e-8, "family_test chart_fading"),
+        ("norm", 1e-8, "probability family_test chart_fading"),
         ("norm", 1e-9, "ssf ssf_std predicted"),
         ("at_most", LARGEST_GAP, "gap"),
     ),

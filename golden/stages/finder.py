@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from math import isqrt
 from typing import Any
 
 import numpy as np
@@ -48,18 +47,13 @@ def planes(photo: Mosaic) -> NDArray[np.int64]:
     return np.maximum(np.stack(cells, axis=2) - BLACK, 0)
 
 
-def shown(light: NDArray[np.int64]) -> NDArray[np.uint8]:
-    """(h, w, 3) 8-bit values of planes: twice the integer square root."""
-    return np.array([2 * isqrt(int(v)) for v in light.ravel()], dtype=np.uint8).reshape(light.shape)
-
-
 def _searched(photo: Mosaic, form: str) -> SearchImage:
     if form == "mosaic":
         return codes_of_mosaic(photo)
     light = planes(photo)
     if form == "light":
         return codes_of_light(light.astype(np.float32))
-    picture = shown(light)
+    picture = (2 * np.floor(np.sqrt(light))).astype(np.uint8)
     if form == "yuv":
         y, blue, red = (picture[:, :, channel].astype(np.int64) for channel in (1, 2, 0))
         u, v = (np.clip(128 + (each - y) // 2, 0, 255)[::2, ::2].astype(np.uint8) for each in (blue, red))
@@ -69,7 +63,6 @@ def _searched(photo: Mosaic, form: str) -> SearchImage:
 
 STAGE = Stage(
     name="finder",
-    requires="finder",
     run=run,
     inputs=words("dng form"),
     optional=words("layout csv"),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -10,8 +9,7 @@ import numpy as np
 from camssf.photo.read.dng import Mosaic
 from camssf_colour.picture import standard_picture, white_of_region
 from camssf_colour.regions import measure_regions
-from golden import contract
-from golden.contract import Call, Stage, words
+from golden.contract import Call, Row, Stage, words
 from golden.forms import Json
 from golden.products import read_photo
 from golden.stages.colour import camera_in
@@ -25,30 +23,24 @@ WHOLE: Json = {"white": None, "area": None}
 MAPPED = {"photo": "patches-mapped.dng", "shading": "apply"}
 TORCH = {"photo": "patches-white.dng", "dark": "patches-chart.dng", "lamp": "auto"}
 CLIPPED = {"photo": "patches-clipped.dng", "white": None, "area": [20, 92, 40, 20]}
-TABLE: list[tuple[str, str, Json, str]] = [
-    ("reference", "A white surface in the photo, and the lamp by name.", {}, "success"),
-    ("auto", "The light by the white surface's raw ratios.", {"lamp": "auto"}, "success"),
-    ("calibration", "No white surface: the balance of the calibration, with its errors.", {"white": None}, "success"),
-    ("xyz-d50", "XYZ for ICC.", {"space": "xyz-d50"}, "success"),
-    ("shading", "The lens's map applied.", MAPPED, "success"),
-    ("corner", "Colours at the edge, from mirrored samples.", {"area": [156, 120, 24, 12]}, "success"),
-    ("dark", "A dark frame subtracted.", {"dark": "patches-dark.dng"}, "success"),
-    ("torch", "With the torch minus without it: the noise of both photos.", TORCH, "success"),
-    ("clipped", "Patches at the ceiling.", CLIPPED, "success"),
-    ("cfa-bggr", "Another order of the colours.", WHOLE | {"photo": "cfa-bggr.dng"}, "success"),
-    ("odd", "Odd height and width.", WHOLE | {"photo": "active-area-odd.dng"}, "success"),
-    ("turned", "A camera held upright.", WHOLE | {"photo": "metadata.dng"}, "success"),
-    ("error-space", "A space that is none.", {"space": "adobe"}, "invalid_argument"),
-    ("error-faint", "A white surface of eight standard errors.", {"white": [34, 67, 12, 10]}, "invalid_argument"),
-    ("error-light", "Neither a lamp nor a white surface.", {"lamp": "auto", "white": None}, "invalid_argument"),
+WRONG = {"expect": "invalid_argument"}
+ROWS: list[Row] = [
+    ("reference", "A white surface in the photo, and the lamp by name.", {}),
+    ("auto", "The light by the white surface's raw ratios.", {"lamp": "auto"}),
+    ("calibration", "No white surface: the balance of the calibration, with its errors.", {"white": None}),
+    ("xyz-d50", "XYZ for ICC.", {"space": "xyz-d50"}),
+    ("shading", "The lens's map applied.", MAPPED),
+    ("corner", "Colours at the edge, from mirrored samples.", {"area": [156, 120, 24, 12]}),
+    ("dark", "A dark frame subtracted.", {"dark": "patches-dark.dng"}),
+    ("torch", "With the torch minus without it: the noise of both photos.", TORCH),
+    ("clipped", "Patches at the ceiling.", CLIPPED),
+    ("cfa-bggr", "Another order of the colours.", WHOLE | {"photo": "cfa-bggr.dng"}),
+    ("odd", "Odd height and width.", WHOLE | {"photo": "active-area-odd.dng"}),
+    ("turned", "A camera held upright.", WHOLE | {"photo": "metadata.dng"}),
+    ("error-space", "A space that is none.", WRONG | {"space": "adobe"}),
+    ("error-faint", "A white surface of eight standard errors.", WRONG | {"white": [34, 67, 12, 10]}),
+    ("error-light", "Neither a lamp nor a white surface.", WRONG | {"lamp": "auto", "white": None}),
 ]
-"""Name, comment, what is unlike the base case, and the outcome."""
-
-
-def cases() -> Iterator[Json]:
-    """All cases."""
-    for name, comment, change, expect in TABLE:
-        yield contract.case(f"picture/{name}", comment, BASE | change, expect=expect)
 
 
 def photos_of(given: dict[str, Any]) -> tuple[Mosaic, Mosaic | None]:
@@ -77,35 +69,27 @@ def run(call: Call) -> dict[str, Any]:
 STAGE = Stage(
     name="picture",
     requires="colour",
-    cases=cases,
+    rows=lambda: ROWS,
+    made=lambda change: BASE | change,
     run=run,
     inputs=words("result lamp photo dark white space shading area"),
     limits=[("difference", 1.0, "picture uncertainty")],  # steps of 16 bits
     arrays=frozenset(),
 )
 
-
 MANY = [[20, 20, 20, 20], [45, 20, 14, 20], [68, 69, 20, 14]]
 PLAIN: Json = {"photo": "patches-chart.dng", "areas": MANY, "dark": None, "lens_shading": "as-stored"}
-WRONG = "invalid_argument"
-REGIONS: list[tuple[str, str, Json, str]] = [
-    ("plain", "Rectangles, black level off.", {}, "success"),
-    ("dark", "A dark frame instead of the black level.", {"dark": "patches-dark.dng"}, "success"),
-    ("shading", "The lens's map applied.", {"photo": "patches-mapped.dng", "lens_shading": "apply"}, "success"),
-    ("odd", "Borders that lie on odd columns and rows.", {"areas": [[21, 23, 17, 15]]}, "success"),
-    ("error-outside", "It leaves the photo.", {"areas": [[-1, 20, 20, 20]]}, WRONG),
-    ("error-empty", "No width.", {"areas": [[20, 20, 0, 20]]}, WRONG),
-    ("error-small", "Too few samples.", {"areas": [[20, 20, 6, 6]]}, WRONG),
+REGIONS: list[Row] = [
+    ("plain", "Rectangles, black level off.", {}),
+    ("dark", "A dark frame instead of the black level.", {"dark": "patches-dark.dng"}),
+    ("shading", "The lens's map applied.", {"photo": "patches-mapped.dng", "lens_shading": "apply"}),
+    ("odd", "Borders that lie on odd columns and rows.", {"areas": [[21, 23, 17, 15]]}),
+    ("error-outside", "It leaves the photo.", WRONG | {"areas": [[-1, 20, 20, 20]]}),
+    ("error-empty", "No width.", WRONG | {"areas": [[20, 20, 0, 20]]}),
+    ("error-small", "Too few samples.", WRONG | {"areas": [[20, 20, 6, 6]]}),
     ("error-clipped", "At the ceiling.",
-     {"photo": "patches-clipped.dng", "areas": [[20, 92, 20, 20]]}, "overexposed"),
+     {"photo": "patches-clipped.dng", "areas": [[20, 92, 20, 20]], "expect": "overexposed"}),
 ]  # fmt: skip
-"""Name, comment, what is unlike the base case, and the outcome."""
-
-
-def region_cases() -> Iterator[Json]:
-    """All cases of the stage `regions`."""
-    for name, comment, change, expect in REGIONS:
-        yield contract.case(f"regions/{name}", comment, PLAIN | change, expect=expect)
 
 
 def measure(call: Call) -> dict[str, Any]:
@@ -119,7 +103,8 @@ def measure(call: Call) -> dict[str, Any]:
 REGION_STAGE = Stage(
     name="regions",
     requires="patches",
-    cases=region_cases,
+    rows=lambda: REGIONS,
+    made=lambda change: PLAIN | change,
     run=measure,
     inputs=words("photo areas dark lens_shading"),
     limits=(("norm", 1e-14, "raw"), ("norm", 1e-13, "standard_error")),

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
 from camssf.photo.signals import normalise
-from golden.contract import Call, Stage, case, words
+from golden.contract import Call, Row, Stage, words
 from golden.forms import Json
 from golden.products import build_means, build_table
 from golden.scenes import CANON, clip, evenly, frames, put
-
-Row: TypeAlias = tuple[str, str, list[Json], Json]
-"""Name, comment, shots, and what is unlike the base case: the inputs, and `expect`."""
 
 
 def rows() -> list[Row]:
@@ -38,7 +34,7 @@ def rows() -> list[Row]:
         return put(shot, "white", "standard_error", (5, 2), round(share * level, 4))
 
     under, over, wrong = ({"expect": code} for code in ("underexposed", "overexposed", "invalid_argument"))
-    return [
+    table: list[tuple[str, str, list[Json], Json]] = [
         ("triple", "Chart, white and dark frame: Eq. (5) and its standard errors.", [shot], {}),
         ("no-white", "The chart's white patch stands in; its own row is not used.", [card], {}),
         ("no-dark", "The black level stands in for the dark frame.", [shot | {"dark": None}], {}),
@@ -51,22 +47,14 @@ def rows() -> list[Row]:
         ("error-white-just-faint", "The white frame's blue lies at 0.4 % of the range.", [faint(0.004)], under),
         ("error-white-just-noisy", "The white frame is known to 6 % at one patch.", [noisy(0.06)], under),
         ("error-five-left", "Five patches that are not clipped.", [clip(shot, "chart", slice(5, 24))], over),
-        ("error-channel-all-clipped", "Every patch's green is clipped.",
-         [clip(shot, "chart", slice(0, 24))], over),
-        ("error-white-clipped", "The white frame is clipped in red.",
-         [clip(shot, "white", slice(4, 5), 0.02, slice(0, 1))], over),
+        ("error-channel-all-clipped", "Every patch's green is clipped.", [clip(shot, "chart", slice(0, 24))], over),
+        ("error-white-clipped", "The white is clipped in red.", [clip(shot, "white", slice(4, 5), 0.02, 0)], over),
         ("error-patches-lost", "Noise swallows 20 of 24 patches.",
          [put(shot, "chart", "standard_error", (slice(0, 20), slice(None)), 5000.0)], under),
         ("error-no-shot", "No shot at all.", [], wrong),
         ("error-other-chart", "24 patches, a table of 140.", [shot], wrong | {"patches": 140}),
     ]  # fmt: skip
-
-
-def cases() -> Iterator[Json]:
-    """All cases."""
-    for name, comment, shots, change in rows():
-        inputs: Json = {"shots": shots, "patches": change.get("patches", 24), "white": 18}
-        yield case(f"signals/{name}", comment, inputs, expect=change.get("expect", "success"))
+    return [(name, comment, {"shots": shots} | change) for name, comment, shots, change in table]
 
 
 def run(call: Call) -> dict[str, Any]:
@@ -84,8 +72,8 @@ def run(call: Call) -> dict[str, Any]:
 
 STAGE = Stage(
     name="signals",
-    requires="signals",
-    cases=cases,
+    rows=rows,
+    made=lambda change: {"patches": 24, "white": 18} | change,
     run=run,
     inputs=words("shots patches white"),
     limits=(

@@ -35,7 +35,7 @@ MANIFEST = json.loads((ROOT / "manifest.json").read_text(encoding="utf-8"))
 @pytest.mark.repository
 def test_the_manifest_names_every_file() -> None:
     assert MANIFEST["format"] == 1
-    assert MANIFEST["count"] == len(CASES) >= 60
+    assert len(CASES) >= 300
     found = {name: forms.digest((ROOT / "cases" / f"{name}.json").read_bytes()) for name in CASES}
     assert found == MANIFEST["cases"]
     tables = {f"spectra/{p.name}": forms.digest(p.read_bytes()) for p in (ROOT / "spectra").glob("*.json")}
@@ -72,10 +72,10 @@ def test_cases_belong_to_the_shipped_bases() -> None:
     stated = {name: load_model(name).metadata["basis_sha256"] for name in SHIPPED}
     seen = set()
     for name, case in CASES.items():
-        basis = case["source"]["basis"]
+        basis = case["inputs"].get("basis")
         if basis in SHIPPED:
             seen.add(basis)
-            assert case["source"]["basis_sha256"] == stated[basis], f"{name}: run `{generate.COMMAND}`"
+            assert case["basis_sha256"] == stated[basis], f"{name}: run `{generate.COMMAND}`"
     assert seen == set(SHIPPED)
 
 
@@ -161,7 +161,7 @@ def test_drift_is_found_and_rounding_is_not() -> None:
 
 
 def test_what_a_row_expects_is_checked() -> None:
-    scene = next(iter(STAGES["verdict"].cases()))
+    scene = next(STAGES["verdict"].scenes())
     assert scene["outputs"] == {"status": "accepted", "codes": []}
     with pytest.raises(GoldenError, match="codes against outputs"):
         generate.finish(scene | {"outputs": {"codes": ["glare"]}})
@@ -185,7 +185,6 @@ def test_nothing_drifted(capsys: pytest.CaptureFixture[str], monkeypatch: pytest
 # -- metrics ------------------------------------------------------------------------------------------------------
 
 
-SYMMETRIC, SUMS = np.ones((6, 6)), np.full((6, 3), 2.0)
 CURVES_OF_PEAK = np.outer(np.linspace(0.5, 1.0, 681), np.ones(3))
 BENT = np.where(((WAVELENGTHS >= 400.0) & (WAVELENGTHS < 430.0))[:, None], 0.0, np.ones((681, 3)))
 BY_HAND: list[tuple[Callable[[Any, Any], float], Any, Any, float]] = [
@@ -198,9 +197,6 @@ BY_HAND: list[tuple[Callable[[Any, Any], float], Any, Any, float]] = [
     (compare.difference, [3, 5], [3, 7], 2.0),
     (compare.at_most, [1e-9, 3e-9], None, 3e-9),
     (compare.at_most, [np.nan], None, np.inf),
-    (compare.sums, SYMMETRIC, SUMS, 0.0),
-    (compare.sums, SYMMETRIC, 1.25 * SUMS, 0.2),
-    (compare.sums, np.triu(SYMMETRIC), SUMS, np.inf),
     (compare.peak, 4.0 * CURVES_OF_PEAK, CURVES_OF_PEAK[::10], 0.0),
     (compare.peak, CURVES_OF_PEAK, CURVES_OF_PEAK[::10] - 0.01, 0.01),
     (compare.peak, -CURVES_OF_PEAK, CURVES_OF_PEAK[::10], np.inf),

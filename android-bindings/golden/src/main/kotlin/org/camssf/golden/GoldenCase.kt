@@ -33,7 +33,7 @@ internal class GoldenCase(private val json: JsonObject, private val forms: Forms
     val stage: String = json.text("stage")
     val expect: String = json.text("expect")
     val requires: List<String> = json.words("requires")
-    val basisHash: String? = json.getValue("source").jsonObject.getValue("basis_sha256").jsonPrimitive.contentOrNull
+    val basisHash: String? = json.getValue("basis_sha256").jsonPrimitive.contentOrNull
     val outputs: JsonObject? = json.getValue("outputs") as? JsonObject
     val limits: List<Limit> = json.getValue("limits").jsonArray.map { Limit(it.jsonObject) }
     private val inputs = json.getValue("inputs").jsonObject

@@ -21,7 +21,6 @@ internal object Metrics {
         "at_most" -> if (a.values.all { it.isFinite() }) a.values.maxOrNull() ?: 0.0 else WRONG
         "peak" -> peak(a, b)
         "rmse" -> rmse(a, b)
-        "sums" -> sums(a, b)
         else -> throw GoldenError("there is no metric $metric of numbers")
     }
 
@@ -64,22 +63,11 @@ internal object Metrics {
         } / 3
     }
 
-    /** A symmetric matrix (3 r, 3 r) by its sums over each channel's r columns, (3 r, 3): as [norm]. */
-    private fun sums(a: Tensor, b: Tensor): Double {
-        val size = a.shape.firstOrNull() ?: return WRONG
-        if (!a.hasShape(size, size) || size % 3 != 0) return WRONG
-        val turned = Tensor(DoubleArray(size * size) { a.values[it % size * size + it / size] }, size, size)
-        if (!(norm(a, turned) <= SYMMETRIC)) return WRONG
-        val r = size / 3
-        return norm(Tensor(DoubleArray(3 * size) { at -> (0 until r).sumOf { a.values[r * at + it] } }, size, 3), b)
-    }
-
     private fun peaks(curves: Tensor): DoubleArray? {
         if (curves.rank != 2 || !curves.values.all { it.isFinite() }) return null
         val peaks = DoubleArray(3) { c -> (0 until curves.shape[0]).maxOf { curves.values[3 * it + c] } }
         return peaks.takeIf { all -> all.all { it > 0 } }
     }
 
-    private const val SYMMETRIC = 1e-9
     const val WRONG = Double.POSITIVE_INFINITY
 }
