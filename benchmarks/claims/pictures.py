@@ -113,13 +113,13 @@ def show(case: Case, name: str, rng: np.random.Generator) -> Shown:
         by[way] = lab(judged(pixels / XYZ_ONE), white_xyz)
     deviation = judged(layer.repeat(2, axis=0).repeat(2, axis=1) / PER_UNIT)
     truth = of_surfaces(unseen(), power, standard)[1][:, None, :]
-    signals, own = judged(malvar(photo.samples - 512.0) / white.raw), white_of(power)
+    signals, own, named = judged(malvar(photo.samples - 512.0) / white.raw), white_of(power), white_of(lamp(name))
     stored, known = stored_matrix(case.name), (surfaces(), lamp(name))
-    matrices = {"ideal": fit(signals_of(*known, case.curves), xyz_of(*known, observer("1931")), own, "matrix").T}
+    ideal = fit(signals_of(*known, case.curves), xyz_of(*known, observer("1931")), named, "matrix").T
+    by["ideal"] = lab(signals @ (adaptation(named, white_xyz) @ ideal).T, white_xyz)
     if stored is not None:
-        matrices["stored"] = np.linalg.inv(stored) * (stored @ own)
-    for way, to_xyz in matrices.items():
-        by[way] = lab(signals @ (adaptation(own, white_xyz) @ to_xyz).T, white_xyz)
+        to_xyz = adaptation(own, white_xyz) @ (np.linalg.inv(stored) * (stored @ own))
+        by["stored"] = lab(signals @ to_xyz.T, white_xyz)
     return Shown(by, truth, np.abs(by["camssf"] - truth) <= BAND * deviation)
 
 
