@@ -60,9 +60,8 @@ def peak(found: ArrayLike, expected: ArrayLike) -> float:
 def rmse(found: ArrayLike, expected: ArrayLike) -> float:
     """Root mean square difference of peak-normalised curves (681, 3), 400 to 700 nm, mean of R, G, B."""
     a, b = _pair(found, expected)
-    if a.shape != (WAVELENGTHS.size, 3) or a.shape != b.shape or not np.isfinite(a).all():
-        return np.inf
-    if (a.max(axis=0) <= 0).any():
+    sound = a.shape == b.shape == (WAVELENGTHS.size, 3) and np.isfinite(a).all()
+    if not sound or (a.max(axis=0) <= 0).any():
         return np.inf
     difference = (a / a.max(axis=0) - b / b.max(axis=0))[VISIBLE]
     return float(np.sqrt(np.mean(difference**2, axis=0)).mean())

@@ -26,7 +26,7 @@ from golden.compare import METRICS, blur, optimality, rmse
 from golden.contract import Stage
 from golden.forms import ROOT, GoldenError, Json, digest, resolve
 from golden.oracle import consult
-from golden.reading import FORMAT, check, generator_digest
+from golden.reading import FORMAT, check, check_keys, generator_digest
 from golden.running import judge, problem, run
 from golden.stages import STAGES
 
@@ -139,8 +139,8 @@ def _kept(made: Json) -> bytes:
 def finish(scene: Json) -> Json:
     """The complete case of a scene: outputs by the reference, oracle by cvxpy, limits."""
     name, success = scene["case"], scene["expect"] == "success"
-    stage = STAGES[name.partition("/")[0]]
-    inputs = _plain(scene["inputs"])
+    stage, inputs = STAGES[name.partition("/")[0]], _plain(scene["inputs"])
+    check_keys(f"{name}: inputs", inputs, stage.inputs, stage.optional)
     basis = inputs.get("basis")
     made: Json = {
         "format": FORMAT,
@@ -177,9 +177,9 @@ def finish(scene: Json) -> Json:
         made["truth"] = {"ssf": scene["truth"], "measured": {"rmse": round(off, 4)}}
     made["limits"] = stage.limits_of(made, scene)
     if scene["outputs"] is not None:
-        broken = [finding for finding in judge(made, outputs) if not finding.holds]
-        if broken:
-            raise GoldenError(f"{name}: {broken}, found {[outputs.get(output) for output in scene['outputs']]}")
+        computed = {output: outputs.get(output) for output in scene["outputs"]}
+        if not all(finding.holds for finding in judge(made, outputs)):
+            raise GoldenError(f"{name}: expected {scene['outputs']}, computed {computed}")
     return check(made)
 
 

@@ -27,20 +27,20 @@ def check(case: Json) -> Json:
     name, stage = case.get("case", ""), STAGES.get(case.get("stage", ""))
     if stage is None:
         raise GoldenError(f"{name}: there is no such stage")
-    _keys(name, case, FIELDS)
+    check_keys(name, case, FIELDS)
     need(case["format"] == FORMAT, f"{name}: format {case['format']!r} is not {FORMAT}")
     need(name.startswith(f"{stage.name}/"), f"{name}: does not belong to the stage {stage.name}")
     need(set(case["requires"]) <= set(CAPABILITIES), f"{name}: requires {case['requires']}")
-    _keys(f"{name}: inputs", case["inputs"], stage.inputs, stage.optional)
+    check_keys(f"{name}: inputs", case["inputs"], stage.inputs, stage.optional)
     if case["expect"] != "success":
         need(case["expect"] in BY_CODE, f"{name}: expects {case['expect']!r}")
         empty = case["outputs"] is None and case["oracle"] is None and case["truth"] is None and not case["limits"]
         need(empty, f"{name}: an error has no outputs, oracle, truth or limits")
         return case
-    _keys(f"{name}: outputs", case["outputs"], frozenset(stage.stored_outputs() or case["outputs"]))
+    check_keys(f"{name}: outputs", case["outputs"], frozenset(stage.stored_outputs() or case["outputs"]))
     need(bool(case["limits"]), f"{name}: has no limits")
     for limit in case["limits"]:
-        _keys(f"{name}: limit", limit, words("value against metric bound requires"))
+        check_keys(f"{name}: limit", limit, words("value against metric bound requires"))
         need(limit["metric"] in METRICS, f"{name}: there is no metric {limit['metric']!r}")
         known = case[limit["against"]].get(limit["value"])
         need(known is not None, f"{name}: nothing to hold {limit} against")
@@ -65,6 +65,7 @@ def generator_digest() -> str:
     return digest(b"".join(name.encode() + b"\0" + text.replace(b"\r\n", b"\n") for name, text in sources))
 
 
-def _keys(where: str, found: Any, needed: frozenset[str], optional: frozenset[str] = frozenset()) -> None:
+def check_keys(where: str, found: Any, needed: frozenset[str], optional: frozenset[str] = frozenset()) -> None:
+    """Raise GoldenError for an unknown or a missing key."""
     unknown, missing = found.keys() - needed - optional, needed - found.keys()
     need(not unknown and not missing, f"{where}: unknown {sorted(unknown)}, missing {sorted(missing)}")

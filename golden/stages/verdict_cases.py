@@ -43,7 +43,7 @@ def capture(
         signals: (24, 3) of one shot, (2, 24, 3) of two.
         white: the patch in place of the white frames; None if there are white frames.
         dark: whether there are dark frames.
-        level: of the white, as a fraction of a clean capture's.
+        level: of the white, as a fraction of a clean capture's, which is 76 % of the range.
         used: how many patches are used, the first ones.
         error: factor of the signals' standard errors.
         exact: the solution of each shot alone, or of a single shot, predicts its signals exactly.
@@ -354,7 +354,7 @@ def rows() -> list[Row]:
         ("texture", "Patches that vary inside.", capture(y, texture=0.04), "doubtful blurred"),
         ("greens", "The two greens differ.", capture(y, greens=1.1), "doubtful not_sensor_raw"),
         ("dirt", "A fifth of one patch's samples are outliers.", capture(y, dead=(4, 0.2)), "doubtful chart_unfit"),
-        ("dim", "A white at 5 % of the range.", capture(y, level=0.05), "doubtful underexposed"),
+        ("dim", "A white at 3.8 % of the range.", capture(y, level=0.05), "doubtful underexposed"),
         ("haze", "10 % of white: the misfit refuses.", capture(0.9 * y + 0.1), "refused glare glare"),
         ("few", "Nine patches, the others clipped.", capture(y, used=9, clipped=0.5), "doubtful overexposed"),
         ("few-dark", "Nine patches, the others lost in noise.", capture(y, used=9), "doubtful underexposed"),

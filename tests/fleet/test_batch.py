@@ -20,12 +20,13 @@ import numpy as np
 import pytest
 
 from camssf import cli
-from camssf.errors import InvalidArgument
+from camssf.errors import ChartNotFound, InvalidArgument
 from camssf.files import ASIDE, NEW
 from camssf.places import write_place
 from camssf.recovery.basis import read_basis
 from camssf.report.build import NAMES
-from camssf_fleet import pools
+from camssf.result import refused
+from camssf_fleet import batch, pools
 from camssf_fleet.batch import MARK, calibrate_into
 from camssf_fleet.inputs import basis_hash, file_hash
 from camssf_fleet.manifest import Job, Manifest
@@ -79,8 +80,8 @@ def test_it_resumes(pages: Desk) -> None:
     assert again(basis="gaussian") == [False, False, False]
 
 
-def test_a_refused_capture_replaces_no_result_of_its_name(tmp_path: Path) -> None:
-    """Its photo is another now, or missing."""
+def test_a_refused_capture_replaces_no_result_of_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its photo is missing, or another now."""
     (tmp_path / "result.json").write_text('{"verdict": {"status": "accepted"}}')
     (tmp_path / "ssf.csv").write_text("curves")
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
@@ -88,6 +89,9 @@ def test_a_refused_capture_replaces_no_result_of_its_name(tmp_path: Path) -> Non
     outcome = calibrate_into(job, tmp_path)
     assert (outcome.status, outcome.code) == ("refused", "unreadable_raw")
     assert outcome.reason.endswith("The earlier result of this name was kept as it is.")
+    monkeypatch.setattr(batch, "attempt_job", lambda _: refused(ChartNotFound("No chart.", "Take one.")))
+    outcome = calibrate_into(job, tmp_path)
+    assert outcome.reason == "No chart. Take one. The earlier result of this name was kept as it is."
     assert sorted(path.name for path in (tmp_path / "refused").iterdir()) == ["report.html", "result.json"]
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()} == before
 

@@ -6,7 +6,7 @@ import pytest
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra import colour_science, read_lamp, with_tolerance
-from camssf.spectra.bundled import bundled, linear
+from camssf.spectra.bundled import bundled, observer
 from camssf.spectra.families import FAMILIES, LampKind, Temperature, principal_modes
 from tests.support.problems import near
 from tools import tabulate
@@ -83,7 +83,6 @@ def test_daylight_lamps_and_observer_are_colour_science_s() -> None:
         nodes = table["start"] + table["step"] * np.arange(len(table["values"]))
         assert nodes.tolist() == known.wavelengths.tolist()
         assert table["values"] == known.values.tolist()
-    observer = science.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
-    for c, name in enumerate("xyz"):
-        known = np.interp(WAVELENGTHS, observer.wavelengths, observer.values[:, c])
-        assert linear(file["observer"] | {"values": file["observer"][name]}).tolist() == known.tolist()
+    matching = science.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
+    known = np.stack([np.interp(WAVELENGTHS, matching.wavelengths, each) for each in matching.values.T], axis=1)
+    assert observer("1931") == pytest.approx(known, abs=1e-15)

@@ -119,6 +119,7 @@ BOMB = f'<!DOCTYPE x [<!ENTITY e0 "a">{LAYERS}]><IESTM2714>&e29;'
         ("</IESTM2714>", "", "not a TM-27"),
         ("<Header/>", "<!DOCTYPE a><Header/>", "not a TM-27"),
         ('<IESTM2714 xmlns="iestm2714" version="1.0">', BOMB, "not a TM-27"),
+        ("<IESTM2714", '<!DOCTYPE x [<!ENTITY e "a">]><IESTM2714', "not a TM-27"),
         ("IESTM2714", "IESXX2714", "not a TM-27"),
         ("relative", "reflectance", "not light"),
         (f">{POWER[3]}<", ">x<", "not a number"),
