@@ -163,8 +163,10 @@ def test_drift_is_found_and_rounding_is_not() -> None:
 def test_what_a_row_expects_is_checked() -> None:
     scene = next(STAGES["verdict"].scenes())
     assert scene["outputs"] == {"status": "accepted", "codes": []}
-    with pytest.raises(GoldenError, match="codes against outputs"):
+    with pytest.raises(GoldenError, match=r"expected .*glare.*, computed .*\[\]"):
         generate.finish(scene | {"outputs": {"codes": ["glare"]}})
+    with pytest.raises(GoldenError, match=r"inputs: unknown \['unamed'\]"):
+        generate.finish(scene | {"inputs": scene["inputs"] | {"unamed": True}})
 
 
 @pytest.mark.full
