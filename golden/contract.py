@@ -44,7 +44,7 @@ class Stage:
         limits: against the stored outputs, or all limits of a complete case from it and its row.
         rows: all cases; None: those that are stored are written by hand: `comment`, `expect`, `inputs`.
         requires: the capabilities that a runner needs, if others than that of the stage's name.
-        made: the inputs of a case from a row's change.
+        inputs_of: the inputs of a case from a row's change.
         outputs: stored outputs beyond those of `limits`.
         written: whether the outputs of cases by hand were, too.
         arrays: inputs that `resolve` makes arrays of; None for all but PLAIN.
@@ -57,7 +57,7 @@ class Stage:
     inputs: frozenset[str]
     limits: Limits | Callable[[Json, Json], list[Json]]
     rows: Callable[[], Iterable[Row]] | None = None
-    made: Callable[[Json], Json] = dict
+    inputs_of: Callable[[Json], Json] = dict
     requires: str = ""
     optional: frozenset[str] = frozenset()
     outputs: frozenset[str] = frozenset()
@@ -69,7 +69,7 @@ class Stage:
     def scenes(self) -> Iterator[Json]:
         """All cases before they are run: `case`, `comment`, `inputs`, and what they expect."""
         for name, comment, change in self._stored_rows() if self.rows is None else self.rows():
-            inputs = self.made({key: value for key, value in change.items() if key not in EXPECTED})
+            inputs = self.inputs_of({key: value for key, value in change.items() if key not in EXPECTED})
             known = {key: change.get(key, usual) for key, usual in EXPECTED.items()}
             truth = None if known["rmse"] is None else change.get("camera", NIKON)
             yield {"case": f"{self.name}/{name}", "comment": comment, "inputs": inputs, "truth": truth, **known}

@@ -92,7 +92,7 @@ def rows() -> list[Row]:
         ("error-auto", "The lamp is unknown.", BASE, "auto", wrong),
         ("error-blind", "A channel that sees nothing.", but(ssf=blind), "D65", wrong),
     ]  # fmt: skip
-    return [(name, why, {"result": of, "lamp": lamp} | change) for name, why, of, lamp, change in table]
+    return [(name, comment, {"result": of, "lamp": lamp} | change) for name, comment, of, lamp, change in table]
 
 
 def colours(change: Json) -> Json:
@@ -244,7 +244,7 @@ def result_of(given: Json) -> Json:
 STAGE = Stage(
     name="colour",
     rows=rows,
-    made=colours,
+    inputs_of=colours,
     run=run,
     inputs=words("result lamp signals standard_error reference view"),
     limits=(
@@ -276,7 +276,7 @@ def spectrum_rows() -> list[Row]:
          {"result": BASE | {"but": {"code_covariance": None}}}),
         ("error-contradicted", "The second reference shows daylight, named a bulb.", wrong, {"expect": "lamp_unfit"}),
     ]  # fmt: skip
-    return [(name, why, {"photos": photos} | change) for name, why, photos, change in table]
+    return [(name, comment, {"photos": photos} | change) for name, comment, photos, change in table]
 
 
 def run_spectrum(call: Call) -> dict[str, Any]:
@@ -303,7 +303,7 @@ SPECTRUM = Stage(
     name="spectrum",
     requires="colour",
     rows=spectrum_rows,
-    made=lambda change: {"result": BASE, "prior": "general", "view": VIEW} | change,
+    inputs_of=lambda change: {"result": BASE, "prior": "general", "view": VIEW} | change,
     run=run_spectrum,
     inputs=words("result photos prior view"),
     limits=(

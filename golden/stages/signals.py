@@ -73,7 +73,7 @@ def run(call: Call) -> dict[str, Any]:
 STAGE = Stage(
     name="signals",
     rows=rows,
-    made=lambda change: {"patches": 24, "white": 18} | change,
+    inputs_of=lambda change: {"patches": 24, "white": 18} | change,
     run=run,
     inputs=words("shots patches white"),
     limits=(

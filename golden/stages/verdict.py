@@ -88,7 +88,7 @@ def run(call: Call) -> dict[str, Any]:
 STAGE = Stage(
     name="verdict",
     rows=rows,
-    made=lambda inputs: {key: value for key, value in inputs.items() if key != "basis" or value is not None},
+    inputs_of=lambda change: {key: value for key, value in change.items() if key != "basis" or value is not None},
     run=run,
     inputs=words(
         "reflectance chart_tolerance white_reflectance white_tolerance lamp lamp_tolerance lamp_modes signals "

@@ -16,7 +16,7 @@ from camssf.grid import WAVELENGTHS, Floats
 from camssf.spectra.charts import faded
 from golden.contract import Row
 from golden.forms import NIKON, Json, camera, chart, lamp
-from golden.scenes import gain_modes
+from golden.scenes import PLACE, gain_modes
 
 CAMERA, LAMPS = NIKON["camera"], ("D55", "A")
 BLACK, SPAN, WELL, COUNT = 512.0, 12000.0, 8000.0, 400
@@ -231,8 +231,7 @@ UNNAMED: Json = {"unnamed": True}
 
 def rows() -> list[Row]:
     """All cases: inputs are the clean capture's with a change; status and codes of the reasons are expected."""
-    y, framed, two = predicted(), predicted(white=18), predicted(k=2)
-    x = (COLUMN[:, None] - 2.5) / 2.5
+    y, framed, two, x = predicted(), predicted(white=18), predicted(k=2), PLACE[0][:, None]
     bowl = (1.0 - 0.2 * (x - 0.4) ** 2) / (1.0 - 0.2 * 1.4**2)
     slope = 1.0 + 0.3 * (COLUMN[:, None] / 5.0 - 0.5)
     black = (1 - y) * (16383.0 - BLACK) / (np.array(raw_white(1.0)) - BLACK)
@@ -367,12 +366,13 @@ def rows() -> list[Row]:
         ("mixed-quiet", "Rounding hides the noise of half of the patches: red is judged, green is not.",
          noisy(np.array([3.2e-5, 3.7e-5, 2.8e-4]), 20_000, 1.0 / 12.0), "doubtful not_sensor_raw not_sensor_raw"),
     ]  # fmt: skip
-    return [(name, why, inputs | {"outputs": judged(*outcome.split())}) for name, why, inputs, outcome in table]
+    return [(name, comment, inputs | {"outputs": judged(outcome)}) for name, comment, inputs, outcome in table]
 
 
-def judged(status: str, *codes: str) -> Json:
+def judged(outcome: str) -> Json:
     """The outputs of a case that its row states."""
-    return {"status": status, "codes": list(codes)}
+    status, *codes = outcome.split()
+    return {"status": status, "codes": codes}
 
 
 def noisy(factor: Floats, count: ArrayLike, rounding: float = 0.0) -> Json:

@@ -89,10 +89,8 @@ def test_half_of_the_phones_covariance_is_that_of_a_process() -> None:
         slope = np.gradient(shape, NODES)
         expected += share * (2.0**2 * np.outer(slope, slope) + 0.1**2 * np.outer(shape, shape) * smooth)
     assert rows.T @ rows == pytest.approx(expected, abs=1e-9)
-    curves, sizes = (
-        np.stack([shapes] * 3, axis=2),
-        (replace(HANDFUL, process=1.0), replace(HANDFUL, process=0.0), HANDFUL),
-    )
+    curves = np.stack([shapes] * 3, axis=2)
+    sizes = (replace(HANDFUL, process=1.0), replace(HANDFUL, process=0.0), HANDFUL)
     learned = (learn(curves, components=69, size=size)[1][0] for size in sizes)
     alone, none, both = (dictionary @ dictionary.T for dictionary in learned)
     assert both == pytest.approx(0.5 * (alone + none), abs=1e-9)
