@@ -11,7 +11,7 @@ from golden.forms import NIKON, ROOT, Json
 
 LARGEST_GAP = 1e-9
 """Largest relative duality gap of any engine's result."""
-PLAIN = ("basis", "shots", "prior", "make", "unnamed", "called", "colour_matrices", "table")
+PLAIN = ("basis", "shots", "prior", "make", "lights", "colour_matrices", "table")
 """Inputs that are no numbers."""
 Limits: TypeAlias = Sequence[tuple[str, float, str]]
 """Limits against the stored outputs: metric, bound, names of the values."""

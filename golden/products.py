@@ -25,9 +25,7 @@ from camssf.recovery.observation import Observation
 from camssf.recovery.onnx_model import load_model
 from camssf.recovery.sensitivity import FamilyTest, Hypothesis, Proof, SolverSettings, Ssf, half_width_of, prior_std
 from camssf.spectra import ChartTable, Lamp, Light, read_chart
-from camssf.spectra.lamps import AUTO, TORCH
 from camssf.spectra.layouts import LAYOUTS
-from camssf.spectra.lights import unnamed_light
 from camssf.verdict.reasons import Verdict
 from golden.compare import optimality
 from golden.contract import Call, words
@@ -175,10 +173,7 @@ def build_capture(given: dict[str, Any], engine: str) -> tuple[Capture, Options]
 
 def _light(given: dict[str, Any], j: int) -> Light:
     """The light of a shot: unnamed, the torch, a name (with its tolerance, `D55,2%`), or a lamp of the case."""
-    for word, numbers in ((AUTO, given.get("unnamed", ())), (TORCH, given.get("torch", ()))):
-        if j + 1 in numbers:
-            return unnamed_light(word)
-    name, _, tolerance = (given["called"][j] if "called" in given else "").partition(",")
+    name, _, tolerance = (given["lights"][j] if "lights" in given else "").partition(",")
     if name:
         return Shot("golden.dng", name, lamp_tolerance=tolerance or None).light()
     return build_lamp(given["lamp"][j], given["lamp_tolerance"][j], given["lamp_modes"][j])

@@ -79,7 +79,7 @@ def python(run: Run, folder: Path) -> None:
 def kotlin(run: Run, folder: Path) -> None:
     """Kotlin's calibration over Python's."""
     rows = []
-    with Jvm("org.camssf.golden.Calibrate", "--serve") as jvm:
+    with Jvm("org.camssf.golden.Calibrate") as jvm:
         for storage in ("ljpeg", None):
             sensor = Sensor(compression=storage)
             made = simulate(DEMO_PHONES[0], "D55", folder / str(storage), scene=LARGE, sensor=sensor)
@@ -95,17 +95,17 @@ def kotlin(run: Run, folder: Path) -> None:
 def compared(jvm: Jvm, shot: Shot, folder: Path, runs: int) -> tuple[list[float], list[float]]:
     """Seconds of Kotlin and of Python, whose curves are the same."""
     out, documents = folder / "kotlin.json", {}
-    corners = ",".join(repr(float(value)) for value in np.ravel(shot.corners))
-    line = "\t".join([str(shot.photo), "--lamp", str(shot.lamp), "--corners", corners, "-o", str(out)])
+    shots = [{"photo": str(shot.photo), "lamp": shot.lamp, "corners": np.ravel(shot.corners).tolist()}]
+    line = json.dumps({"shots": shots, "output": str(out)})
 
     def theirs() -> None:
         documents["python"] = document_bytes(calibrate([shot]))
 
     def ours() -> float:
-        status, *seconds = jvm.ask(line)
+        status, seconds = jvm.ask(line)
         if status != "0":
             raise Unavailable("Kotlin gave no curves; its error is above.")
-        return float(seconds[0])
+        return float(seconds)
 
     taken = in_turn({"python": clocked(theirs), "kotlin": ours}, runs, WARM)
     one, other = (json.loads(data)["answer"]["curves"] for data in (documents["python"], out.read_bytes()))

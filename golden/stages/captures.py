@@ -23,14 +23,15 @@ PHONES: Json = {"basis": "phones", "camera": PHONE}
 PAPER: Json = {"basis": "gaussian", "gamma": 1.0}
 FOUR = [*BOTH, "LED-B3", "LED-B3"]
 OTHER_TABLE: Json = {"table": "BabelColor Average", "taken": "ohta"}
-LED, WRONG = {"lamps": ["LED-B3"], "unnamed": [1]}, {"expect": "invalid_argument"}
+LED, WRONG = {"lamps": ["LED-B3"]}, {"expect": "invalid_argument"}
 
 
 def capture(change: Json) -> Json:
     """The inputs of a stage: a shot under each lamp, and the product's defaults, but for the change."""
     taken = TAKEN | {key: change[key] for key in TAKEN.keys() & change.keys()}
     named: list[str] = change["named"] if "named" in change else taken["lamps"]
-    lamps = ["equal-energy" if j in change.get("unnamed", ()) else lamp for j, lamp in enumerate(named, 1)]
+    lights = change.get("lights") or [""] * len(named)
+    lamps = ["equal-energy" if light == "auto" else lamp for light, lamp in zip(lights, named, strict=True)]
     inputs: Json = {
         "shots": change.get("shots") or frames(**taken),
         "reflectance": {"chart": "babelcolor", "patches": ALL},
@@ -119,24 +120,23 @@ def matrix(made_for: str, name: str, tint: float = 1.0) -> Json:
 
 def light_rows() -> list[Row]:
     """Light that nobody named, which is given as equal energy; of a phone where no other camera is named."""
-    base: Json = {"camera": PHONE, "noise": "usual", "basis": "auto", "make": "Apple", "unnamed": [1]}
-    two: Json = {"lamps": BOTH, "unnamed": [1, 2]}
-    called: Json = {"unnamed": []}
+    base: Json = {"camera": PHONE, "noise": "usual", "basis": "auto", "make": "Apple", "lights": ["auto"]}
+    two: Json = {"lamps": BOTH, "lights": ["auto"] * 2}
     pair = [[matrix("A", "LED-B3", 0.9), matrix("D65", "LED-B3", 1.1)]]
     fallen = dimmed(evenly(PHONE, ["LED-B3"], noise="usual"), uneven_light())
     table: list[Row] = [
         ("daylight", "Unnamed light, in truth D55.", {}),
         ("white-led", "Unnamed light, in truth a white LED: kinds are mixed.", LED),
         ("two", "Daylight and a bulb, neither named.", two),
-        ("one-of-two", "Named daylight, an unnamed bulb: rivals for the first alone.", two | {"unnamed": [2]}),
+        ("one-of-two", "Named daylight, an unnamed bulb: rivals for the first.", two | {"lights": ["", "auto"]}),
         ("faded", "A chart that lost a fifth of its colours, under unnamed daylight.", {"fading": 0.2}),
-        ("called-right", "D55, named D55: the table and the kind are mixed.", called | {"called": ["D55"]}),
-        ("called-wrong", "D55, named D75: both are mixed, and the assumptions say so.", called | {"called": ["D75"]}),
-        ("called-kind", "A white LED named by kind: shapes are weighed.", LED | called | {"called": ["white-led"]}),
+        ("called-right", "D55, named D55: the table and the kind are mixed.", {"lights": ["D55"]}),
+        ("called-wrong", "D55, named D75: both are mixed, and the assumptions say so.", {"lights": ["D75"]}),
+        ("called-kind", "A white LED named by kind: shapes are weighed.", LED | {"lights": ["white-led"]}),
         ("called-kelvin", "A bulb called by two temperatures: of 3,000 K one may be, of 4,000 K none.",
-         called | {"lamps": ["A", "A"], "called": ["3000K", "4000K"]}),
+         {"lamps": ["A", "A"], "lights": ["3000K", "4000K"]}),
         ("told-of-two", "The numbers of one-of-two: a lamp named with its tolerance is taken as said.",
-         two | {"unnamed": [2], "called": ["D55,2%", ""]}),
+         two | {"lights": ["D55,2%", "auto"]}),
         ("told-basis", "The basis is told, a fluorescent lamp is not.", {"lamps": ["FL2"], "basis": "phones"}),
         ("camera", "A camera needs a named lamp: refused, with the probable lights.",
          {"camera": NIKON, "make": "NIKON CORPORATION"}),
@@ -144,20 +144,20 @@ def light_rows() -> list[Row]:
         ("uneven", "An unnamed white LED, no white frame, light falling off by a quarter.", LED | {"shots": fallen}),
         ("error-paper", "A basis without a prior weighs nothing.", PAPER | WRONG),
         ("three", "Daylight, a bulb and a white LED, none named: kinds are screened shot by shot.",
-         {"lamps": FOUR[:3], "unnamed": [1, 2, 3]}),
+         {"lamps": FOUR[:3], "lights": ["auto"] * 3}),
         ("matrices", "A white LED, and a file whose two colour matrices give the chromaticity of its white.",
          LED | {"colour_matrices": pair}),
         ("matrices-daylight", "One matrix, in daylight.", {"colour_matrices": [[matrix("D65", "D55")]]}),
         ("matrices-bulb", "The same under a bulb.", {"lamps": ["A"], "colour_matrices": [[matrix("A", "A")]]}),
         ("wrong-matrices", "Colour matrices that give a white of no kind: the kinds stay as they are.",
          LED | {"colour_matrices": [[matrix("D65", "LED-B3", 3.0)]]}),
-        ("torch", "The phone's torch, and named daylight.", called | {"lamps": ["LED-B3", "D55"], "torch": [1]}),
+        ("torch", "The phone's torch, and named daylight.", {"lamps": ["LED-B3", "D55"], "lights": ["torch", ""]}),
         ("other-kind", "A bulb named D55, then unnamed daylight: the advice names the likely kind.",
-         {"lamps": ["A", "D55"], "named": ["D55", "D55"], "unnamed": [2]}),
+         {"lamps": ["A", "D55"], "named": ["D55", "D55"], "lights": ["", "auto"]}),
         ("other-kind-unsure", "The same of a white LED, which may be a fluorescent lamp: the advice names none.",
-         {"lamps": ["LED-B3", "D55"], "named": ["D55", "D55"], "unnamed": [2]}),
+         {"lamps": ["LED-B3", "D55"], "named": ["D55", "D55"], "lights": ["", "auto"]}),
         ("error-four", "Four unnamed lights are too many.",
-         WRONG | {"lamps": [*FOUR[:3], "FL2"], "unnamed": [1, 2, 3, 4]}),
+         WRONG | {"lamps": [*FOUR[:3], "FL2"], "lights": ["auto"] * 4}),
     ]  # fmt: skip
     return [(name, comment, base | change) for name, comment, change in table]
 
@@ -236,8 +236,8 @@ STAGES = (
         rows=light_rows,
         inputs_of=capture,
         run=light,
-        inputs=CAPTURE | words("unnamed"),
-        optional=words("make model colour_matrices torch called"),
+        inputs=CAPTURE | words("lights"),
+        optional=words("make model colour_matrices"),
         rounded=words("ssf ssf_std power power_std predicted"),
         limits=(
             ("exact", 0.0, "weighed basis prior_scale likeliest status codes messages advice said"),

@@ -31,7 +31,8 @@ def run(call: Call) -> dict[str, Any]:
     used = np.array(given["used"], bool)
     signals = Signals(
         values=given["signals"], standard_error=given["standard_error"], chart=given["white"], white=given["white"],
-        dark=given["dark"], used=used, white_is_patch=np.array(given["white_is_patch"], bool), assumptions=(),
+        dark=given["dark"], used=used, white_is_patch=np.array([not shot["white"] for shot in given["shots"]]),
+        assumptions=(),
     )  # fmt: skip
     lamps = [
         build_lamp(values, tolerance, modes)
@@ -92,7 +93,7 @@ STAGE = Stage(
     run=run,
     inputs=words(
         "reflectance chart_tolerance white_reflectance white_tolerance lamp lamp_tolerance lamp_modes signals "
-        "standard_error used white_is_patch white dark shots centres ssf ssf_std code predicted alone rivals neutrals"
+        "standard_error used white dark shots centres ssf ssf_std code predicted alone rivals neutrals"
     ),
     optional=words("choice family family_test chart_fading code_variance unnamed new gain_modes gain_own basis"),
     arrays=words(

@@ -75,7 +75,6 @@ def capture(
         "signals": y,
         "standard_error": np.round(error * (0.002 * y + 1e-4), 9),
         "used": [[i < used and i != white for i in range(24)]] * k,
-        "white_is_patch": [patch] * k,
         "white": [[one] * 24 for one in white_levels],
         "dark": np.full(y.shape, BLACK),
         "shots": [frames | {"chart": statistics(one, span, last=used, **photo)} for one in y],

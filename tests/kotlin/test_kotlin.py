@@ -90,7 +90,7 @@ class Kotlin:
 
     def __init__(self) -> None:
         pipes: Any = dict.fromkeys(("stdin", "stdout"), subprocess.PIPE)
-        self.process = subprocess.Popen(**java("org.camssf.golden.Calibrate", "--serve", **pipes))
+        self.process = subprocess.Popen(**java("org.camssf.golden.Calibrate", **pipes))
 
     def __call__(self, case: Case, out: Path) -> Json:
         """The result document; it has the form of one, and the hash of its content."""
@@ -100,13 +100,13 @@ class Kotlin:
 
     def run(self, case: Case, out: Path) -> None:
         """Write the document."""
-        words = [str(shot.chart) for shot in case.shots]
-        for shot, lamp, corners in zip(case.shots, case.lamps, case.corners, strict=True):
-            words += ["--lamp", lamp, "--corners", ",".join(repr(float(v)) for v in np.ravel(corners))]
-            words += [word for role, path in case.frames(shot).items() for word in (f"--{role}", str(path))]
-        for name, value in case.options.items():
-            words += [f"--{name.replace('_', '-')}", f"{value[0]}-{value[-1]}" if name == "fit" else str(value)]
-        self.process.stdin.write("\t".join([*words, "-o", str(out)]) + "\n")
+        options = dict(case.options)
+        own = {"lamp_tolerance": options.pop("lamp_tolerance", None)}
+        shots = [
+            own | {"photo": shot.chart, "lamp": lamp, "corners": np.ravel(corners).tolist()} | case.frames(shot)
+            for shot, lamp, corners in zip(case.shots, case.lamps, case.corners, strict=True)
+        ]
+        self.process.stdin.write(json.dumps({"shots": shots, "output": out, **options}, default=str) + "\n")
         self.process.stdin.flush()
         status = self.process.stdout.readline().split()
         assert status and status[0] in ("0", "5"), status  # noqa: PT018
@@ -209,7 +209,7 @@ def test_one_shot_is_equal_to_the_last_bit(photos: Photographed, tmp_path: Path,
 BARE: dict[str, Any] = {"white": False, "dark": False}
 CAPTURES: dict[str, tuple[str, dict[str, Any], str]] = {
     "kind": ("white-led", {"options": {"chart": "classic24:ohta"}}, ""),
-    "twelve": ("D55", {"options": {"basis": "gaussian", "fit": range(7, 19), "l2": 0.01}}, ""),
+    "twelve": ("D55", {"options": {"basis": "gaussian", "fit": [*range(7, 19)], "l2": 0.01}}, ""),
     "tolerance": ("D55", {"options": {"lamp_tolerance": "300K,1%", "gamma": 0.5, "white_reflectance": 0.9}}, ""),
     # the light's modes stand on the pose, whose last bits are each language's own
     "no frames": ("D55", BARE | {"options": {"basis": "phones"}}, ""),

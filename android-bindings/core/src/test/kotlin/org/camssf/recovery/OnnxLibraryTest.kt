@@ -7,7 +7,7 @@ import org.junit.jupiter.api.Assertions.assertTrue
 import org.junit.jupiter.api.Test
 import java.io.File
 
-/** Which ONNX Runtime is taken. What it leaves behind is PrivacyTest's, in the module golden. */
+/** Which ONNX Runtime is taken. What it leaves behind is PrivacyTest's, in the module packaging. */
 class OnnxLibraryTest {
     @Test
     fun `the version in the words is the build's`() {

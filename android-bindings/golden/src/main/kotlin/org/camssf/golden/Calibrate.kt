@@ -1,5 +1,7 @@
 package org.camssf.golden
 
+import kotlinx.serialization.json.Json
+import kotlinx.serialization.json.jsonObject
 import org.camssf.CalibrationException
 import org.camssf.CalibrationOptions
 import org.camssf.Refused
@@ -19,152 +21,89 @@ import java.io.File
 import kotlin.system.exitProcess
 
 /**
- * The library as a command, for comparison with Python's: `calibrate photo.dng ... --lamp D55 ... --corners x,y,... ...
- * -o result.json`, options repeated for several shots in the photos' order. With `--write capture` it only measures: each
- * shot by itself, saved and restored as an app would, then joined.
+ * The library as a command, for comparison with Python's. Every argument, or every line on standard input where there
+ * is none, is a request in JSON: `shots`, each with `photo`, `corners` and perhaps `lamp`, `lamp_tolerance`, `white` and
+ * `dark`; `output`; and perhaps `chart`, `white_reflectance`, `basis` and options. With `"write": "capture"` it only
+ * measures: each shot by itself, saved and restored as an app would, then joined.
  *
- * With `--serve` alone, every line on standard input holds such arguments, parted by tabs; the answer is a line with the
- * status (0, 2 for a wrong call, 5 for a refusal), the seconds it took, and those of `toJson`. Models stay open between
- * them. A line `--open BASIS` opens and closes the models of a basis; its answer holds the seconds of opening.
+ * The answer is a line with the status (0, 2 for a wrong request, 5 for a refusal), which is the command's own at the
+ * end, and the seconds. Models stay open between requests.
  */
 public class Calibrate private constructor() : Closeable {
     private val calibrators = HashMap<String, SsfCalibrator>()
-    private var toJson = 0L
 
-    private fun serve(words: List<String>): String {
-        val start = System.nanoTime()
-        if (words[0] == "--open") {
-            return SsfCalibrator.Builder().basis(words[1]).openBlocking().use {
-                "0 ${(System.nanoTime() - start) / NANO}"
-            }
-        }
-        val status = run(words)
-        return "$status ${(System.nanoTime() - start) / NANO} ${toJson / NANO}"
-    }
-
-    private fun run(arguments: List<String>): Int {
+    private fun run(request: String): Int {
         try {
-            return calibrate(Arguments(arguments))
+            val none = Forms { throw GoldenError("a request has no files of golden/") }
+            return calibrate(Fields(Json.parseToJsonElement(request).jsonObject, none, "the request"))
         } catch (error: CalibrationException) {
             System.err.println(error)
-        } catch (error: IllegalArgumentException) {
-            System.err.println("${error.message}\n$USAGE")
+        } catch (error: GoldenError) {
+            System.err.println(error)
         }
         return 2
     }
 
-    private fun calibrate(given: Arguments): Int {
-        val output = File(requireNotNull(given.one("-o")) { "-o is missing" })
-        val basis = given.one("--basis") ?: "auto"
-        val capture = Capture(given.shots(), chart(given), given.one("--white-reflectance")?.toDouble())
+    private fun calibrate(request: Fields): Int {
+        val shots = request.parts("shots").map { shot(it) }
+        val chart = ChartTable.read(request.findText("chart") ?: "classic24")
+        val capture = Capture(shots, chart, request.findNumber("white_reflectance"))
+        val basis = request.findText("basis") ?: "auto"
+        val options = CalibrationOptions.Builder()
+            .fit(request.integers("fit").toList().ifEmpty { null })
+            .l2(request.findNumber("l2"))
+            .gamma(request.findNumber("gamma"))
+            .previous(
+                request.findText("previous")?.let {
+                    File(it)
+                }?.let { SavedResult.read(it.readText(), it.name) },
+            )
+            .build()
+        val output = File(request.text("output"))
+        val measures = request.findText("write") == "capture"
+        if (request.unread().isNotEmpty()) throw GoldenError("nobody reads ${request.unread()}")
         val calibrator = calibrators.getOrPut(basis) { SsfCalibrator.Builder().basis(basis).openBlocking() }
-        if (given.one("--write") == "capture") {
-            val shots = capture.shots.map { restored(calibrator.measureBlocking(it, capture.chart), capture.chart) }
-            write(output, MeasuredCapture.of(shots, capture.chart, capture.whiteReflectance).toJson())
+        if (measures) {
+            val restored = shots.map { restored(calibrator.measureBlocking(it, chart), chart) }
+            output.writeText(MeasuredCapture.of(restored, chart, capture.whiteReflectance).toJson())
             return 0
         }
-        val options = CalibrationOptions.Builder()
-            .fit(given.one("--fit")?.split("-")?.let { (first, last) -> (first.toInt()..last.toInt()).toList() })
-            .l2(given.one("--l2")?.toDouble())
-            .gamma(given.one("--gamma")?.toDouble())
-            .previous(given.one("--previous")?.let { File(it) }?.let { SavedResult.read(it.readText(), it.name) })
-            .build()
-        val found = calibrator.calibrateBlocking(capture, options)
-        val start = System.nanoTime()
-        val text = found.toJson()
-        toJson = System.nanoTime() - start
-        write(output, text)
-        if (found !is Refused) return 0
-        System.err.println(found.error)
-        return 5
+        val result = calibrator.calibrateBlocking(capture, options)
+        output.writeText(result.toJson())
+        if (result is Refused) System.err.println(result.error)
+        return if (result is Refused) 5 else 0
+    }
+
+    private fun shot(of: Fields): Shot {
+        val lamp = of.findText("lamp")?.takeIf { it != "auto" }?.let { Lamp.read(it) } ?: Lamp.auto()
+        val (white, dark) = listOf("white", "dark").map { name ->
+            of.findText(name)?.let { PhotoSource.of(File(it)) }
+        }
+        return Shot(
+            PhotoSource.of(File(of.text("photo"))),
+            of.findText("lamp_tolerance")?.let { lamp.withTolerance(it) } ?: lamp,
+            Corners.of(*of.values("corners")), white, dark, LensShading.AS_STORED,
+        )
     }
 
     /** A measured shot, saved and read again. */
     private fun restored(shot: MeasuredShot, chart: ChartTable): MeasuredShot =
         MeasuredCapture.fromJson(MeasuredCapture.of(listOf(shot), chart).toJson()).shots[0]
 
-    private fun write(output: File, text: String) {
-        val partial = File(output.path + ".partial")
-        partial.writeText(text)
-        check(partial.renameTo(output)) { "cannot write $output" }
-    }
-
-    private fun chart(given: Arguments): ChartTable {
-        val name = given.one("--chart") ?: "classic24"
-        val file = File(name.substringAfter(':'))
-        val layout = name.substringBefore(':', "").ifEmpty { null }
-        return if (file.isFile) ChartTable.parse(file.name, file.readBytes(), layout) else ChartTable.read(name)
-    }
-
     override fun close() {
         calibrators.values.forEach { it.close() }
     }
 
-    private class Arguments(words: List<String>) {
-        private val photos = ArrayList<String>()
-        private val options = HashMap<String, ArrayList<String>>()
-
-        init {
-            val rest = words.iterator()
-            while (rest.hasNext()) {
-                val word = rest.next()
-                if (word.startsWith("-")) {
-                    require(word in VALUES && rest.hasNext()) { "there is no option $word, or its value is missing" }
-                    options.getOrPut(word) { ArrayList() } += rest.next()
-                } else {
-                    photos += word
-                }
-            }
-        }
-
-        fun one(name: String): String? = options[name]?.last()
-
-        fun shots(): List<Shot> = photos.mapIndexed { j, photo ->
-            fun own(name: String): String? = options[name]?.getOrNull(j)
-            val corners = requireNotNull(own("--corners")) { "give corners a photo" }
-            val lamp = lamp(own("--lamp") ?: AUTO)
-            Shot(
-                PhotoSource.of(File(photo)),
-                own("--lamp-tolerance")?.let { lamp.withTolerance(it) } ?: lamp,
-                Corners.of(*corners.split(",").map { it.toDouble() }.toDoubleArray()),
-                own("--white")?.let { PhotoSource.of(File(it)) },
-                own("--dark")?.let { PhotoSource.of(File(it)) },
-                LensShading.of(one("--lens-shading") ?: LensShading.AS_STORED.word),
-            )
-        }
-
-        private fun lamp(name: String): Lamp {
-            val file = File(name)
-            return when {
-                file.isFile -> Lamp.parse(file.name, file.readBytes())
-                name == AUTO -> Lamp.auto()
-                name == "torch" -> Lamp.torch()
-                else -> Lamp.read(name)
-            }
-        }
-    }
-
     public companion object {
-        private const val AUTO = "auto"
-        private const val NANO = 1e9
-        private const val USAGE =
-            "calibrate PHOTO... [--lamp NAME|auto] --corners x,y,x,y,x,y,x,y [--white DNG] [--dark DNG] " +
-                "[--lamp-tolerance T] [--chart NAME] [--white-reflectance R] [--lens-shading as-stored|apply] " +
-                "[--basis NAME] [--l2 V] [--gamma V] [--fit 7-18] [--previous JSON] [--write capture] -o FILE"
-        private val VALUES = setOf(
-            "--lamp", "--corners", "--white", "--dark", "--lamp-tolerance", "--chart", "--white-reflectance",
-            "--lens-shading", "--basis", "--l2", "--gamma", "--fit", "--previous", "--write", "-o",
-        )
-
         @JvmStatic
         public fun main(arguments: Array<String>) {
-            val status = Calibrate().use { command ->
-                if (arguments.toList() != listOf("--serve")) return@use command.run(arguments.toList())
-                while (true) {
-                    val line = readlnOrNull() ?: break
-                    println(command.serve(line.split("\t")))
+            var status = 0
+            Calibrate().use { command ->
+                for (request in arguments.asSequence().ifEmpty { generateSequence(::readlnOrNull) }) {
+                    val start = System.nanoTime()
+                    status = command.run(request)
+                    println("$status ${(System.nanoTime() - start) / 1e9}")
                 }
-                0
             }
             exitProcess(status)
         }

@@ -1,11 +1,6 @@
 package org.camssf.golden
 
-import kotlinx.serialization.json.JsonArray
-import kotlinx.serialization.json.JsonNull
-import kotlinx.serialization.json.JsonObject
-import kotlinx.serialization.json.jsonArray
 import kotlinx.serialization.json.jsonObject
-import kotlinx.serialization.json.jsonPrimitive
 import org.camssf.InvalidArgument
 import org.camssf.colour.Adapted
 import org.camssf.colour.CameraOfCurves
@@ -13,11 +8,13 @@ import org.camssf.colour.ColourCamera
 import org.camssf.colour.Observer
 import org.camssf.colour.Part
 import org.camssf.colour.PhotoLight
+import org.camssf.colour.PictureSpace
 import org.camssf.colour.RawRegion
 import org.camssf.colour.Reference
 import org.camssf.colour.RelativeSignals
 import org.camssf.colour.SkinIndex
 import org.camssf.colour.SpectrumEstimator
+import org.camssf.colour.StandardPicture
 import org.camssf.colour.Standardiser
 import org.camssf.colour.StoredLamp
 import org.camssf.colour.SurfaceDistance
@@ -26,93 +23,129 @@ import org.camssf.colour.SurfacePrior
 import org.camssf.colour.View
 import org.camssf.flatten
 import org.camssf.photo.LensShading
+import org.camssf.photo.PhotoSource
 import org.camssf.photo.PhysicalCamera
+import org.camssf.photo.Region
 import org.camssf.recovery.LearnedBasis
+import org.camssf.recovery.Tensor
 import org.camssf.spectra.Bundled
 import org.camssf.spectra.Lamp
 import kotlin.math.sqrt
 
-/** The stages colour and spectrum, from a result document on, and regions, from a DNG on. */
-internal class Colours(private val forms: Forms, private val photos: Photos) {
-    /** As a case has it; its reference's raw signals are asked only where it says so. */
-    fun standardiser(case: GoldenCase): Standardiser {
-        val (white, raw, error) = reference(case["reference"].jsonObject)
+/** The stages from a result document on: colour, spectrum and picture. */
+internal class Colours(private val photos: Photos) {
+    fun standardiser(case: Fields): Standardiser {
+        val (white, raw, error) = reference(case.part("reference")!!)
         return Standardiser.of(camera(case), lamp(case.text("lamp")), white, view(case), raw, error)
     }
 
-    /** A lamp by its name; null where the light is unknown. */
-    fun lamp(name: String): Lamp? = if (name == "auto") null else Lamp.read(name)
-
     /** The reference, its raw signals where they are asked, and their error. */
-    private fun reference(given: JsonObject): Triple<Reference, DoubleArray?, Double> {
-        val raw = given.getValue("raw").takeIf { it != JsonNull }?.let { numbers(it) }
-        val white = Reference(raw ?: DoubleArray(3) { 1.0 }, tolerance = number(given.getValue("tolerance"))!!)
-        return Triple(white, raw, number(given.getValue("error"))!!)
+    private fun reference(of: Fields): Triple<Reference, DoubleArray?, Double> {
+        val raw = of.findValues("raw")
+        val white = Reference(raw ?: DoubleArray(3) { 1.0 }, tolerance = of.number("tolerance"))
+        return Triple(white, raw, of.number("error"))
     }
 
-    fun colour(case: GoldenCase): Map<String, Any?> {
+    /** A lamp by its name; null where the light is unknown. */
+    private fun lamp(name: String): Lamp? = if (name == "auto") null else Lamp.read(name)
+
+    private fun view(case: Fields): View {
+        val view = case.part("view")!!
+        return View(
+            Observer.values().single { it.word == view.text("observer") },
+            Adapted.values().single { it.word == view.text("white") },
+        )
+    }
+
+    fun colour(case: Fields): Map<String, Any?> {
         val standardiser = standardiser(case)
-        val errors = case.list("standard_error")
-        val found = case.list("signals").mapIndexed { i, signals ->
-            standardiser.colourOf(RelativeSignals(numbers(signals), numbers(errors[i])))
+        val colours = case.rows("signals").zip(case.rows("standard_error")) { signals, error ->
+            standardiser.colourOf(RelativeSignals(signals, error))
         }
-        val far = found.map { it.reach > SurfaceDistance.REACH }
+        val far = colours.map { it.reach > SurfaceDistance.REACH }
         return mapOf(
-            "xyz" to found.map { it.xyz.values },
-            "lab" to found.map { it.lab.values },
-            "xyz_covariance" to found.map { it.xyzCovariance.values }.flatten(),
-            "lab_covariance" to found.map { it.labCovariance.values }.flatten(),
-            "parts" to Part.values().map { part -> found.map { it.deviation(part).values } },
+            "xyz" to colours.map { it.xyz.values },
+            "lab" to colours.map { it.lab.values },
+            "xyz_covariance" to colours.map { it.xyzCovariance.values }.flatten(),
+            "lab_covariance" to colours.map { it.labCovariance.values }.flatten(),
+            "parts" to Part.values().map { part -> colours.map { it.deviation(part).values } },
             "white" to standardiser.white.values,
             "lamps" to standardiser.lamps.map { it.name },
             "weights" to standardiser.lamps.map { it.weight },
             "chi_squared" to standardiser.chiSquared,
             "far" to far,
-            "reach" to found.map { it.reach }.filterIndexed { i, _ -> far[i] },
+            "reach" to colours.map { it.reach }.filterIndexed { i, _ -> far[i] },
         )
     }
 
-    fun spectrum(case: GoldenCase): Map<String, Any?> {
-        val given = case.list("photos").map { it.jsonObject }
-        val lights = given.map { photo ->
-            val (white, raw, error) = reference(photo.getValue("reference").jsonObject)
+    fun spectrum(case: Fields): Map<String, Any?> {
+        val photos = case.parts("photos")
+        val lights = photos.map { photo ->
+            val (white, raw, error) = reference(photo.part("reference")!!)
             PhotoLight(lamp(photo.text("lamp")), white, raw, error)
         }
         val estimator = SpectrumEstimator.of(camera(case), lights, SurfacePrior.read(case.text("prior")), view(case))
-        fun of(name: String, i: Int): DoubleArray =
-            given.flatMap { numbers(it.getValue(name).jsonArray[i]).asList() }.toDoubleArray()
-        val found = given[0].getValue("signals").jsonArray.indices.map {
-            estimator.spectrumOf(RelativeSignals(of("signals", it), of("standard_error", it)))
+        fun joined(name: String, i: Int) = photos.flatMap { it.rows(name)[i].asList() }.toDoubleArray()
+        val spectra = photos[0].list("signals").indices.map {
+            estimator.spectrumOf(RelativeSignals(joined("signals", it), joined("standard_error", it)))
         }
         return mapOf(
-            "reflectance" to found.map { it.reflectance.values },
-            "covariance_sums" to found.map { one ->
+            "reflectance" to spectra.map { it.reflectance.values },
+            "covariance_sums" to spectra.map { one ->
                 one.covariance.values.toList().chunked(SurfaceNodes.SIZE) { it.sum() }
             },
-            "parts" to Part.values().map { part -> found.map { one -> sqrt(one.deviation(part).sumOf { it * it }) } },
+            "parts" to
+                Part.values().map { part -> spectra.map { one -> sqrt(one.deviation(part).sumOf { it * it }) } },
             "indices" to SkinIndex.values().map { index ->
-                found.map { it.index(index) }.map { listOf(it.value, it.standardDeviation) }
+                spectra.map { it.index(index) }.map { listOf(it.value, it.standardDeviation) }
             },
-            "xyz" to found.map { it.xyz.values },
-            "lab" to found.map { it.lab.values },
-            "xyz_covariance" to found.map { it.xyzCovariance.values }.flatten(),
-            "lab_covariance" to found.map { it.labCovariance.values }.flatten(),
+            "xyz" to spectra.map { it.xyz.values },
+            "lab" to spectra.map { it.lab.values },
+            "xyz_covariance" to spectra.map { it.xyzCovariance.values }.flatten(),
+            "lab_covariance" to spectra.map { it.labCovariance.values }.flatten(),
             "white" to estimator.white.values,
-            "distance" to found.map { it.distance },
-            "far" to found.map { it.outsidePrior },
-            "from_photo" to found.map { it.fromPhoto },
+            "distance" to spectra.map { it.distance },
+            "far" to spectra.map { it.outsidePrior },
+            "from_photo" to spectra.map { it.fromPhoto },
             "lamps" to estimator.lamps.map { it.names },
             "weights" to estimator.lamps.map { it.weight },
             "chi_squared" to estimator.chiSquared,
         )
     }
 
-    private fun view(case: GoldenCase): View {
-        val given = case["view"].jsonObject
-        return View(
-            Observer.values().single { it.word == given.text("observer") },
-            Adapted.values().single { it.word == given.text("white") },
-        )
+    fun picture(case: Fields): Map<String, Any?> {
+        val made = standardPicture(case)
+        val pixels = ArrayList<Short>()
+        val layer = ArrayList<Short>()
+        made.strips { _, _, ofStrip, uncertainty ->
+            pixels += ofStrip.asList()
+            layer += uncertainty.asList()
+        }
+        val area = case.find("area")?.let { region(it) } ?: Region(0, 0, made.width, made.height)
+        val half = Region(area.left / 2, area.top / 2, area.right / 2, area.bottom / 2)
+        return mapOf("picture" to part(pixels, made.width, area), "uncertainty" to part(layer, made.width / 2, half))
+    }
+
+    private fun standardPicture(case: Fields): StandardPicture {
+        val space = PictureSpace.of(case.text("space"))
+        val shading = LensShading.of(case.text("shading"))
+        // The photos are by other cameras than the result.
+        val camera = camera(case, anonymous = true)
+        val lamp = lamp(case.text("lamp")) ?: Lamp.auto()
+        val (photo, dark) = listOf("photo", "dark").map { photos.find(case, it) }
+        val white = case.find("white")?.let { region(it) }
+            ?: return StandardPicture.of(camera, lamp, PhotoSource.of(photo!!), space, shading)
+        val reference = Reference(RawRegion.measure(photo!!, listOf(white), dark, shading).single(), 0.3)
+        return Standardiser.of(camera, lamp, reference, View()).picture(photo, space, shading, dark)
+    }
+
+    /** A part (height, width, 3) of unsigned numbers (any, `columns`, 3). */
+    private fun part(numbers: List<Short>, columns: Int, area: Region): Tensor {
+        val values = DoubleArray(3 * area.width * area.height) {
+            val pixel = (area.top + it / 3 / area.width) * columns + area.left + it / 3 % area.width
+            (numbers[3 * pixel + it % 3].toInt() and 0xffff).toDouble()
+        }
+        return Tensor(values, area.height, area.width, 3)
     }
 
     /**
@@ -120,56 +153,41 @@ internal class Colours(private val forms: Forms, private val photos: Photos) {
      *
      * @param anonymous whether photos of any camera are taken for its own.
      */
-    fun camera(case: GoldenCase, anonymous: Boolean = false): ColourCamera {
-        val result = result(case["result"].jsonObject)
-        fun curves(name: String) = (result[name] as? JsonObject)?.let { of ->
-            Array(3) { numbers(of.getValue(listOf("red", "green", "blue")[it])) }
-        }
-        val named = result.getValue("camera").jsonObject
-        val (make, model) = listOf("make", "model").map { if (anonymous) "" else named.text(it) }
+    private fun camera(case: Fields, anonymous: Boolean = false): ColourCamera {
+        val result = result(case.part("result")!!)
+        val camera = result.part("camera")!!
+        val (make, model) = listOf("make", "model").map { if (anonymous) "" else camera.text(it) }
+        fun curves(name: String) =
+            result.part(name)?.let { of -> Array(3) { of.values(listOf("red", "green", "blue")[it]) } }
         val values = curves("ssf")!!
         return ColourCamera.of(
-            values,
-            curves("ssf_std"),
-            numbers(result.getValue("channel_gain")),
-            lampOf(result.getValue("shots").jsonArray[0].jsonObject),
+            values, curves("ssf_std"), result.values("channel_gain"), lampOf(result.parts("shots")[0]),
             CameraOfCurves(make, model, PhysicalCamera()),
         ) { own ->
             val basis = LearnedBasis.of(result.text("basis"), result.text("basis_sha256"))
-            val scale = number(result.getValue("prior_scale"))!!
-            ColourCamera.ofCode(basis, scale, (result["code_covariance"] as? JsonArray)?.let(::numbers), values, own)
+            val covariance = result.findValues("code_covariance")
+            ColourCamera.ofCode(basis, result.number("prior_scale"), covariance, values, own)
         }
     }
 
+    /** A result, or that of another case, but for some fields. */
+    private fun result(of: Fields): Fields {
+        val own = if (of.has("case")) of.forms.case(of.text("case")).part("result")!! else of
+        return own.but(of.find("but")?.jsonObject.orEmpty())
+    }
+
     /** The light of a result's shot; null if it is a file's whose power is not there. */
-    private fun lampOf(shot: JsonObject): Lamp? {
-        val entry = shot.getValue("lamp").jsonObject
-        val name = entry.text("name")
-        shot["light"]?.jsonObject?.let {
-            return StoredLamp.estimated(name, numbers(it.getValue("power")), numbers(it.getValue("std")))
-        }
-        entry["power"]?.let {
-            val tolerance = number(entry.getValue("tolerance"))!!
-            return Lamp(name, Bundled.scaled(numbers(it)), tolerance, emptyList(), entry.text("source"))
+    private fun lampOf(shot: Fields): Lamp? {
+        val lamp = shot.part("lamp")!!
+        val name = lamp.text("name")
+        shot.part("light")?.let { return StoredLamp.estimated(name, it.values("power"), it.values("std")) }
+        lamp.findValues("power")?.let {
+            return Lamp(name, Bundled.scaled(it), lamp.number("tolerance"), emptyList(), lamp.text("source"))
         }
         return try {
             Lamp.read(name)
         } catch (_: InvalidArgument) {
             null
         }
-    }
-
-    /** A result, or that of another case, but for some fields. */
-    private fun result(given: JsonObject): JsonObject {
-        val other = given["case"] ?: return given
-        val own = forms.case(other.jsonPrimitive.content)["result"].jsonObject
-        return JsonObject(own + (given["but"] as? JsonObject).orEmpty())
-    }
-
-    fun regions(case: GoldenCase): Map<String, Any?> {
-        val (photo, dark) = listOf("photo", "dark").map { photos.find(case, it) }
-        val areas = case.list("areas").map { region(it) }
-        val found = RawRegion.measure(photo!!, areas, dark, LensShading.of(case.text("lens_shading")))
-        return mapOf("raw" to found.map { it.raw.values }, "standard_error" to found.map { it.sharedError })
     }
 }

@@ -21,7 +21,7 @@ internal object Preview {
         val files = GoldenFiles.of(File(arguments[0]))
         val (side, runs) = arguments.drop(2).map { it.toInt() }
         val forms = Forms(files)
-        val colours = Colours(forms, Photos(files))
+        val colours = Colours(Photos(files))
         val case = forms.case(arguments[1])
         lateinit var made: Standardiser
         val surface = RelativeSignals(doubleArrayOf(0.4, 0.3, 0.2), DoubleArray(3) { 0.002 })

@@ -2,17 +2,13 @@ package org.camssf.golden
 
 import org.junit.jupiter.api.AfterAll
 import org.junit.jupiter.api.Assertions.assertTrue
-import org.junit.jupiter.api.Assumptions.assumeTrue
 import org.junit.jupiter.api.DynamicTest
 import org.junit.jupiter.api.DynamicTest.dynamicTest
 import org.junit.jupiter.api.Tag
 import org.junit.jupiter.api.TestFactory
 import java.io.File
 
-/**
- * Every golden case as a test of its own; what Kotlin lacks is skipped and counted. The property `camssf.stages` leaves only
- * the stages that it names, between commas.
- */
+/** Every golden case as a test of its own, or those of the stages in the property `camssf.stages`, between commas. */
 @Tag("R-PARITY")
 class GoldenTest {
     @TestFactory
@@ -20,7 +16,7 @@ class GoldenTest {
         dynamicTest(name) {
             val outcome = runner.run(name)
             outcomes += outcome
-            assumeTrue(outcome.skipped == null, outcome.skipped.orEmpty())
+
             assertTrue(outcome.faults.isEmpty(), outcome.faults.joinToString("\n"))
         }
     }

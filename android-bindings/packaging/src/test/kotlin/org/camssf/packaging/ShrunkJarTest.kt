@@ -1,13 +1,13 @@
 package org.camssf.packaging
 
+import org.camssf.golden.GoldenFiles
+import org.camssf.golden.GoldenRunner
 import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertTrue
 import org.junit.jupiter.api.Tag
 import org.junit.jupiter.api.Test
 import org.junit.jupiter.api.io.TempDir
 import java.io.File
-import java.lang.management.ManagementFactory
-import java.util.concurrent.TimeUnit
 import java.util.zip.ZipEntry
 import java.util.zip.ZipFile
 import java.util.zip.ZipOutputStream
@@ -22,14 +22,22 @@ class ShrunkJarTest {
     @TempDir
     lateinit var folder: File
 
-    /** A JVM with the flags of this one, which the POM gives. */
-    private val java = listOf(File(System.getProperty("java.home"), "bin/java").path) +
-        ManagementFactory.getRuntimeMXBean().inputArguments.filter { it.startsWith("-XX:") }
     private val runtime = jar("onnxruntime-")
     private val needed = listOf("model", "core").map(Artifacts::jar) +
         listOf("kotlin-stdlib-", "kotlinx-coroutines-", "annotations-").map(::jar)
     private val all = needed + listOf("model-gaussian", "colour", "finder", "golden").map(Artifacts::jar) +
         listOf("kotlinx-serialization-json-", "kotlinx-serialization-core-").map(::jar)
+
+    private val output by lazy { File(folder, "result.json") }
+
+    /** Of the command; the refused one's white frame is of another light. */
+    private val requests by lazy {
+        val frames = listOf("white", "dark").joinToString("") { """, "$it": "${Commands.dng("patches-$it")}"""" }
+        mapOf(
+            "chosen" to Commands.request(output),
+            "refused" to Commands.request(output, Commands.dng("patches-shaded"), FLAT, frames),
+        )
+    }
 
     /** An app's own class of this module, and the natives, which are all that the shrunk jar leaves in ONNX Runtime's. */
     private val app by lazy { packed("app.jar") }
@@ -43,18 +51,22 @@ class ShrunkJarTest {
         for (name in listOf("camssf-learned.onnx", "camssf-gaussian.onnx", "bases.f64")) {
             assertTrue("org/camssf/model/$name" in names, "$name is gone")
         }
-        val (status, said) = java(listOf(jar, natives), listOf(MAINS[0], GOLDEN))
+        val stages = GoldenRunner(GoldenFiles.of(File(Commands.GOLDEN))).use { it.names() }
+            .groupBy { it.substringBefore('/') }.values
+        // R8 may drop a class; numbers are GoldenTest's.
+        val cases = stages.flatMap { it.take(3) }
+        val (status, said) = java(listOf(jar, natives), listOf(MAINS[0], Commands.GOLDEN) + cases)
         assertEquals(0, status, said)
-        for ((name, arguments) in CALIBRATIONS) {
-            val shrunk = calibrate(listOf(jar), arguments)
-            assertEquals(calibrate(all + runtime, arguments), shrunk, name)
+        for ((name, request) in requests) {
+            val shrunk = calibrate(listOf(jar), request)
+            assertEquals(calibrate(all + runtime, request), shrunk, name)
             assertEquals(name != "refused", "\"answer\":" in shrunk, name)
         }
         val suspended = File(folder, "suspended.json")
-        val main = listOf(MAINS[2], CHART, CORNERS, suspended.path)
+        val main = listOf(MAINS[2], Commands.CHART, Commands.CORNERS, suspended.path)
         val (end, words) = java(listOf(jar, natives), main)
         assertEquals(0, end, words)
-        assertEquals(calibrate(listOf(jar), CALIBRATIONS.getValue("chosen")), suspended.readText())
+        assertEquals(calibrate(listOf(jar), requests.getValue("chosen")), suspended.readText())
     }
 
     /** Without `camssf-model-gaussian`, for which the smallest app asks at the end; code in the jar's own compression. */
@@ -63,11 +75,12 @@ class ShrunkJarTest {
         val output = File(folder, "smallest.json")
         val jar = shrink(listOf(SMALLEST, MAINS[2]), all - Artifacts.jar("model-gaussian"))
         val texts = listOf("auto", "gaussian").map { basis ->
-            val (status, said) = java(listOf(jar, natives), listOf(SMALLEST, CHART, CORNERS, output.path, basis))
+            val main = listOf(SMALLEST, Commands.CHART, Commands.CORNERS, output.path, basis)
+            val (status, said) = java(listOf(jar, natives), main)
             assertEquals(0, status, said)
             output.readText()
         }
-        assertEquals(calibrate(all + runtime, CALIBRATIONS.getValue("chosen")), texts[0])
+        assertEquals(calibrate(all + runtime, requests.getValue("chosen")), texts[0])
         assertTrue(texts[1].startsWith("invalid_argument") && "camssf-model-gaussian" in texts[1], texts[1])
         val entries = ZipFile(jar).use { zip -> zip.entries().toList() }
         val code = entries.filter { it.name.endsWith(".class") }.sumOf { it.compressedSize } / 1000
@@ -95,10 +108,10 @@ class ShrunkJarTest {
         val conf = File(folder, "rules.pro").apply { writeText((rules + mains + NO_ANDROID).joinToString("\n")) }
         val out = File(folder, "shrunk.jar")
         val program = (jars + runtime).map(::bare) + app
-        val r8 = java + listOf("-cp", jar("r8-").path, "com.android.tools.r8.R8")
+        val r8 = Commands.JAVA + listOf("-cp", jar("r8-").path, "com.android.tools.r8.R8")
         val options = form + listOf("--release", "--lib", System.getProperty("java.home"))
         val files = listOf("--pg-conf", conf.path, "--output", out.path)
-        val (status, said) = run(r8 + options + files + program.map { it.path })
+        val (status, said) = Commands.run(r8 + options + files + program.map { it.path }, folder)
         assertEquals(0, status, said)
         return out
     }
@@ -130,11 +143,11 @@ class ShrunkJarTest {
         }
     }
 
-    /** The classes of [Smallest], [Stages] and [Suspending], their lambdas' too. */
+    /** The classes of [Smallest] and [Suspending], their lambdas' too. */
     private fun packed(name: String): File = File(folder, name).apply {
         val place = File(Suspending::class.java.protectionDomain.codeSource.location.toURI())
         val classes = File(place, PACKAGE).listFiles().orEmpty().filter {
-            listOf("Smallest", "Suspending", "Stages").any(it.name::startsWith)
+            listOf("Smallest", "Suspending").any(it.name::startsWith)
         }
         ZipOutputStream(outputStream()).use { out ->
             for (each in classes) {
@@ -155,23 +168,15 @@ class ShrunkJarTest {
     }
 
     /** The JSON that the command writes. */
-    private fun calibrate(path: List<File>, arguments: List<String>): String {
-        val output = File(folder, "result.json").apply { delete() }
-        val main = listOf(MAINS[1]) + arguments + listOf("-o", output.path)
-        val (_, said) = java(path + natives, main)
+    private fun calibrate(path: List<File>, request: String): String {
+        output.delete()
+        val (_, said) = java(path + natives, listOf(MAINS[1], request))
         assertTrue(output.isFile, said)
         return output.readText()
     }
 
     private fun java(path: List<File>, main: List<String>): Pair<Int, String> =
-        run(java + listOf("-cp", path.joinToString(File.pathSeparator)) + main)
-
-    private fun run(command: List<String>): Pair<Int, String> {
-        val said = File.createTempFile("said", ".txt", folder)
-        val process = ProcessBuilder(command).redirectErrorStream(true).redirectOutput(said).start()
-        assertTrue(process.waitFor(5, TimeUnit.MINUTES), "no end: ${command.last()}")
-        return process.exitValue() to said.readText()
-    }
+        Commands.run(Commands.JAVA + listOf("-cp", path.joinToString(File.pathSeparator)) + main, folder)
 
     private companion object {
         const val NATIVE = "ai/onnxruntime/native/"
@@ -187,20 +192,7 @@ class ShrunkJarTest {
         const val NO_ANDROID = "-dontwarn android.**"
         const val PACKAGE = "org/camssf/packaging/"
         const val SMALLEST = "org.camssf.packaging.Smallest"
-        val MAINS = listOf("packaging.Stages", "golden.Calibrate", "packaging.Suspending").map { "org.camssf.$it" }
-        val ROOT: String = System.getProperty("camssf.root")
-        val GOLDEN: String = File(ROOT, "golden").path
-        val CHART = "$GOLDEN/dng/chart-turned-0.dng"
-        const val CORNERS = "22.44,17.44,156.56,22.44,162.56,116.56,16.44,109.56"
+        val MAINS = listOf("org.camssf.golden.GoldenRunner", Commands.CALIBRATE, "org.camssf.packaging.Suspending")
         const val FLAT = "19.44,19.44,160.56,19.44,160.56,112.56,19.44,112.56"
-
-        /** Arguments of the command by who chose the basis; the last one's white frame is of another light. */
-        val CALIBRATIONS = mapOf(
-            "chosen" to listOf(CHART, "--lamp", "D55", "--corners", CORNERS),
-            "refused" to listOf(
-                "$GOLDEN/dng/patches-shaded.dng", "--lamp", "D55", "--corners", FLAT,
-                "--white", "$GOLDEN/dng/patches-white.dng", "--dark", "$GOLDEN/dng/patches-dark.dng",
-            ),
-        )
     }
 }

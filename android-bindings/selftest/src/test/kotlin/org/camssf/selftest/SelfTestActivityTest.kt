@@ -161,7 +161,7 @@ class SelfTestActivityTest {
         val keys = setOf("format", "device", "golden", "calibration", "guide", "colours")
         assertEquals(keys, json.keys().asSequence().toSet())
         assertEquals("Phone 7", json.getJSONObject("device").getString("model"))
-        assertEquals(1, json.getJSONObject("golden").getInt("ran"))
+        assertEquals(1, json.getJSONObject("golden").getInt("cases"))
         assertEquals(0, json.getJSONObject("golden").getJSONArray("faults").length())
         assertTrue(json.isNull("calibration"))
         assertTrue(json.isNull("guide"))

@@ -1,4 +1,4 @@
-package org.camssf.golden
+package org.camssf.packaging
 
 import org.junit.jupiter.api.Assertions.assertEquals
 import org.junit.jupiter.api.Assertions.assertFalse
@@ -9,8 +9,6 @@ import org.junit.jupiter.api.Test
 import org.junit.jupiter.api.io.TempDir
 import java.io.File
 import java.io.IOException
-import java.lang.management.ManagementFactory
-import java.util.concurrent.TimeUnit
 import java.util.zip.ZipEntry
 import java.util.zip.ZipFile
 import java.util.zip.ZipOutputStream
@@ -24,8 +22,7 @@ class PrivacyTest {
     private val home by lazy { File(folder, "home").apply { mkdir() } }
     private val temporary by lazy { File(folder, "temporary").apply { mkdir() } }
     private val work by lazy { File(folder, "work").apply { mkdir() } }
-    private val path = System.getProperty("java.class.path").split(File.pathSeparator).map(::File)
-    private val runtime = path.single { it.name.startsWith("onnxruntime-") }
+    private val runtime = Artifacts.CLASS_PATH.single { it.name.startsWith("onnxruntime-") }
 
     @Test
     fun `a calibration leaves its result and nothing else`() {
@@ -41,7 +38,7 @@ class PrivacyTest {
         val watch = listOf("strace", "-f", "-qq", "-e", "trace=network", "-o", trace.path)
         assumeTrue(works(watch + "true"), "there is no strace, or it may not trace: apt-get install strace")
         // The watch sees a connection: a datagram's, which sends nothing.
-        assertEquals(0, java(listOf(Connecting::class.java.name), path, watch = watch).first)
+        assertEquals(0, java(listOf(Connecting::class.java.name), watch = watch).first)
         assertTrue(trace.readLines().any(::talks), "strace does not see a connection")
         val (status, said) = calibrate(watch = watch)
         assertEquals(0, status, said)
@@ -66,7 +63,7 @@ class PrivacyTest {
 
     @Test
     fun `a newer ONNX Runtime is refused before it is loaded, unless it is switched off`() {
-        val others = path - runtime + newer()
+        val others = Artifacts.CLASS_PATH - runtime + newer()
         val (status, said) = calibrate(others)
         assertEquals(2, status, said)
         assertTrue("ONNX Runtime 1.29.0 reports" in said && "ORT_DISABLE_TELEMETRY=1" in said, said)
@@ -103,37 +100,28 @@ class PrivacyTest {
     }
 
     private fun calibrate(
-        path: List<File> = this.path,
+        path: List<File> = Artifacts.CLASS_PATH,
         environment: Map<String, String> = emptyMap(),
         watch: List<String> = emptyList(),
     ): Pair<Int, String> {
-        val chart = File(System.getProperty("camssf.root"), "golden/dng/chart-turned-0.dng").path
-        val corners = "22.44,17.44,156.56,22.44,162.56,116.56,16.44,109.56"
-        val options = listOf("--lamp", "D55", "--corners", corners, "-o", File(work, "result.json").path)
-        return java(listOf("org.camssf.golden.Calibrate", chart) + options, path, environment, watch)
+        val request = Commands.request(File(work, "result.json"))
+        return java(listOf(Commands.CALIBRATE, request), path, environment, watch)
     }
 
     /** With a home and a folder for temporary files of its own; the JVM's own statistics go to /tmp and are off. */
     private fun java(
         main: List<String>,
-        path: List<File>,
+        path: List<File> = Artifacts.CLASS_PATH,
         environment: Map<String, String> = emptyMap(),
         watch: List<String> = emptyList(),
     ): Pair<Int, String> {
-        val java = File(System.getProperty("java.home"), "bin/java").path
-        val places = listOf("-Duser.home=${home.path}", "-Djava.io.tmpdir=${temporary.path}")
-        val own = ManagementFactory.getRuntimeMXBean().inputArguments.filter { it.startsWith("-XX:") }
-        val options = own + "-XX:-UsePerfData"
-        val command = watch + java + places + options + listOf("-cp", path.joinToString(File.pathSeparator)) + main
-        val said = File.createTempFile("said", ".txt", folder)
-        val builder = ProcessBuilder(command).directory(work).redirectErrorStream(true).redirectOutput(said)
-        builder.environment().apply {
-            remove("ORT_DISABLE_TELEMETRY")
-            putAll(mapOf("HOME" to home.path, "TMPDIR" to temporary.path) + environment)
+        val places = listOf("-Duser.home=${home.path}", "-Djava.io.tmpdir=${temporary.path}", "-XX:-UsePerfData")
+        val command = watch + Commands.JAVA + places + listOf("-cp", path.joinToString(File.pathSeparator)) + main
+        return Commands.run(command, folder) {
+            directory(work)
+            environment().remove("ORT_DISABLE_TELEMETRY")
+            environment() += mapOf("HOME" to home.path, "TMPDIR" to temporary.path) + environment
         }
-        val process = builder.start()
-        assertTrue(process.waitFor(5, TimeUnit.MINUTES), "no end: ${main.first()}")
-        return process.exitValue() to said.readText()
     }
 
     private fun works(command: List<String>): Boolean = try {
