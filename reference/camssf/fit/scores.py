@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from camssf.colorimetry import D65, delta_e00, lab, srgb, under_d65
+from camssf.colorimetry import D65, delta_e00, lab, srgb, under_d65, white_of, xyz_of
 from camssf.errors import InvalidArgument
 from camssf.grid import WAVELENGTHS, Floats
 from camssf.photo.signals import Signals
@@ -136,7 +136,7 @@ def rmse(curves: Floats, truth: Floats) -> Floats:
 def reflectance_srgb(table: ChartTable) -> Floats:
     """Display colours 0 to 1 of the table's patches under D65, (n, 3)."""
     light = read_lamp("D65").values
-    return _display(_xyz(table.values, light), _white(light))[1]
+    return _display(xyz_of(table.values, light, observer("1931")), white_of(light))[1]
 
 
 @dataclass(frozen=True)
@@ -169,26 +169,13 @@ def patch_colours(
     """
     shots = []
     for y, guess, chosen, lamp in zip(measured, predicted, used, lamps, strict=True):
-        target = _xyz(table.values, lamp)
+        target = xyz_of(table.values, lamp, observer("1931"))
         fit = chosen if chosen.sum() >= 3 else np.ones_like(chosen)
         matrix = np.linalg.lstsq(y[fit], target[fit], rcond=None)[0]
-        white = _white(lamp)
+        white = white_of(lamp)
         shots.append((*_display(y @ matrix, white), *_display(guess @ matrix, white)))
     lab, srgb, synthetic_lab, synthetic_srgb = (np.stack(rows) for rows in zip(*shots, strict=True))
     return PatchColours(lab, srgb), PatchColours(synthetic_lab, synthetic_srgb)
-
-
-def _xyz(reflectance: Floats, lamp: Floats) -> Floats:
-    """XYZ (n, 3) of reflectances (n, 681) under a lamp (681,), CIE 1931 2°; Y of a perfect white is 1."""
-    light = lamp[:, None] * observer("1931")
-    xyz: Floats = reflectance @ light / light[:, 1].sum()
-    return xyz
-
-
-def _white(lamp: Floats) -> Floats:
-    """XYZ (3,) of a perfect white under a lamp (681,)."""
-    xyz: Floats = _xyz(np.ones((1, WAVELENGTHS.size)), lamp)[0]
-    return xyz
 
 
 def _display(xyz: Floats, white: Floats) -> tuple[Floats, Floats]:
