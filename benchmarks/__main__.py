@@ -34,9 +34,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if name not in claims:
         console().print(table("python -m benchmarks NAME", ("claim", "question"), claims.items()))
         return 0 if name in ("", "-h", "--help") else 2
-    module = import_module(f"benchmarks.claims.{name}")
-    run = Run.of(name, module, rest)
     try:
+        module = import_module(f"benchmarks.claims.{name}")
+        run = Run.of(name, module, rest)
         module.claim(run)
         return run.end()
     except subprocess.CalledProcessError as error:

@@ -22,7 +22,7 @@ from camssf.spectra import read_lamp
 from golden.compare import blur, norm, optimality
 from golden.running import problem
 from tests.golden.test_golden import CASES as EVERY
-from tests.golden.test_golden import by_model, failures, outputs_of, stages_of
+from tests.golden.test_golden import SLOW, failures, outputs_of
 from tests.recovery.test_dense_model import BASES, random_captures
 from tests.support.dense_model import dense_model
 from tests.support.problems import chart_and_lamp, model_inputs, near, recovered, seeds, theory, toy_camera, whiten
@@ -31,13 +31,16 @@ OTHERWISE_COSTLY = (
     "light/three", "light/other-kind", "light/other-kind-unsure", "light/called-kelvin", "light/faded", "light/two",
     "light/told-of-two", "calibrate/error-rival-of-four", "calibrate/auto-other-maker",
 )  # fmt: skip
-"""Cases whose time goes into weighing hypotheses, by the reference whatever solves: test_golden.py runs them, and
+"""Cases whose time goes into weighing hypotheses, by the reference whatever solves: golden's own check runs them, and
 Kotlin by the model. What the model then solves here is what it solves in the other cases of these stages."""
-CASES = {name: case for name, case in EVERY.items() if by_model(case) and name not in OTHERWISE_COSTLY}
+CASES = {name: case for name, case in EVERY.items() if "model" in case["requires"] and name not in OTHERWISE_COSTLY}
+STAGES = sorted({case["stage"] for case in CASES.values()})
 
 
 @pytest.mark.numerical
-@pytest.mark.parametrize("stage", stages_of(CASES))
+@pytest.mark.parametrize(
+    "stage", [pytest.param(stage, marks=pytest.mark.full if stage in SLOW else ()) for stage in STAGES]
+)
 def test_golden_cases(stage: str) -> None:
     assert not failures([name for name, case in CASES.items() if case["stage"] == stage], "onnx")
 
