@@ -265,6 +265,7 @@ def test_bad_files_cancelling_a_refusal_and_a_second_tab(server: Server, browser
     assert browser.js("document.querySelectorAll('.card').length") == 0
     browser.do("Target.closeTarget", targetId=second)
     browser.session = session
+    browser.do("Page.bringToFront")
     until(lambda: server.folders() == [first], 60.0)
 
     assert calibrated(browser) == ("", "refused")  # a camera, and no lamp was chosen

@@ -61,7 +61,7 @@ public class Calibrate private constructor() : Closeable {
             .build()
         val output = File(request.text("output"))
         val measures = request.findText("write") == "capture"
-        if (request.unread().isNotEmpty()) throw GoldenError("nobody reads ${request.unread()}")
+        if (request.unread().isNotEmpty()) throw GoldenError("nothing reads ${request.unread()}")
         val calibrator = calibrators.getOrPut(basis) { SsfCalibrator.Builder().basis(basis).openBlocking() }
         if (measures) {
             val restored = shots.map { restored(calibrator.measureBlocking(it, chart), chart) }

@@ -83,14 +83,14 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
             return Outcome(case.name, listOfNotNull(fault))
         }
         if (case.expect != "success") return Outcome(case.name, listOf("expect ${case.expect}, found success"))
-        if (case.unread().isNotEmpty()) throw GoldenError("${case.name}: nobody reads ${case.unread()}")
+        if (case.unread().isNotEmpty()) throw GoldenError("nothing reads ${case.unread()}")
         val limits = case.limits.filter { "reference" !in it.requires }
         val measured = limits.map { measure(case, it, outputs[it.value]) }
         val faults = limits.indices.filter { !(measured[it] <= limits[it].bound) }
             .map { "${limits[it]}: ${measured[it]} exceeds ${limits[it].bound}" }
         // What is null in the file is absent in the answer: no band without a prior.
         val present = case.absent.filter { name ->
-            outputs[name]?.let { output -> tensorOf(output)?.values?.all { it.isNaN() } } == false
+            outputs[name] != null && tensorOf(outputs[name])?.values?.all { it.isNaN() } != true
         }
         val curves = limits.indexOfFirst { "$it" == "ssf against outputs, norm" }
         return Outcome(
