@@ -40,6 +40,8 @@ public class Calibrate private constructor() : Closeable {
             System.err.println(error)
         } catch (error: GoldenError) {
             System.err.println(error)
+        } catch (error: IllegalArgumentException) { // no JSON, or a value of another kind
+            System.err.println(error)
         }
         return 2
     }

@@ -185,11 +185,9 @@ private fun frame(of: Fields): FrameMeans {
 private fun chart(case: Fields, white: Int, tolerance: (Int) -> DoubleArray): ChartTable {
     val reflectance = case.tensor("reflectance")
     val n = reflectance.shape[0]
+    val patches = List(n) { "patch ${it + 1}" }
     return ChartTable(
-        "classic24", case.findText("table") ?: GOLDEN, ChartTable.read("classic24").layout,
-        List(n) {
-            "patch ${it + 1}"
-        },
+        "classic24", case.findText("table") ?: GOLDEN, ChartTable.read("classic24").layout, patches,
         Grid.wavelengths.values, reflectance.values, tolerance(n), white, "golden/spectra",
     )
 }

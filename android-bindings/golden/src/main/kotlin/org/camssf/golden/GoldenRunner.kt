@@ -165,11 +165,10 @@ public class GoldenRunner(private val files: GoldenFiles) : Closeable {
         @JvmStatic
         public fun summary(outcomes: List<Outcome>): String {
             val failed = outcomes.count { it.faults.isNotEmpty() }
-            return "golden: ${outcomes.size} cases ran, $failed failed; ${outcomes.sumOf {
-                it.limits
-            }} limits measured, " +
-                "${outcomes.sumOf { it.limitsSkipped }} skipped (need reference); " +
-                "curves within ${outcomes.mapNotNull { it.difference }.maxOrNull()} of the peak of Python's"
+            val (measured, skipped) = outcomes.sumOf { it.limits } to outcomes.sumOf { it.limitsSkipped }
+            val off = outcomes.mapNotNull { it.difference }.maxOrNull()
+            return "golden: ${outcomes.size} cases ran, $failed failed; $measured limits measured, " +
+                "$skipped skipped (need reference); curves within $off of the peak of Python's"
         }
     }
 }

@@ -16,7 +16,6 @@ class GoldenTest {
         dynamicTest(name) {
             val outcome = runner.run(name)
             outcomes += outcome
-
             assertTrue(outcome.faults.isEmpty(), outcome.faults.joinToString("\n"))
         }
     }
