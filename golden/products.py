@@ -143,19 +143,22 @@ def build_answer(given: dict[str, Any], solution: dict[str, Any]) -> Ssf:
     )  # fmt: skip
 
 
+PHOTO = Photo(
+    name="golden", width=600, height=400, orientation=1, exposure=None, iso=None, gain_map=False, make="golden",
+    model="golden", sha256="0" * 64,
+)  # fmt: skip
+
+
 def build_capture(given: dict[str, Any], engine: str) -> tuple[Capture, Options]:
     """A capture made from patch statistics, and the options to solve it."""
     table = build_table(given["reflectance"], given["chart_tolerance"], given["white"], given.get("table", PRIVATE))
     square = 100.0 * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     places = np.array([[100.0 * (i % 6), 100.0 * (i // 6)] for i in range(24)])
     pose = pose_by_hand(places[:, None, :] + square, square * np.array([6.0, 4.0]))
-    empty = Photo(
-        name="golden", width=600, height=400, orientation=1, exposure=None, iso=None, gain_map=False,
-        make=given.get("make", "golden"), model=given.get("model", "golden"), sha256="0" * 64,
-    )  # fmt: skip
+    named = {name: given[name] for name in ("make", "model") if name in given}
     shots = []
     for j, shot in enumerate(given["shots"]):
-        chart, white, dark = (replace(empty, sha256=f"{number}{j:063}") for number in (1, 2, 3))
+        chart, white, dark = (replace(PHOTO, **named, sha256=f"{number}{j:063}") for number in (1, 2, 3))
         stated = given["colour_matrices"][j] if "colour_matrices" in given else []
         matrices = tuple(ColourMatrix(matrix["light"], tuple(matrix["values"])) for matrix in stated)
         shots.append(

@@ -120,7 +120,7 @@ def colour(run: Run, _: Path) -> None:
     rows = []
     for name, case in COLOURS.items():
         with Jvm("org.camssf.golden.Preview", str(ROOT), case, str(SIDE), "200", heap=256) as jvm:
-            _, _, _, read, _, lab, pixels = map(float, jvm.ask(""))
+            read, lab, pixels = map(float, jvm.ask(""))
         rows.append((name, int(pixels), read, lab))
         run.bar(f"lamp {name}: ms of reading and Lab", read + lab, most=5.0)
     run.table("Colours in Kotlin", {"lamp": "", "pixels": "d", "read, ms": ".2f", "Lab, ms": ".2f"}, rows)

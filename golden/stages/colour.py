@@ -9,27 +9,32 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from functools import cache
+from copy import deepcopy
+from dataclasses import replace
+from functools import cache, reduce
 from typing import Any
 
 import numpy as np
 
 from camssf.documents.curve_errors import modes_of_code
-from camssf.documents.document import Answer, Curves
-from camssf.documents.stored_lamp import estimated_lamp
+from camssf.documents.document import FORMAT, Answer, Curves, Document, lower_triangle
+from camssf.documents.forms import from_plain, to_plain
 from camssf.fit.scores import Scores
-from camssf.grid import Floats, columns
+from camssf.grid import Floats
+from camssf.photo.capture import Capture, MeasuredShot
 from camssf.recovery.basis import read_basis, widened
-from camssf.recovery.sensitivity import Proof
-from camssf.spectra import Lamp, read_lamp
-from camssf.spectra.lamps import is_lamp_name
+from camssf.recovery.sensitivity import EstimatedLamp, Proof
+from camssf.spectra import Lamp, Light, read_chart, read_lamp
+from camssf.spectra.lights import unnamed_light
+from camssf.verdict.reasons import Verdict
 from camssf_colour import PARTS, Camera, LitSurfaces, Reference, View, spectrum, standard_colour
 from camssf_colour.absorbance import INDICES, indices, shipped_index
-from camssf_colour.camera import camera_of_answer
+from camssf_colour.camera import camera_of_result
 from camssf_colour.reach import REACH
 from camssf_colour.reflectance import FAR
 from golden.contract import Call, Row, Stage, words
 from golden.forms import Json, chart, resolve, sibling
+from golden.products import PHOTO, build_means, pose_by_hand
 from golden.scenes import PHONE
 
 GAINS, TINT = (0.55, 1.0, 0.7), (1.008, 1.0, 0.995)
@@ -44,14 +49,14 @@ VIEW = {"observer": "1931", "white": "lamp"}
 def rows() -> list[Row]:
     """All cases: name, comment, result, lamp, and what is unlike the base case."""
 
-    def but(**fields: Any) -> Json:
-        return BASE | {"but": fields}
+    def but(first: Light | None = None, **answer: Any) -> Json:
+        """The base result with another first lamp, and other fields of its answer."""
+        lamp = {} if first is None else {"capture/shots/0/lamp": to_plain(first)}
+        return BASE | {"but": lamp | {f"answer/{name}": value for name, value in answer.items()}}
 
-    light = estimate()
-    file = {"name": "lost.csv", "tolerance": 0.03, "source": "file lost.csv", "power": light["power"]}
-    estimated, stored = ({"lamp": {"name": "auto"}, "light": light}, {"lamp": file})
-    wide = {key: value for key, value in result("cameras", 2.0).items()
-            if key in ("basis", "basis_sha256", "prior_scale", "ssf_std")}  # fmt: skip
+    light, unnamed = estimate(), unnamed_light()
+    stored = Lamp("lost.csv", light.power, 0.03, np.zeros((0, 681)), "file lost.csv")
+    wide = {name: result("cameras", 2.0)["answer"][name] for name in ("basis", "basis_sha256", "prior_scale", "std")}
     blind = {name: [0] * 681 for name in ("red", "green", "blue")}
     dark = [[0.0, 0.0, 0.0], [-0.002, 0.001, -0.001], [0.004, 0.003, 0.002]]
     strange = [[0.9, 0.05, 0.02], [1.4, 1.4, 1.4], [0.3, 0.3, 0.3], [0.02, 0.6, 0.7]]
@@ -67,9 +72,9 @@ def rows() -> list[Row]:
          "conditioned.", BASE, "daylight", under("D65")),
         ("auto", "The four kinds, weighed by the reference's ratios.", BASE, "auto", under("LED-B3")),
         ("auto-estimated", "The result's own light was unnamed: its estimate with its standard deviation.",
-         but(shots=[estimated]), "auto", under("LED-B3")),
+         but(unnamed, lights=[to_plain(light)]), "auto", under("LED-B3")),
         ("auto-stored", "The result's own lamp was a file, whose spectrum the document holds.",
-         but(shots=[stored]), "auto", under("A")),
+         but(stored), "auto", under("A")),
         ("modes", "A kind of lamp with modes, no reference.", BASE, "white-led", {"true": "LED-B3", "white": "D65"}),
         ("adapted-d50", "The observer of 1964, adapted to D50.", BASE, "A", {"observer": "1964", "white": "D50"}),
         ("dark", "Black, below black, and hardly any light.", BASE, "D65", {"signals": dark}),
@@ -80,9 +85,9 @@ def rows() -> list[Row]:
         ("other-basis", "The covariance belongs to another basis of this name: the errors are those of the bands.",
          but(basis_sha256="0" * 64), "D65", {}),
         ("exact", "Curves without a band are taken to be exact.",
-         but(ssf_std=None, code_covariance=None), "daylight", under("D50")),
-        ("measured-lamp", "A first lamp that was a file: nothing ties the channels, the reference is not asked.",
-         but(shots=[{"lamp": {"name": "desk.csv"}}]), "D65", under("A")),
+         but(std=None, code_covariance=None), "daylight", under("D50")),
+        ("unknown-lamp", "A first lamp that nothing tells: nothing ties the channels, the reference is not asked.",
+         but(unnamed), "D65", under("A")),
         ("error-contradicted", "A reference lit by a bulb, and daylight was named.",
          BASE, "D65", under("A", expect="lamp_unfit")),
         ("tinted", "The raw ratios of the reference are off by a tenth: χ² = 14 does not reject the lamp.",
@@ -90,7 +95,7 @@ def rows() -> list[Row]:
         ("error-tinted", "Off by an eighth: χ² = 20 does.",
          BASE, "D65", under("D65", tint=(1.12, 1.0, 0.995), expect="lamp_unfit")),
         ("error-auto", "The lamp is unknown.", BASE, "auto", wrong),
-        ("error-blind", "A channel that sees nothing.", but(ssf=blind), "D65", wrong),
+        ("error-blind", "A channel that sees nothing.", but(curves=blind), "D65", wrong),
     ]  # fmt: skip
     return [(name, comment, {"result": of, "lamp": lamp} | change) for name, comment, of, lamp, change in table]
 
@@ -139,27 +144,33 @@ def curves() -> Floats:
 
 
 def result(basis: str = "phones", scale: float = 1.0) -> Json:
-    """The part of a result document that colour reads."""
-    values, covariance = curves(), code_covariance()
-    white = read_lamp(FIRST).values
-    modes = modes_of_code(values, covariance, widened(read_basis(basis), scale), white)
-    return {
-        "camera": {"make": "golden", "model": "phone"},
-        "shots": [{"lamp": {"name": FIRST}}],
-        "basis": basis,
-        "basis_sha256": read_basis(basis).sha256(),
-        "prior_scale": scale,
-        "ssf": channels(values),
-        "ssf_std": channels(np.round(np.sqrt(np.sum(modes**2, axis=0)), 4)),
-        "channel_gain": list(GAINS),
-        "code_covariance": plain(covariance[np.tril_indices(len(covariance))]),
-    }
+    """A result's document; its patches have no signals, as colour reads curves and the first lamp alone."""
+    values, covariance, lamp = curves(), code_covariance(), read_lamp(FIRST)
+    modes = modes_of_code(values, covariance, widened(read_basis(basis), scale), lamp.values)
+    none = np.zeros((1, 24, 3))
+    frame = {"mean": none[0], "standard_error": none[0], "clipped": none[0]}
+    means = build_means({"chart": frame, "white": None, "dark": None, "black": [0.0] * 3, "saturation": 16000.0})
+    pose = pose_by_hand(np.zeros((24, 4, 2)))
+    shot = MeasuredShot(lamp, replace(PHOTO, model="phone"), white=None, dark=None, pose=pose, means=means)
+    answer = Answer(
+        basis=basis, basis_sha256=read_basis(basis).sha256(), prior_scale=scale, engine="onnx",
+        curves=Curves.of(values), std=Curves.of(np.round(np.sqrt(np.sum(modes**2, axis=0)), 4)),
+        channel_gain=np.array(GAINS), code_covariance=lower_triangle(covariance),
+        gamma=np.zeros(3), l2=1.0, proof=Proof(np.zeros(3), np.zeros(1), np.zeros(1, dtype=np.int64)),
+        used=((True,) * 24,), level=np.ones((1, 24)), predicted=none, unseen=none,
+        scores=Scores(np.zeros(3), "none", None, 0.0),
+    )  # fmt: skip
+    capture = Capture((shot,), read_chart("classic24"))
+    verdict = Verdict("accepted")
+    whole: Json = to_plain(Document(format=FORMAT, version="golden", capture=capture, answer=answer, verdict=verdict))
+    return whole
 
 
-def estimate() -> Json:
+def estimate() -> EstimatedLamp:
     """An estimated light near the first lamp, and its standard deviation, which grows to both ends."""
     power = read_lamp(FIRST).values
-    return {"power": plain(power), "std": plain(power * (0.03 + 0.1 * np.linspace(-1.0, 1.0, power.size) ** 2))}
+    std = power * (0.03 + 0.1 * np.linspace(-1.0, 1.0, power.size) ** 2)
+    return EstimatedLamp({"daylight": 1.0}, np.array(plain(power)), np.array(plain(std)), 5500.0, 100.0)
 
 
 def code_covariance() -> Floats:
@@ -167,11 +178,6 @@ def code_covariance() -> Floats:
     order = np.arange(3 * 24)
     size = 0.4 / (1.0 + (order % 24) / 4.0)
     return np.array(plain(size[:, None] * size * 0.5 ** np.abs(order[:, None] - order)))
-
-
-def channels(values: Floats) -> Json:
-    """(681, 3) curves in the form of documents."""
-    return {name: plain(values[:, c]) for c, name in enumerate(("red", "green", "blue"))}
 
 
 def plain(values: Any) -> Any:
@@ -205,40 +211,25 @@ def reference_in(given: Json) -> Reference:
 
 
 def camera_in(given: Json) -> Camera:
-    """The camera of the part of a result that a case holds; made once of each."""
+    """The camera of a case's result, made once of each."""
     return _camera(json.dumps(result_of(given)))
 
 
 @cache
 def _camera(result: str) -> Camera:
-    fields = json.loads(result)
-    ssf, std, triangle = fields["ssf"], fields["ssf_std"], fields["code_covariance"]
-    none = np.zeros((1, 0, 3))
-    answer = Answer(
-        **{name: fields[name] for name in ("basis", "basis_sha256", "prior_scale")}, engine="onnx",
-        curves=Curves.of(columns(ssf)), std=None if std is None else Curves.of(columns(std)),
-        channel_gain=np.array(fields["channel_gain"]),
-        code_covariance=None if triangle is None else np.array(triangle),
-        gamma=np.zeros(3), l2=0.0, proof=Proof(np.zeros(3), np.zeros(1), np.zeros(1, dtype=np.int64)),
-        used=((),), level=none[..., 0], predicted=none, unseen=none, scores=Scores(np.zeros(3), "", None, 0.0),
-    )  # fmt: skip
-    return camera_of_answer(answer, _first_lamp(fields["shots"][0]), "golden phone")
-
-
-def _first_lamp(shot: Json) -> Lamp | None:
-    """The lamp of a shot: estimated, with its power, by its name, or unknown."""
-    name = shot["lamp"]["name"]
-    if "light" in shot:
-        return estimated_lamp(name, np.array(shot["light"]["power"]), np.array(shot["light"]["std"]))
-    if "power" in shot["lamp"]:
-        entry = shot["lamp"]
-        return Lamp(name, np.array(entry["power"]), entry["tolerance"], np.zeros((0, 681)), entry["source"])
-    return read_lamp(name) if is_lamp_name(name) else None
+    return camera_of_result(from_plain(json.loads(result), Document, "result", ""))
 
 
 def result_of(given: Json) -> Json:
-    """A result, or that of another case with some fields replaced."""
-    return sibling(given["case"])["inputs"]["result"] | given.get("but", {}) if "case" in given else given
+    """A document, or that of another case but for the values at some paths."""
+    if "case" not in given:
+        return given
+    result: Json = deepcopy(sibling(given["case"])["inputs"]["result"])
+    for path, value in given.get("but", {}).items():
+        *way, name = path.split("/")
+        part = reduce(lambda part, key: part[int(key) if isinstance(part, list) else key], way, result)
+        part[name] = value
+    return result
 
 
 STAGE = Stage(
@@ -273,7 +264,7 @@ def spectrum_rows() -> list[Row]:
         ("two-auto", "Two photos: the references tell the light, of the second among all kinds.", auto, {}),
         ("bands", "No covariance of the curves, a kind of lamp with modes, and signals below black, once too far.",
          [photo("white-led", signals=[[-0.002, 0.001, -0.001], [-0.0036, 0.0018, -0.0018]])],
-         {"result": BASE | {"but": {"code_covariance": None}}}),
+         {"result": BASE | {"but": {"answer/code_covariance": None}}}),
         ("error-contradicted", "The second reference shows daylight, named a bulb.", wrong, {"expect": "lamp_unfit"}),
     ]  # fmt: skip
     return [(name, comment, {"photos": photos} | change) for name, comment, photos, change in table]

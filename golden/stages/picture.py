@@ -15,8 +15,10 @@ from golden.products import read_photo
 from golden.stages.colour import camera_in
 
 REFLECTANCE = 0.3
+ANY: Json = dict.fromkeys(("capture/shots/0/photo/make", "capture/shots/0/photo/model"), "")
+"""A result that names no camera: the photos are by several."""
 BASE: Json = {
-    "result": {"case": "colour/named"}, "lamp": "daylight", "photo": "patches-chart.dng", "dark": None,
+    "result": {"case": "colour/named", "but": ANY}, "lamp": "daylight", "photo": "patches-chart.dng", "dark": None,
     "white": [126, 32, 14, 14], "space": "srgb", "shading": "as-stored", "area": [60, 40, 24, 16],
 }  # fmt: skip
 WHOLE: Json = {"white": None, "area": None}

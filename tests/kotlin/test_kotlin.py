@@ -311,11 +311,12 @@ def test_a_phone_measures_and_a_desktop_solves(
     np.testing.assert_array_equal(answer_in(solved).curves.values, answers[0].curves)
 
 
-def codes_of(lines: Iterable[str]) -> list[list[str]]:
-    utf8 = ("-Dfile.encoding=UTF-8", "-Dstdout.encoding=UTF-8")
-    how = java(*utf8, "org.camssf.golden.Codes", input="\n".join(lines), encoding="utf-8", timeout=120)
-    done = subprocess.run(**how, capture_output=True, check=True)
-    return [line.split("\t") for line in done.stdout.splitlines()]
+def codes_of(files: Iterable[tuple[str, Path]]) -> list[list[str]]:
+    """What Kotlin reads of each file, by its kind, or the error's code and words."""
+    lines = "\n".join(json.dumps({"read": kind, "file": str(path)}) for kind, path in files)
+    command = ("-Dstdout.encoding=UTF-8", "org.camssf.golden.Calibrate")
+    done = subprocess.run(**java(*command, input=lines, encoding="utf-8", timeout=120), capture_output=True)
+    return [line.split("\t")[1:] for line in done.stdout.splitlines()]
 
 
 @pytest.mark.requirement("R-HOSTILE")
@@ -324,7 +325,7 @@ def test_damaged_photos_get_the_same_code(tmp_path: Path) -> None:
     paths = [tmp_path / f"{seed}.dng" for seed in range(400)]
     for seed, path in enumerate(paths):
         path.write_bytes(damaged("dng", seed)[1])
-    theirs = codes_of(map(str, paths))
+    theirs = codes_of(("dng", path) for path in paths)
     apart = []
     for path, (code, *said) in zip(paths, theirs, strict=True):
         try:
@@ -344,19 +345,19 @@ def test_damaged_photos_get_the_same_code(tmp_path: Path) -> None:
 
 
 def test_text_tables_get_the_same_code_and_words(tmp_path: Path) -> None:
-    lines: list[str] = []
+    files: list[tuple[str, Path]] = []
     expected: list[tuple[str, Any]] = []
     for i, table in enumerate(TABLES.values()):
         path = tmp_path / f"{i}.csv"
         path.write_bytes(table.text.encode())
-        lines.append(f"{table.kind}\t{path}")
+        files.append((table.kind, path))
         try:
             values = (read_lamp if table.kind == "lamp" else read_chart)(str(path)).values
         except CalibrationError as error:
             expected.append((error.code, error.message.replace(f"{tmp_path}/", "").replace("\t", " ")))
         else:
             expected.append(("read", float(np.mean(values**2))))
-    theirs = codes_of(lines)
+    theirs = codes_of(files)
     for name, (code, said), (their_code, their_words) in zip(TABLES, expected, theirs, strict=True):
         if code == "read" == their_code:
             assert float(their_words) == pytest.approx(said, rel=1e-9), name

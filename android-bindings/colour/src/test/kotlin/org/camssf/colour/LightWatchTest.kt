@@ -21,7 +21,7 @@ import kotlin.math.sqrt
 /** Live frames of a white beside a strip: the light's colour is watched, its level corrected. */
 @Tag("R-COLOUR")
 class LightWatchTest {
-    private val text = GoldenResult.text()
+    private val text = GoldenResult.text
     private val whiteArea = Region(0, 0, 38, 28)
     private val stripArea = Region(0, 32, 38, 58)
     private val balance = doubleArrayOf(1.2, 1.0, 0.7)

@@ -21,7 +21,7 @@ import java.util.concurrent.TimeUnit
 @TestInstance(TestInstance.Lifecycle.PER_CLASS) // one table of colours, which takes seconds, for all tests
 class PicturePartsTest {
     private val white = RawRegion.measure(PaintedPhoto.of(40, 30) { _, _, _ -> 1.0 }, listOf(Region(0, 0, 30, 28)))
-    private val standardiser = Standardiser.read(GoldenResult.text(), Lamp.read("D55"), Reference(white.single()))
+    private val standardiser = Standardiser.read(GoldenResult.text, Lamp.read("D55"), Reference(white.single()))
 
     /** A photo that is nowhere as a whole, and what was read of it. */
     private class Drawn(val width: Int, val height: Int, val orientation: Int) : PhotoSource {
@@ -103,7 +103,7 @@ class PicturePartsTest {
         fun main(arguments: Array<String>) {
             val started = System.nanoTime()
             val photo = Drawn(8192, 6144, 1)
-            val picture = StandardPicture.read(GoldenResult.text(), Lamp.read("D55"), photo)
+            val picture = StandardPicture.read(GoldenResult.text, Lamp.read("D55"), photo)
             var rows = 0
             try {
                 picture.strips { _, more, _, _ ->

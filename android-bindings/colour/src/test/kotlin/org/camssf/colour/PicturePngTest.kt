@@ -23,7 +23,7 @@ import javax.imageio.metadata.IIOMetadataNode
 /** PNG files of pictures, as another reader sees them. */
 @TestInstance(TestInstance.Lifecycle.PER_CLASS) // the pictures, whose tables take seconds, serve all tests
 class PicturePngTest {
-    private val text = GoldenResult.text()
+    private val text = GoldenResult.text
 
     /** More than one chunk of pixels, and odd sizes. */
     private val photo = PaintedPhoto.of(151, 203) { x, y, channel ->

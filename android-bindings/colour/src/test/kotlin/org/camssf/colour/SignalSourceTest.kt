@@ -28,7 +28,7 @@ import java.io.File
 @Tag("R-COLOUR")
 class SignalSourceTest {
     private val root = File(System.getProperty("camssf.root"))
-    private val text = GoldenResult.text()
+    private val text = GoldenResult.text
     private val d55 = Lamp.read("D55")
     private val area = Region(0, 0, 30, 28)
     private val black = 64.0

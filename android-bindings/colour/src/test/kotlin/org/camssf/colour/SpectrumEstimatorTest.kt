@@ -15,7 +15,7 @@ import org.junit.jupiter.api.Test
 
 /** The face of spectra; the golden stage `spectrum` holds its numbers. */
 class SpectrumEstimatorTest {
-    private val text = GoldenResult.text()
+    private val text = GoldenResult.text
     private val white = Reference(doubleArrayOf(4400.0, 8000.0, 5600.0), doubleArrayOf(4.0, 4.0, 4.0))
     private val light = PhotoLight(Lamp.read("D55"), white)
     private val strip = doubleArrayOf(1500.0, 2000.0, 1000.0)

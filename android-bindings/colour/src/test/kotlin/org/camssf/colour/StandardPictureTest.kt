@@ -25,7 +25,7 @@ import kotlin.math.abs
 @Tag("R-COLOUR")
 @TestInstance(TestInstance.Lifecycle.PER_CLASS) // one table of colours, which takes seconds, for all tests
 class StandardPictureTest {
-    private val text = GoldenResult.text()
+    private val text = GoldenResult.text
     private val d55 = Lamp.read("D55")
     private val card = PaintedPhoto.of(40, 30, origin = PaintedPhoto.origin("white.dng")) { _, _, _ -> 1.0 }
     private val standardiser =
@@ -167,7 +167,7 @@ class StandardPictureTest {
         assertEquals("The lamp is unknown, and nothing in the photo tells it.", unnamed.message)
         assertEquals("white-led", StandardPicture.read(text, Lamp.torch(), PhotoSource.of(photo)).lamps.single().name)
         val lost = assertThrows(InvalidArgument::class.java) {
-            StandardPicture.read(GoldenResult.text(Lamp.auto()), d55, PhotoSource.of(photo))
+            StandardPicture.read(GoldenResult.unnamed(), d55, PhotoSource.of(photo))
         }
         assertTrue("light of its first photo" in lost.message, lost.message)
     }

@@ -32,7 +32,7 @@ import kotlin.math.sqrt
 /** The face of standard colour; the golden stage `colour` holds its numbers. */
 class StandardiserTest {
     private val root = File(System.getProperty("camssf.root"))
-    private val text = GoldenResult.text()
+    private val text = GoldenResult.text
 
     /** The calibration's own white, relative to green, seen under its own lamp. */
     private val gains = doubleArrayOf(0.55, 1.0, 0.7)
@@ -217,7 +217,7 @@ class StandardiserTest {
     @Test
     fun `a result of a light that was not named answers by its estimate, less surely`() {
         val power = d55.values.values
-        val estimated = GoldenResult.text(Lamp.auto(), listOf(power to DoubleArray(power.size) { 0.2 * power[it] }))
+        val estimated = GoldenResult.unnamed(power to DoubleArray(power.size) { 0.2 * power[it] })
         val found = listOf(text, estimated).map { Standardiser.read(it, null, white) }
         assertEquals(found[0].lamps.map { it.name }, found[1].lamps.map { it.name })
         assertEquals(found[1].lamps, Standardiser.read(estimated, Lamp.auto(), white).lamps)

@@ -14,6 +14,8 @@ import org.camssf.photo.MeasuredCapture
 import org.camssf.photo.MeasuredShot
 import org.camssf.photo.PhotoSource
 import org.camssf.photo.Shot
+import org.camssf.photo.dng.DngReader
+import org.camssf.photo.dng.DngSource
 import org.camssf.spectra.ChartTable
 import org.camssf.spectra.Lamp
 import java.io.Closeable
@@ -22,28 +24,45 @@ import kotlin.system.exitProcess
 
 /**
  * The library as a command, for comparison with Python's. Every argument, or every line on standard input where there
- * is none, is a request in JSON: `shots`, each with `photo`, `corners` and perhaps `lamp`, `lamp_tolerance`, `white` and
+ * is none, is a request in JSON: `shots`, each with `photo`, `corners` and perhaps `lamp`, `lamp_tolerance`, `white`,
  * `dark`; `output`; and perhaps `chart`, `white_reflectance`, `basis` and options. With `"write": "capture"` it only
- * measures: each shot by itself, saved and restored as an app would, then joined.
+ * measures: each shot by itself, saved and restored as an app would, then joined. `{"read": kind, "file": path}` reads
+ * a file alone: a `dng`, or the table of a `lamp` or `chart`.
  *
  * The answer is a line with the status (0, 2 for a wrong request, 5 for a refusal), which is the command's own at the
- * end, and the seconds. Models stay open between requests.
+ * end, the seconds, and behind a tab what was read (of a DNG the samples' SHA-256, as golden cases give it, and the
+ * levels; of a table its mean square), or the error's code and words. Models stay open between requests.
  */
 public class Calibrate private constructor() : Closeable {
     private val calibrators = HashMap<String, SsfCalibrator>()
 
-    private fun run(request: String): Int {
+    private fun run(request: String): Pair<Int, String> {
         try {
             val none = Forms { throw GoldenError("a request has no files of golden/") }
-            return calibrate(Fields(Json.parseToJsonElement(request).jsonObject, none, "the request"))
+            val fields = Fields(Json.parseToJsonElement(request).jsonObject, none, "the request")
+            if (fields.has("read")) return 0 to read(fields.text("read"), File(fields.text("file")))
+            return calibrate(fields) to ""
         } catch (error: CalibrationException) {
             System.err.println(error)
+            return 2 to "\t${error.code}\t${error.message.replace(Regex("[\r\n\t]"), " ")}"
         } catch (error: GoldenError) {
             System.err.println(error)
         } catch (error: IllegalArgumentException) { // no JSON, or a value of another kind
             System.err.println(error)
         }
-        return 2
+        return 2 to ""
+    }
+
+    private fun read(kind: String, file: File): String {
+        val table = when (kind) {
+            "lamp" -> Lamp.parse(file.name, file.readBytes()).sharedValues
+            "chart" -> ChartTable.parse(file.name, file.readBytes()).sharedValues
+            else -> null
+        }
+        if (table != null) return "\tread\t${table.sumOf { it * it } / table.size}"
+        val photo = DngSource.of(file).use { DngReader.read(it) }
+        val levels = listOf(photo.sensor.white) + photo.sensor.sharedBlack.toList()
+        return "\tread\t${sha256(bytes(photo.samples))}\t${photo.sensor.cfa}\t${levels.joinToString("\t")}"
     }
 
     private fun calibrate(request: Fields): Int {
@@ -55,11 +74,7 @@ public class Calibrate private constructor() : Closeable {
             .fit(request.integers("fit").toList().ifEmpty { null })
             .l2(request.findNumber("l2"))
             .gamma(request.findNumber("gamma"))
-            .previous(
-                request.findText("previous")?.let {
-                    File(it)
-                }?.let { SavedResult.read(it.readText(), it.name) },
-            )
+            .previous(request.findText("previous")?.let(::File)?.let { SavedResult.read(it.readText(), it.name) })
             .build()
         val output = File(request.text("output"))
         val measures = request.findText("write") == "capture"
@@ -103,8 +118,9 @@ public class Calibrate private constructor() : Closeable {
             Calibrate().use { command ->
                 for (request in arguments.asSequence().ifEmpty { generateSequence(::readlnOrNull) }) {
                     val start = System.nanoTime()
-                    status = command.run(request)
-                    println("$status ${(System.nanoTime() - start) / 1e9}")
+                    val (done, said) = command.run(request)
+                    println("$done ${(System.nanoTime() - start) / 1e9}$said")
+                    status = done
                 }
             }
             exitProcess(status)

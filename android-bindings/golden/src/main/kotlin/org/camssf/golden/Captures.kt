@@ -72,9 +72,7 @@ internal fun calibrate(case: Fields, engines: List<Engine>): Map<String, Any?> {
     return measured(done.signals) + mapOf(
         "ssf" to curves(1) { ssf.curve(it) },
         "ssf_std" to ssf.sharedStd?.let { curves(10) { ssf.deviation(it)!! } },
-        "predicted" to ssf.sharedPredicted,
-        "gap" to ssf.sharedGap,
-        "channel_gain" to ssf.sharedGain,
+        "predicted" to ssf.sharedPredicted, "gap" to ssf.sharedGap, "channel_gain" to ssf.sharedGain,
         "rmsre_percent" to done.scores.sharedRmsre,
         "codes" to done.verdict.reasons.map { it.code },
     )
@@ -92,10 +90,8 @@ internal fun light(case: Fields, engines: List<Engine>): Map<String, Any?> {
         "likeliest" to ssf.kinds,
         "rmsre_percent" to done.scores.sharedRmsre,
         "kinds" to lights.map { it.kinds.values.toList() },
-        "power" to nodes { it.sharedPower },
-        "power_std" to nodes { it.sharedStd },
-        "kelvin" to lights.map { it.kelvin },
-        "kelvin_std" to lights.map { it.kelvinStd },
+        "power" to nodes { it.sharedPower }, "power_std" to nodes { it.sharedStd },
+        "kelvin" to lights.map { it.kelvin }, "kelvin_std" to lights.map { it.kelvinStd },
         "said" to done.assumptions.filter { it.code == "lamp" }.map { it.message },
     )
 }
@@ -288,9 +284,7 @@ private fun outputs(case: Case): Map<String, Any?> {
         "named" to each.map { one ->
             one.bestExplanation()?.let { best -> best.cause.word + best.patch?.let { " $it" }.orEmpty() }
         },
-        "residual" to joint.residual,
-        "prior" to joint.prior,
-        "count" to joint.count,
+        "residual" to joint.residual, "prior" to joint.prior, "count" to joint.count,
         "z" to listOf(joint.z) + each.map { it.z },
         "gains" to each.flatMap { one -> one.explanations.map { it.gain } },
     )
@@ -298,10 +292,8 @@ private fun outputs(case: Case): Map<String, Any?> {
 
 /** Status and reasons of a verdict. */
 private fun judgement(verdict: Verdict): Map<String, Any?> = mapOf(
-    "status" to verdict.outcome.word,
-    "codes" to verdict.reasons.map { it.code },
-    "messages" to verdict.reasons.map { it.message },
-    "advice" to verdict.reasons.map { it.advice },
+    "status" to verdict.outcome.word, "codes" to verdict.reasons.map { it.code },
+    "messages" to verdict.reasons.map { it.message }, "advice" to verdict.reasons.map { it.advice },
     "values" to verdict.reasons.map { it.value ?: 0.0 },
     "thresholds" to verdict.reasons.map { it.threshold ?: 0.0 },
 )

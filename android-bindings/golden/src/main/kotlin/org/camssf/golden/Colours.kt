@@ -1,9 +1,11 @@
 package org.camssf.golden
 
+import kotlinx.serialization.json.JsonArray
+import kotlinx.serialization.json.JsonElement
+import kotlinx.serialization.json.JsonNull
+import kotlinx.serialization.json.JsonObject
 import kotlinx.serialization.json.jsonObject
-import org.camssf.InvalidArgument
 import org.camssf.colour.Adapted
-import org.camssf.colour.CameraOfCurves
 import org.camssf.colour.ColourCamera
 import org.camssf.colour.Observer
 import org.camssf.colour.Part
@@ -16,7 +18,6 @@ import org.camssf.colour.SkinIndex
 import org.camssf.colour.SpectrumEstimator
 import org.camssf.colour.StandardPicture
 import org.camssf.colour.Standardiser
-import org.camssf.colour.StoredLamp
 import org.camssf.colour.SurfaceDistance
 import org.camssf.colour.SurfaceNodes
 import org.camssf.colour.SurfacePrior
@@ -24,11 +25,8 @@ import org.camssf.colour.View
 import org.camssf.flatten
 import org.camssf.photo.LensShading
 import org.camssf.photo.PhotoSource
-import org.camssf.photo.PhysicalCamera
 import org.camssf.photo.Region
-import org.camssf.recovery.LearnedBasis
 import org.camssf.recovery.Tensor
-import org.camssf.spectra.Bundled
 import org.camssf.spectra.Lamp
 import kotlin.math.sqrt
 
@@ -64,15 +62,12 @@ internal class Colours(private val photos: Photos) {
         }
         val far = colours.map { it.reach > SurfaceDistance.REACH }
         return mapOf(
-            "xyz" to colours.map { it.xyz.values },
-            "lab" to colours.map { it.lab.values },
+            "xyz" to colours.map { it.xyz.values }, "lab" to colours.map { it.lab.values },
             "xyz_covariance" to colours.map { it.xyzCovariance.values }.flatten(),
             "lab_covariance" to colours.map { it.labCovariance.values }.flatten(),
             "parts" to Part.values().map { part -> colours.map { it.deviation(part).values } },
-            "white" to standardiser.white.values,
-            "lamps" to standardiser.lamps.map { it.name },
-            "weights" to standardiser.lamps.map { it.weight },
-            "chi_squared" to standardiser.chiSquared,
+            "white" to standardiser.white.values, "chi_squared" to standardiser.chiSquared,
+            "lamps" to standardiser.lamps.map { it.name }, "weights" to standardiser.lamps.map { it.weight },
             "far" to far,
             "reach" to colours.map { it.reach }.filterIndexed { i, _ -> far[i] },
         )
@@ -99,17 +94,13 @@ internal class Colours(private val photos: Photos) {
             "indices" to SkinIndex.values().map { index ->
                 spectra.map { it.index(index) }.map { listOf(it.value, it.standardDeviation) }
             },
-            "xyz" to spectra.map { it.xyz.values },
-            "lab" to spectra.map { it.lab.values },
+            "xyz" to spectra.map { it.xyz.values }, "lab" to spectra.map { it.lab.values },
             "xyz_covariance" to spectra.map { it.xyzCovariance.values }.flatten(),
             "lab_covariance" to spectra.map { it.labCovariance.values }.flatten(),
-            "white" to estimator.white.values,
-            "distance" to spectra.map { it.distance },
-            "far" to spectra.map { it.outsidePrior },
+            "white" to estimator.white.values, "chi_squared" to estimator.chiSquared,
+            "distance" to spectra.map { it.distance }, "far" to spectra.map { it.outsidePrior },
             "from_photo" to spectra.map { it.fromPhoto },
-            "lamps" to estimator.lamps.map { it.names },
-            "weights" to estimator.lamps.map { it.weight },
-            "chi_squared" to estimator.chiSquared,
+            "lamps" to estimator.lamps.map { it.names }, "weights" to estimator.lamps.map { it.weight },
         )
     }
 
@@ -129,8 +120,7 @@ internal class Colours(private val photos: Photos) {
     private fun standardPicture(case: Fields): StandardPicture {
         val space = PictureSpace.of(case.text("space"))
         val shading = LensShading.of(case.text("shading"))
-        // The photos are by other cameras than the result.
-        val camera = camera(case, anonymous = true)
+        val camera = camera(case)
         val lamp = lamp(case.text("lamp")) ?: Lamp.auto()
         val (photo, dark) = listOf("photo", "dark").map { photos.find(case, it) }
         val white = case.find("white")?.let { region(it) }
@@ -148,46 +138,22 @@ internal class Colours(private val photos: Photos) {
         return Tensor(values, area.height, area.width, 3)
     }
 
-    /**
-     * The camera of a case's result, which holds no more than the stage needs.
-     *
-     * @param anonymous whether photos of any camera are taken for its own.
-     */
-    private fun camera(case: Fields, anonymous: Boolean = false): ColourCamera {
-        val result = result(case.part("result")!!)
-        val camera = result.part("camera")!!
-        val (make, model) = listOf("make", "model").map { if (anonymous) "" else camera.text(it) }
-        fun curves(name: String) =
-            result.part(name)?.let { of -> Array(3) { of.values(listOf("red", "green", "blue")[it]) } }
-        val values = curves("ssf")!!
-        return ColourCamera.of(
-            values, curves("ssf_std"), result.values("channel_gain"), lampOf(result.parts("shots")[0]),
-            CameraOfCurves(make, model, PhysicalCamera()),
-        ) { own ->
-            val basis = LearnedBasis.of(result.text("basis"), result.text("basis_sha256"))
-            val covariance = result.findValues("code_covariance")
-            ColourCamera.ofCode(basis, result.number("prior_scale"), covariance, values, own)
-        }
+    /** The camera of a case's result, or of that of another case but for the values at some paths. */
+    private fun camera(case: Fields): ColourCamera {
+        val own = case["result"]
+        val document = if ("case" in own.jsonObject) changed(case.part("result")!!) else own
+        return ColourCamera.parse("$document")
     }
 
-    /** A result, or that of another case, but for some fields. */
-    private fun result(of: Fields): Fields {
-        val own = if (of.has("case")) of.forms.case(of.text("case")).part("result")!! else of
-        return own.but(of.find("but")?.jsonObject.orEmpty())
-    }
+    private fun changed(of: Fields): JsonElement =
+        of.find("but")?.jsonObject.orEmpty().entries.fold(of.forms.case(of.text("case"))["result"]) { json, change ->
+            json.with(change.key.split('/'), change.value)
+        }
 
-    /** The light of a result's shot; null if it is a file's whose power is not there. */
-    private fun lampOf(shot: Fields): Lamp? {
-        val lamp = shot.part("lamp")!!
-        val name = lamp.text("name")
-        shot.part("light")?.let { return StoredLamp.estimated(name, it.values("power"), it.values("std")) }
-        lamp.findValues("power")?.let {
-            return Lamp(name, Bundled.scaled(it), lamp.number("tolerance"), emptyList(), lamp.text("source"))
-        }
-        return try {
-            Lamp.read(name)
-        } catch (_: InvalidArgument) {
-            null
-        }
+    private fun JsonElement.with(path: List<String>, value: JsonElement): JsonElement {
+        val key = path.firstOrNull() ?: return value
+        fun inner(of: JsonElement) = of.with(path.drop(1), value)
+        if (this is JsonArray) return JsonArray(mapIndexed { i, part -> if ("$i" == key) inner(part) else part })
+        return JsonObject(jsonObject + (key to inner(jsonObject[key] ?: JsonNull)))
     }
 }

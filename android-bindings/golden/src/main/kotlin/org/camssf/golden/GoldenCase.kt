@@ -99,12 +99,6 @@ internal open class Fields(private val json: JsonObject, val forms: Forms, priva
     private fun part(json: JsonElement, name: String) =
         Fields(json.jsonObject, forms, "$where, $name").also { parts += it }
 
-    /** This object, all of it read, with some fields replaced. */
-    fun but(other: Map<String, JsonElement>): Fields {
-        read += json.keys
-        return Fields(JsonObject(json + other), forms, where)
-    }
-
     /** The keys that were not read, in this object and its parts. */
     fun unread(): Set<String> = (json.keys - read) + parts.flatMap { it.unread() }
 }

@@ -49,15 +49,11 @@ internal fun choice(case: Fields, engines: List<Engine>): Map<String, Any?> {
 
 /** What was weighed, and the answer: curves and bands on the 5-nm nodes, at peak 1. */
 internal fun chosen(ssf: Ssf): Map<String, Any?> = mapOf(
-    "log_evidence" to ssf.choice.map { it.logEvidence },
-    "probability" to ssf.choice.map { it.probability },
-    "basis" to ssf.basis,
-    "prior_scale" to ssf.priorScale,
-    "chart_fading" to ssf.chartFading,
+    "log_evidence" to ssf.choice.map { it.logEvidence }, "probability" to ssf.choice.map { it.probability },
+    "basis" to ssf.basis, "prior_scale" to ssf.priorScale, "chart_fading" to ssf.chartFading,
     "ssf" to curves(10) { ssf.curve(it) },
     "ssf_std" to curves(10) { ssf.deviation(it)!! },
-    "predicted" to ssf.sharedPredicted,
-    "gap" to ssf.sharedGap,
+    "predicted" to ssf.sharedPredicted, "gap" to ssf.sharedGap,
 )
 
 private fun frames(case: Fields) = Frames(case.tensor("chart"), case.tensor("white"), case.tensor("dark"))

@@ -34,17 +34,12 @@ internal class Photos(private val files: GoldenFiles) {
         val found = read(case.text("dng"))
         return mapOf(
             "sha256" to found.origin.sha256,
-            "width" to found.width,
-            "height" to found.height,
+            "width" to found.width, "height" to found.height, "orientation" to found.origin.orientation,
             "samples_sha256" to sha256(bytes(found.samples)),
             "cfa" to found.sensor.cfa,
-            "black" to found.sensor.sharedBlack,
-            "white" to found.sensor.white,
-            "make" to found.origin.make,
-            "model" to found.origin.model,
-            "exposure" to found.origin.exposure,
-            "iso" to found.origin.iso,
-            "orientation" to found.origin.orientation,
+            "black" to found.sensor.sharedBlack, "white" to found.sensor.white,
+            "make" to found.origin.make, "model" to found.origin.model,
+            "exposure" to found.origin.exposure, "iso" to found.origin.iso,
             "color_matrix1" to found.colours.colorMatrix1?.values,
             "color_matrix2" to found.colours.colorMatrix2?.values,
             "as_shot_neutral" to found.colours.asShotNeutral?.values,
@@ -54,12 +49,8 @@ internal class Photos(private val files: GoldenFiles) {
             "noise_profile" to found.sensor.noiseProfile?.values,
             "masked_areas" to found.sensor.maskedAreas.map { area(it) },
             "bad_pixels" to found.corrections.badPixels.map { bad ->
-                mapOf(
-                    "list" to bad.list,
-                    "constant" to bad.constant,
-                    "points" to bad.points.toList().chunked(2),
-                    "areas" to bad.areas.map { area(it) },
-                )
+                val (points, areas) = bad.points.toList().chunked(2) to bad.areas.map(::area)
+                mapOf("list" to bad.list, "constant" to bad.constant, "points" to points, "areas" to areas)
             },
         )
     }
@@ -67,14 +58,9 @@ internal class Photos(private val files: GoldenFiles) {
     private fun area(area: Region) = listOf(area.top, area.left, area.bottom, area.right)
 
     private fun gainMap(map: GainMap) = mapOf(
-        "list" to map.list,
-        "area" to area(map.area),
-        "plane" to map.plane,
-        "planes" to map.planes,
-        "row_pitch" to map.rowPitch,
-        "column_pitch" to map.columnPitch,
-        "spacing" to listOf(map.spacingV, map.spacingH),
-        "origin" to listOf(map.originV, map.originH),
+        "list" to map.list, "area" to area(map.area), "plane" to map.plane, "planes" to map.planes,
+        "row_pitch" to map.rowPitch, "column_pitch" to map.columnPitch,
+        "spacing" to listOf(map.spacingV, map.spacingH), "origin" to listOf(map.originV, map.originH),
         "gains" to map.gains.toList().chunked(map.mapPlanes).chunked(map.pointsH),
     )
 
@@ -83,11 +69,8 @@ internal class Photos(private val files: GoldenFiles) {
         val chart = printedChart(case) ?: ChartTable.read(table)
         val found = ChartPose.refine(read(case.text("dng")), Corners.of(*case.values("corners")), chart)
         return mapOf(
-            "corners" to found.corners.toArray(),
-            "quads" to found.sharedQuads,
-            "quarter_turns" to found.quarterTurns,
-            "score" to found.score,
-            "kept" to found.notes.isNotEmpty(),
+            "corners" to found.corners.toArray(), "quads" to found.sharedQuads,
+            "quarter_turns" to found.quarterTurns, "score" to found.score, "kept" to found.notes.isNotEmpty(),
         )
     }
 
@@ -101,24 +84,18 @@ internal class Photos(private val files: GoldenFiles) {
         return frames.flatMap { (name, frame) ->
             statistics(frame, quads.shape[0]).map { (statistic, value) -> "${name}_$statistic" to value }
         }.toMap() + mapOf(
-            "black" to found.sharedBlack,
-            "saturation" to found.saturation,
-            "noise_step" to noise.step,
-            "noise_unlike" to plain(noise.unlike),
-            "noise_like" to plain(noise.like),
+            "black" to found.sharedBlack, "saturation" to found.saturation, "noise_step" to noise.step,
+            "noise_unlike" to plain(noise.unlike), "noise_like" to plain(noise.like),
         )
     }
 
     private fun plain(estimate: Estimate?) = estimate?.let { listOf(it.value, it.error) }
 
     private fun statistics(frame: FrameMeans?, n: Int): Map<String, Tensor?> = mapOf(
-        "mean" to frame?.sharedMean,
-        "standard_error" to frame?.sharedError,
+        "mean" to frame?.sharedMean, "standard_error" to frame?.sharedError,
         "count" to frame?.let { found -> DoubleArray(3 * n) { found.sharedCount[it].toDouble() } },
-        "clipped" to frame?.sharedClipped,
-        "dead" to frame?.sharedDead,
-        "gradient" to frame?.sharedGradient,
-        "greens" to frame?.sharedGreens,
+        "clipped" to frame?.sharedClipped, "dead" to frame?.sharedDead,
+        "gradient" to frame?.sharedGradient, "greens" to frame?.sharedGreens,
     ).mapValues { (_, values) -> values?.let { Tensor(it, n, it.size / n) } }
 
     fun regions(case: Fields): Map<String, Any?> {
@@ -135,8 +112,7 @@ internal class Photos(private val files: GoldenFiles) {
         return mapOf(
             "findings" to search.findings.map { it.name.lowercase() },
             "kinds" to seen.map { it.kind.layouts[0] },
-            "mirrored" to seen.map { it.mirrored },
-            "seen" to seen.map { it.seen },
+            "mirrored" to seen.map { it.mirrored }, "seen" to seen.map { it.seen },
             "corners" to seen.flatMap { it.corners.toArray().toList().chunked(2) },
             "patches" to seen.flatMap { it.patches }.map { listOf(it.x, it.y) },
             "confidence" to seen.map { it.confidence },
