@@ -50,12 +50,12 @@ class Run:
             parser.add_argument(f"--{key}", default=default, help=words, **kind)
         return cls(name, parser.parse_args(arguments))
 
-    @property
-    def phones(self) -> Path:
-        """The table of measured phones; `Unavailable` if nobody named it."""
-        if self.options.phones is None:
-            raise Unavailable("The measured phones are missing: name their table by --phones or CAMSSF_PHONES.")
-        return Path(self.options.phones)
+    def named(self, key: str) -> Path:
+        """That table of TABLES; `Unavailable` if it was not named."""
+        place: Path | None = getattr(self.options, key)
+        if place is None:
+            raise Unavailable(f"The {TABLES[key]} are missing: name their table by --{key} or CAMSSF_{key.upper()}.")
+        return place
 
     def wants(self, part: str) -> bool:
         """Whether that part is asked for."""

@@ -109,18 +109,18 @@ def foreign_cameras(path: Path) -> list[Device]:
 
 
 def populations(run: Run, *titles: str) -> Iterator[Population]:
-    """Those of the titles whose table is in reach and that the run asks for; of cameras every sixth."""
+    """Those of the titles that the run asks for, of cameras every sixth; `Unavailable` if a table is missing."""
     phones: list[Device] = []
-    if {*titles} <= {BY_OTHERS, BY_OTHER_MAKER}:
-        run.phones  # noqa: B018 - nothing without them
-    for title in filter(run.wants, titles):
-        if title in (BY_OTHERS, BY_OTHER_MAKER) and run.options.phones is not None:
-            phones = phones or phones_left_out(read_curves(run.phones))
-            yield Population(title, phones, OTHERS if title == BY_OTHERS else OTHER_MAKER)
-        elif title == FOREIGN and run.options.foreign is not None:
-            yield Population(title, foreign_cameras(run.options.foreign), CAMERAS)
-        elif title == LEFT_OUT:
+    wanted = [title for title in titles if run.wants(title)]
+    places = {title: run.named("foreign" if title == FOREIGN else "phones") for title in wanted if title != LEFT_OUT}
+    for title in wanted:
+        if title == LEFT_OUT:
             yield Population(title, measured_cameras()[::6], CAMERAS)
+        elif title == FOREIGN:
+            yield Population(title, foreign_cameras(places[title]), CAMERAS)
+        else:
+            phones = phones or phones_left_out(read_curves(places[title]))
+            yield Population(title, phones, OTHERS if title == BY_OTHERS else OTHER_MAKER)
 
 
 def errors(curves: Floats, std: Floats | None, truth: Floats) -> tuple[Floats, Floats | None]:

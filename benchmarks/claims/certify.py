@@ -25,7 +25,7 @@ from camssf.recovery.observation import Observation
 from camssf.recovery.penalties import GAMMA, L2
 from camssf.recovery.pivoting import pivot_to_optimum
 from camssf.recovery.rows import anchor
-from camssf.recovery.sensitivity import SolverSettings, solve_on_basis
+from camssf.recovery.sensitivity import LARGEST_GAP, SolverSettings, solve_on_basis
 from camssf.spectra import Lamp, read_chart, read_lamp
 from camssf.spectra.families import FAMILIES
 from golden.linear_model import linear_model
@@ -91,9 +91,8 @@ def judge(observation: Observation, basis: str) -> dict[str, tuple[float, float,
     """By engine: steps of the finish, own gap, and the curves' distance from the exact ones."""
     truth, found = exact(observation, read_basis(basis)), {}
     for engine in ENGINES:
-        answer = solve_on_basis(observation, basis, settings=SolverSettings(engine=engine))
-        proof = answer.proof
-        found[engine] = float(proof.finish_steps.max()), float(proof.gap.max()), distance(answer.values, truth)
+        ssf = solve_on_basis(observation, basis, settings=SolverSettings(engine=engine))
+        found[engine] = float(ssf.proof.finish_steps.max()), float(ssf.proof.gap.max()), distance(ssf.values, truth)
     return found
 
 
@@ -106,6 +105,7 @@ def claim(run: Run) -> None:
         alone = np.mean((steps == 0) & (gap <= ALONE_GAP))
         rows.append((engine, len(calls), alone, int(steps.max()), gap.max(), off.max(), int(off.argmax())))
         run.bar(f"{engine}: the layers' answer in the product's calls", alone, least=ALONE_SHARE)
+        run.bar(f"{engine}: worst gap", gap.max(), most=LARGEST_GAP)
         run.bar(f"{engine}: worst curve of the product's calls", off.max(), most=ALONE_BAR)
     columns = {"engine": "", "calls": "d", "layers, gap <= 1e-10": ".2%", "most steps": "d"}
     columns |= {"worst gap": ".1e", "worst curve": ".1e", "of number": "d"}

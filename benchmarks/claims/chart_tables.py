@@ -56,7 +56,7 @@ def claim(run: Run) -> None:
     devices: list[tuple[Device, tuple[Basis, ...], bool]] = [
         (camera, (camera.known_by(CAMERAS),), False) for camera in measured_cameras()[::8]
     ]
-    nodes = read_curves(run.phones) if run.options.phones else {}
+    nodes = read_curves(run.named("phones")) if run.options.phones else {}
     for phone in phones_left_out(nodes) if nodes else ():
         devices.append((phone, known_of(phone, OTHERS, nodes), True))
     kept: dict[tuple[str, str], list[tuple[float, ...]]] = {}

@@ -95,7 +95,7 @@ def case_groups(run: Run, count: int) -> Iterator[tuple[str, list[Case]]]:
     if run.wants(LEFT_OUT):
         yield LEFT_OUT, cases(count, None)
     if run.options.phones is not None and run.wants(BY_OTHERS):
-        yield BY_OTHERS, cases(0, run.phones)
+        yield BY_OTHERS, cases(0, run.named("phones"))
 
 
 def between(labs: list[Floats]) -> float:

@@ -79,7 +79,7 @@ class Tally:
 def devices_of(run: Run) -> tuple[list[Device], str]:
     """Cameras of one half, or phones, and which of their bases does not know their maker."""
     if run.options.on_phones:
-        return phones_left_out(read_curves(run.phones)), OTHER_MAKER
+        return phones_left_out(read_curves(run.named("phones"))), OTHER_MAKER
     half = run.options.half == "tune"
     return [camera for camera in measured_cameras() if (camera.maker in TUNE) == half], CAMERAS
 

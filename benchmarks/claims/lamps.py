@@ -143,7 +143,7 @@ def claim(run: Run) -> None:
     run.table(title, columns, map(leave_one_out, FAMILIES))
     groups = {LEFT_OUT: (measured_cameras, CAMERAS)} if run.wants(LEFT_OUT) else {}
     if run.options.phones is not None and run.wants(BY_OTHERS):
-        groups[BY_OTHERS] = lambda: phones_left_out(read_curves(run.phones)), OTHERS
+        groups[BY_OTHERS] = lambda: phones_left_out(read_curves(run.named("phones"))), OTHERS
     columns = {"lamps": ""} | dict.fromkeys(("known: RMSE", "by kind: RMSE", "no photo"), ".4f")
     columns |= dict.fromkeys(("known: coverage", "by kind: coverage"), ".3f") | {"kind / known": ".2f"}
     for title, (make, key) in groups.items():

@@ -140,7 +140,7 @@ def odds(runs: Mapping[str, Mapping[str, Runs]], phones: str) -> dict[str, Float
 def claim(run: Run) -> None:
     """Two tables a population."""
     groups = {
-        "phones, left out": (phones_left_out(read_curves(run.phones)), OTHERS, run.options.draws),
+        "phones, left out": (phones_left_out(read_curves(run.named("phones"))), OTHERS, run.options.draws),
         LEFT_OUT: (measured_cameras(), PHONES, max(1, run.options.draws // 4)),
     }
     if run.options.foreign is not None:

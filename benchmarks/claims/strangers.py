@@ -154,7 +154,7 @@ def check(run: Run, title: str, named: Group, auto: Group) -> None:
 
 def claim(run: Run) -> None:
     """A row a change and way of telling the light."""
-    devices = [*(phones(run.phones) if run.options.phones else ()), *cameras(run.options.foreign)]
+    devices = [*(phones(run.named("phones")) if run.options.phones else ()), *cameras(run.options.foreign)]
     groups = Groups()
     asked = [stranger for stranger in devices if run.wants(stranger[0])]
     for number, (title, device, known, maker) in enumerate(run.track(asked, "strangers")):

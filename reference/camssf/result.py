@@ -102,10 +102,10 @@ class Result(Document):
     def covariance(self) -> Floats | None:
         """(681, 3, 681, 3) covariance of `curves`: of wavelength and channel with wavelength and channel.
 
-        Its diagonal is `std` squared. It is that of the code, carried to curves of peak 1. What else the band holds
-        (the misfit profile, the difference between mixed hypotheses) is taken as smooth over BAND_CORRELATION of
-        `curve_errors` and independent between channels; so is all where the result's basis is not the installed one.
-        None on a basis without a prior.
+        Its diagonal is `std` squared, to 1e-5 of the largest. It is that of the code, carried to curves of peak 1.
+        What else the band holds (the misfit profile, the difference between mixed hypotheses) is taken as smooth over
+        BAND_CORRELATION of `curve_errors` and independent between channels; so is all where the result's basis is not
+        the installed one. None on a basis without a prior.
 
         Raises:
             InvalidArgument: the result was refused.
@@ -130,7 +130,7 @@ class Result(Document):
         except (TypeError, ValueError):
             nm = np.array(np.nan)
         if not ((nm >= WAVELENGTHS[0]) & (nm <= WAVELENGTHS[-1])).all():
-            raise InvalidArgument("A wavelength is not between 380 and 720 nm.", "Give numbers in nanometres.")
+            raise InvalidArgument("A wavelength is not a number between 380 and 720 nm.", "Give nanometres.")
 
         def between(values: Floats) -> Floats:
             return np.stack([np.interp(nm, WAVELENGTHS, column) for column in values.T], axis=-1)
@@ -148,14 +148,18 @@ class Result(Document):
             seed: of NumPy's generator, or a generator.
 
         Raises:
-            InvalidArgument: the result was refused, has no band, or `count` is not a number of draws.
+            InvalidArgument: the result was refused, has no band, or `count` or `seed` is not such a number.
         """
         modes = self._error_modes()
         if not len(modes):
             raise InvalidArgument("This result has no band, so no draws.", "Choose a basis with a prior.")
         if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
             raise InvalidArgument(f"`count` is {count!r}, not a number of draws.", "Give 1 or more.")
-        steps = np.random.default_rng(seed).standard_normal((int(count), len(modes)))
+        try:
+            generator = np.random.default_rng(seed)
+        except (TypeError, ValueError) as error:
+            raise InvalidArgument(f"`seed` is {seed!r}, not a seed.", "Give 0 or more, or a generator.") from error
+        steps = generator.standard_normal((int(count), len(modes)))
         return np.asarray(self.curves + np.tensordot(steps, modes, axes=1))
 
     def _error_modes(self) -> Floats:
@@ -271,7 +275,7 @@ class Result(Document):
         a difference counts for less than it would if the shared part were taken out.
 
         Raises:
-            InvalidArgument: one of the two was refused.
+            InvalidArgument: one of the two was refused, or `other` is no result.
         """
         from camssf.report.comparison import compare as compare_curves
 

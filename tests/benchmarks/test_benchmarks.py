@@ -53,8 +53,9 @@ def test_every_claim_is_listed_and_a_missing_table_is_named(capsys: pytest.Captu
     listed = capsys.readouterr().out
     assert all(name in listed for name in questions())
     assert main(["nothing"]) == 2
-    assert main(["phones"]) == 2
-    assert "--phones or CAMSSF_PHONES" in capsys.readouterr().err
+    for words, table in (("phones", "PHONES"), ("wrong_lamps", "PHONES"), ("wrong_lamps --only another", "FOREIGN")):
+        assert main(words.split()) == 2
+        assert f"--{table.lower()} or CAMSSF_{table}" in capsys.readouterr().err
     for table in ("phones", "foreign"):
         assert main(["strangers", f"--{table}", "nowhere.csv"]) == 2
         assert "nowhere.csv cannot be read" in capsys.readouterr().err

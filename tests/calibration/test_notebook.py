@@ -84,7 +84,7 @@ def test_curves_at_wavelengths_are_linear_between_the_grid_s(result: Result) -> 
     assert values[0, 1] == pytest.approx(result.curves[340:342].mean(axis=0), abs=1e-12)
     assert changed(result, answer__std=None).at(550)[1] is None
     for outside in (379.9, [550.0, 720.5], np.nan, "green"):
-        with pytest.raises(InvalidArgument, match="not between 380 and 720 nm"):
+        with pytest.raises(InvalidArgument, match="not a number between 380 and 720 nm"):
             result.at(outside)
 
 
@@ -98,6 +98,9 @@ def test_draws_have_the_result_s_mean_bands_and_covariance(result: Result) -> No
     off = draws - result.curves
     assert (np.abs(off.mean(axis=0)) <= 5.0 * std / np.sqrt(2000) + 1e-9).all()
     np.testing.assert_allclose(off.std(axis=0), std, rtol=0.08, atol=1e-4)
+    for count, seed in ((0, 7), (2.0, 7), (2, -1), (2, "seed")):
+        with pytest.raises(InvalidArgument, match=r"not a (seed|number of draws)"):
+            result.sample(count, seed)
     green, blue = off[:, 300, 1], off[:, 250, 2]
     error = 5.0 * std[300, 1] * std[250, 2] / np.sqrt(2000)
     assert float(np.mean(green * blue)) == pytest.approx(covariance[300, 1, 250, 2], abs=error)

@@ -21,11 +21,13 @@ from camssf.recovery.observation import Observation
 from camssf.recovery.rows import anchor
 from camssf.recovery.sensitivity import SolverSettings, Ssf
 from camssf.recovery.unfamiliar_camera import code_length
+from camssf.rules import rules
 from camssf.spectra import read_chart, read_lamp
 from camssf.spectra.layouts import LAYOUTS
 from camssf.verdict.exposure_and_noise import FEW_PATCHES, few
 from camssf.verdict.goodness_of_fit import EXPLANATION, VerdictInputs, signal_covariance
 from camssf.verdict.reasons import Checks, Fatal, Reason, Verdict, refusal
+from golden.forms import ROOT
 from golden.linear_model import linear_model
 from tests.support.problems import measured_cameras, theory
 
@@ -95,6 +97,18 @@ def test_a_refusal_raises_the_error_of_its_gravest_reason() -> None:
     assert isinstance(error, NotSensorRaw)
     assert isinstance(error, CalibrationError)
     assert (error.message, error.value, error.threshold, len(error.reasons)) == ("bent.", 3.0, 2.0, 2)
+
+
+def test_a_reason_states_the_limit_that_its_number_broke() -> None:
+    """In golden cases, by the checks; that a band is hardly narrower than without a photo has a limit of its own."""
+    own, seen = rules().number("verdict.band_ratio_typical"), 0
+    for path in sorted((ROOT / "cases/verdict").glob("*.json")):
+        outputs = json.loads(path.read_bytes())["outputs"] or {}
+        checked = [(value, limit) for value, *limits in outputs.get("checked", ()) for limit in limits]
+        for value, limit in zip(outputs.get("values") or (), outputs.get("thresholds") or (), strict=True):
+            assert (value, limit) == (0, 0) or limit == own or (value, limit) in checked, path.name
+            seen += (value, limit) != (0, 0)
+    assert seen > 60
 
 
 def test_covariance_is_that_of_the_sensing_matrix_at_the_answer() -> None:

@@ -228,8 +228,10 @@ def answer_in(document: Document) -> Answer:
     """The answer of a result.
 
     Raises:
-        InvalidArgument: it was refused, or it is a capture that was not solved.
+        InvalidArgument: it was refused, is a capture that was not solved, or no document.
     """
+    if not isinstance(document, Document):
+        raise InvalidArgument(f"A {type(document).__name__} is no result.", "Read a file by `Result.load`.")
     if document.answer is not None:
         return document.answer
     if document.verdict is None:

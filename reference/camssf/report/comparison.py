@@ -53,7 +53,7 @@ def compare(result: Document, other: Document) -> Comparison:
     """The comparison of two results.
 
     Raises:
-        InvalidArgument: one of them was refused and has no curves.
+        InvalidArgument: one of them was refused and has no curves, or is no document.
     """
     first, second = answer_in(result), answer_in(other)
     ours, theirs = first.curves.values, second.curves.values
@@ -126,7 +126,8 @@ def _sentence(channel: int, off: float, nm: float, size: float | None, moved: fl
     if size is not None and unseen is not None:
         words = f"{name} differs: {by}, {size:.1f} standard deviations"
         if size <= LIMIT:
-            words = f"{name}: no difference found, up to {_short(unseen, 2)} of the peak cannot be seen; {by}"
+            largest = f"the largest is {by}" if off else "the curves are the same"
+            words = f"{name}: no difference found, up to {_short(unseen, 2)} of the peak cannot be seen; {largest}"
     if abs(moved) >= SMALLEST_MOVE:
         words += f"; its peak moved by {signed(moved)} nm"
     return f"{words}."

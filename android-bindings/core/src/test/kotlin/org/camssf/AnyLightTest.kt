@@ -6,7 +6,6 @@ import kotlinx.serialization.json.jsonArray
 import kotlinx.serialization.json.jsonObject
 import kotlinx.serialization.json.jsonPrimitive
 import org.camssf.photo.Capture
-import org.camssf.photo.Corners
 import org.camssf.photo.MeasuredShot
 import org.camssf.photo.PhotoSource
 import org.camssf.photo.Shot
@@ -27,9 +26,8 @@ import kotlin.math.abs
 class AnyLightTest {
     private val root = File(System.getProperty("camssf.root"))
     private val photo = PhotoSource.of(File(root, "golden/dng/chart-turned-0.dng"))
-    private val corners = Corners.of(22.44, 17.44, 156.56, 22.44, 162.56, 116.56, 16.44, 109.56)
     private val chart = ChartTable.read("classic24")
-    private val capture = Capture(Shot(photo, corners), chart)
+    private val capture = Capture(Shot(photo, chartCorners), chart)
 
     @Test
     fun `the light is in the answer and in the document`() = opened("phones").use { calibrator ->
@@ -62,7 +60,8 @@ class AnyLightTest {
 
     @Test
     fun `a named lamp is told as ever`() = opened("phones").use { calibrator ->
-        val found = calibrator.calibrateBlocking(Capture(Shot(photo, Lamp.read("E"), corners), chart)) as Recovered
+        val named = Capture(Shot(photo, Lamp.read("E"), chartCorners), chart)
+        val found = calibrator.calibrateBlocking(named) as Recovered
         assertEquals(emptyList<Any?>(), found.lights + found.basis.hypotheses)
         assertNull(Json.parseToJsonElement(found.toJson()).jsonObject.getValue("answer").jsonObject["lights"])
     }

@@ -1,7 +1,6 @@
 package org.camssf
 
 import org.camssf.photo.Capture
-import org.camssf.photo.Corners
 import org.camssf.photo.PhotoSource
 import org.camssf.photo.Shot
 import org.camssf.spectra.ChartTable
@@ -23,11 +22,10 @@ import kotlin.concurrent.thread
 /** What `close` promises, what a logger hears, and what becomes of a heap that is too small. */
 class ClosingTest {
     private val photo = File(System.getProperty("camssf.root"), "golden/dng/chart-turned-0.dng")
-    private val corners = Corners.of(22.44, 17.44, 156.56, 22.44, 162.56, 116.56, 16.44, 109.56)
     private val chart = ChartTable.read("classic24")
 
     private fun capture(source: PhotoSource = PhotoSource.of(photo)) =
-        Capture(Shot(source, Lamp.read("E"), corners), chart)
+        Capture(Shot(source, Lamp.read("E"), chartCorners), chart)
 
     @Test
     fun `close ends a run with its own error, and waits until it has ended`() {

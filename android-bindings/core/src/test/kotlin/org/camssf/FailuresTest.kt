@@ -33,13 +33,12 @@ import kotlin.coroutines.EmptyCoroutineContext
 /** What goes wrong around a calibration comes out as what it is. */
 class FailuresTest {
     private val photo = File(System.getProperty("camssf.root"), "golden/dng/chart-turned-0.dng")
-    private val corners = Corners.of(22.44, 17.44, 156.56, 22.44, 162.56, 116.56, 16.44, 109.56)
     private val chart = ChartTable.read("classic24")
 
     private fun Corners.moved(by: Double): Corners =
         Corners.of(*toArray().map { it + by }.toDoubleArray())
 
-    private fun shot(frame: PhotoSource, at: Corners = corners) = Shot(frame, Lamp.read("E"), at)
+    private fun shot(frame: PhotoSource, at: Corners = chartCorners) = Shot(frame, Lamp.read("E"), at)
 
     private fun stream(thrown: IOException) = object : InputStream() {
         override fun read(): Int = throw thrown
@@ -138,7 +137,7 @@ class FailuresTest {
                 for (source in sources) {
                     val error = refusal(calibrator, source)
                     assertEquals(UnreadableRaw::class.java to thrown, error.javaClass to error.cause)
-                    val white = Shot(PhotoSource.of(photo), Lamp.read("E"), corners, white = source)
+                    val white = Shot(PhotoSource.of(photo), Lamp.read("E"), chartCorners, white = source)
                     assertSame(thrown, (calibrator.calibrateBlocking(Capture(white, chart)) as Refused).error.cause)
                 }
             }
@@ -174,12 +173,12 @@ class FailuresTest {
     fun `a corner outside the photo, near or far`() {
         SsfCalibrator.openBlocking().use { calibrator ->
             val said = listOf(170.0, 5000.0).map { by ->
-                val moved = corners.moved(by)
+                val moved = chartCorners.moved(by)
                 assertThrows(InvalidArgument::class.java) {
                     calibrator.calibrateBlocking(Capture(shot(PhotoSource.of(photo), moved), chart))
                 }.toString()
             } + assertThrows(InvalidArgument::class.java) {
-                calibrator.measureBlocking(shot(PhotoSource.of(photo), corners.moved(-20.0)), chart)
+                calibrator.measureBlocking(shot(PhotoSource.of(photo), chartCorners.moved(-20.0)), chart)
             }.toString()
             assertEquals(1, said.toSet().size, said.toString())
             assertTrue("outside chart-turned-0.dng" in said[0] && "preview" in said[0], said[0])

@@ -1,7 +1,6 @@
 package org.camssf
 
 import org.camssf.photo.Capture
-import org.camssf.photo.Corners
 import org.camssf.photo.Mosaic
 import org.camssf.photo.PhotoSource
 import org.camssf.photo.Shot
@@ -49,8 +48,8 @@ class MessagesTest {
         )
         val sensor = Mosaic.Sensor(whole.sensor.cfa, whole.sensor.black.toDoubleArray(), whole.samples.max() / 4.0)
         val bright = Mosaic(whole.origin, whole.width, whole.height, whole.region, whole.samples, sensor)
-        val corners = Corners.of(22.44, 17.44, 156.56, 22.44, 162.56, 116.56, 16.44, 109.56)
-        val capture = Capture(Shot(PhotoSource.of(bright), Lamp.read("E"), corners), ChartTable.read("classic24"))
+        val capture =
+            Capture(Shot(PhotoSource.of(bright), Lamp.read("E"), chartCorners), ChartTable.read("classic24"))
         val refused = opened("phones").use { it.calibrateBlocking(capture) } as Refused
         val reason = refused.error.reason
         assertEquals(listOf(reason), refused.verdict.reasons)

@@ -5,7 +5,6 @@ import kotlinx.serialization.json.jsonArray
 import kotlinx.serialization.json.jsonObject
 import kotlinx.serialization.json.jsonPrimitive
 import org.camssf.model.Models
-import org.camssf.photo.Corners
 import org.camssf.photo.MeasuredCapture
 import org.camssf.photo.MeasuredShot
 import org.camssf.photo.Photo
@@ -28,10 +27,9 @@ import java.io.File
 @TestInstance(TestInstance.Lifecycle.PER_CLASS)
 class PreviousResultTest {
     private val photo = File(System.getProperty("camssf.root"), "golden/dng/chart-turned-0.dng")
-    private val corners = Corners.of(22.44, 17.44, 156.56, 22.44, 162.56, 116.56, 16.44, 109.56)
     private val chart = ChartTable.read("classic24")
     private val calibrator = SsfCalibrator.openBlocking()
-    private val shot = calibrator.measureBlocking(Shot(PhotoSource.of(photo), Lamp.read("E"), corners), chart)
+    private val shot = calibrator.measureBlocking(Shot(PhotoSource.of(photo), Lamp.read("E"), chartCorners), chart)
 
     /** Accepted, whatever was thought of this flat lamp. */
     private val text = calibrator.solveBlocking(listOf(shot), chart).toJson().replace("\"doubtful\"", "\"accepted\"")
@@ -82,7 +80,7 @@ class PreviousResultTest {
         val source = PhotoSource.of(photo)
         for ((white, dark) in listOf(source to null, null to source)) {
             val error = assertThrows(InvalidArgument::class.java) {
-                calibrator.measureBlocking(Shot(source, Lamp.read("E"), corners, white, dark), chart)
+                calibrator.measureBlocking(Shot(source, Lamp.read("E"), chartCorners, white, dark), chart)
             }
             assertTrue("The chart's photo and the ${if (dark == null) "white" else "dark"} frame" in error.message)
         }
@@ -128,7 +126,7 @@ class PreviousResultTest {
         val source = PhotoSource.of(photo)
         for ((white, dark) in listOf(null to null, source to source)) {
             val error = assertThrows(InvalidArgument::class.java) {
-                calibrator.measureBlocking(Shot(source, Lamp.torch(), corners, white, dark), chart)
+                calibrator.measureBlocking(Shot(source, Lamp.torch(), chartCorners, white, dark), chart)
             }
             assertTrue("with the torch off" in error.message, error.message)
         }

@@ -19,7 +19,6 @@ import java.util.zip.GZIPInputStream
 /** A result comes back from its text. That broken texts are refused is BrokenDocumentsTest's. */
 class SavedResultTest {
     private val folder = File(System.getProperty("camssf.root"), "golden/dng")
-    private val corners = Corners.of(22.44, 17.44, 156.56, 22.44, 162.56, 116.56, 16.44, 109.56)
     private val flat = Corners.of(19.44, 19.44, 160.56, 19.44, 160.56, 112.56, 19.44, 112.56)
     private val chart = ChartTable.read("classic24")
 
@@ -49,11 +48,11 @@ class SavedResultTest {
     fun `named and unnamed lamps, of every basis`() {
         for (basis in SsfCalibrator.BASES) {
             opened(basis).use { calibrator ->
-                val shot = Shot(dng("chart-turned-0"), Lamp.read("E"), corners)
+                val shot = Shot(dng("chart-turned-0"), Lamp.read("E"), chartCorners)
                 val named = calibrator.calibrateBlocking(Capture(shot, chart)) as Recovered
                 check(named)
                 if (basis != "phones") return@use
-                val unnamed = Shot(dng("chart-turned-0"), corners)
+                val unnamed = Shot(dng("chart-turned-0"), chartCorners)
                 val lit = calibrator.calibrateBlocking(Capture(unnamed, chart)) as Recovered
                 check(lit)
                 assertEquals(lit.lights[0]!!.power, (again(lit) as Recovered).lights[0]!!.power)
@@ -66,7 +65,7 @@ class SavedResultTest {
         val shaded = Shot(dng("patches-shaded"), Lamp.read("D55"), flat)
             .withWhite(dng("patches-white")).withDark(dng("patches-dark"))
         val elsewhere = Corners.of(2.0, 2.0, 30.0, 2.0, 30.0, 24.0, 2.0, 24.0)
-        val lost = Shot(dng("no such file"), Lamp.read("A"), corners)
+        val lost = Shot(dng("no such file"), Lamp.read("A"), chartCorners)
         val absent = Shot(dng("chart-turned-0"), elsewhere)
         SsfCalibrator.openBlocking().use { calibrator ->
             for (shots in listOf(listOf(shaded), listOf(absent), listOf(lost), listOf(absent, lost))) {
@@ -97,7 +96,7 @@ class SavedResultTest {
     @Test
     fun `a code that this version does not know, and a capture that was not solved`() {
         SsfCalibrator.openBlocking().use { calibrator ->
-            val lost = Shot(dng("no such file"), Lamp.read("A"), corners)
+            val lost = Shot(dng("no such file"), Lamp.read("A"), chartCorners)
             val text = calibrator.calibrateBlocking(Capture(lost, chart)).toJson()
                 .replace("\"unreadable_raw\"", "\"another\"")
                 .replace(Regex(",\"sha256\":\"[0-9a-f]{64}\"\\}\n$"), "}")

@@ -39,10 +39,9 @@ import kotlin.concurrent.thread
 class SsfCalibratorTest {
     private val root = File(System.getProperty("camssf.root"))
     private val photo = File(root, "golden/dng/chart-turned-0.dng")
-    private val corners = Corners.of(22.44, 17.44, 156.56, 22.44, 162.56, 116.56, 16.44, 109.56)
     private val chart = ChartTable.read("classic24")
 
-    private fun shot(at: Corners = corners) = Shot(PhotoSource.of(photo), Lamp.read("E"), at)
+    private fun shot(at: Corners = chartCorners) = Shot(PhotoSource.of(photo), Lamp.read("E"), at)
 
     private fun calibrated(found: CalibrationResult): Recovered {
         assertTrue(found is Recovered, found.verdict.reasons.joinToString { it.message })
@@ -151,11 +150,11 @@ class SsfCalibratorTest {
 
     @Test
     fun `a part of the photo is enough`() {
-        val region = ChartPose.region(corners)
+        val region = ChartPose.region(chartCorners)
         val part = DngSource.of(photo).use { DngReader.read(it, region) }
         val whole = DngSource.of(photo).use { DngReader.read(it) }
         assertTrue(part.samples.size <= whole.samples.size)
-        val poses = listOf(part, whole).map { ChartPose.refine(it, corners, chart) }
+        val poses = listOf(part, whole).map { ChartPose.refine(it, chartCorners, chart) }
         assertArrayEquals(poses[1].sharedQuads, poses[0].sharedQuads)
         val means = listOf(part, whole).map { PatchMeans.measure(it, poses[0]) }
         assertArrayEquals(means[1].chart.sharedMean, means[0].chart.sharedMean)

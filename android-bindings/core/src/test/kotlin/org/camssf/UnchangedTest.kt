@@ -20,7 +20,6 @@ import java.lang.reflect.Modifier
 /** Whatever a caller writes into what he was given, nothing that camssf holds changes. */
 class UnchangedTest {
     private val photo = File(System.getProperty("camssf.root"), "golden/dng/chart-turned-0.dng")
-    private val corners = Corners.of(22.44, 17.44, 156.56, 22.44, 162.56, 116.56, 16.44, 109.56)
     private val seen = HashSet<Any>()
     private val changed = ArrayList<String>()
     private var lists = 0
@@ -80,7 +79,7 @@ class UnchangedTest {
     fun `a result is what it was`() {
         SsfCalibrator.openBlocking().use { calibrator ->
             val lamp = Lamp.read("daylight") // one with a mode
-            val numbers = corners.toArray()
+            val numbers = chartCorners.toArray()
             val shots = arrayListOf(Shot(PhotoSource.of(photo), lamp, Corners.of(*numbers)))
             val capture = Capture(shots, ChartTable.read("classic24"))
             numbers.fill(0.0)
@@ -111,7 +110,7 @@ class UnchangedTest {
         vandalise(matrix, "colour matrix")
         assertTrue(seen.size >= 20 && lists >= 20, "${seen.size} objects, $lists lists")
         val chart = DngSource.of(photo).use { DngReader.read(it) }
-        vandalise(ChartPose.refine(chart, corners, ChartTable.read("classic24")), "pose")
+        vandalise(ChartPose.refine(chart, chartCorners, ChartTable.read("classic24")), "pose")
         assertEquals(emptyList<String>(), changed)
         assertEquals(LensShading.AS_STORED, LensShading.of("as-stored"))
     }

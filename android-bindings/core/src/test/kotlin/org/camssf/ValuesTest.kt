@@ -2,7 +2,6 @@ package org.camssf
 
 import org.camssf.photo.Assumption
 import org.camssf.photo.Capture
-import org.camssf.photo.Corners
 import org.camssf.photo.PhotoSource
 import org.camssf.photo.PhysicalCamera
 import org.camssf.photo.PreviewCrop
@@ -20,7 +19,6 @@ import java.io.File
 /** Values are equal by what they hold, and print as what they are. That each class prints at all is ApiTest's. */
 class ValuesTest {
     private val photo = File(System.getProperty("camssf.root"), "golden/dng/chart-turned-0.dng")
-    private val corners = Corners.of(22.44, 17.44, 156.56, 22.44, 162.56, 116.56, 16.44, 109.56)
 
     private fun camera(serial: String = "S-77", lens: String = "wide") =
         PhysicalCamera("0", serial, lens, 6.81, 1.85, Region(0, 0, 40, 30))
@@ -53,7 +51,8 @@ class ValuesTest {
     @Test
     fun `results print as what they are, and are equal in what does not vary`() {
         opened("phones").use { calibrator ->
-            val capture = Capture(Shot(PhotoSource.of(photo), Lamp.read("E"), corners), ChartTable.read("classic24"))
+            val capture =
+                Capture(Shot(PhotoSource.of(photo), Lamp.read("E"), chartCorners), ChartTable.read("classic24"))
             val (one, two) = List(2) { calibrator.calibrateBlocking(capture) as Recovered }
             assertEquals(one.verdict, two.verdict)
             assertEquals(one.assumptions, two.assumptions)
@@ -62,7 +61,8 @@ class ValuesTest {
                 Regex("""Recovered\((accepted|doubtful: [a-z_, ]+), basis=phones, halfWidth=0\.\d+\)""")
             assertTrue(line.matches("$one"), "$one")
             assertTrue("chart-turned-0.dng" in "${one.capture}" && "Lamp(E" in "${one.capture.shots[0].lamp}")
-            val lost = Shot(PhotoSource { throw Refusal.of("unreadable_raw.missing", "file" to "a.dng") }, corners)
+            val lost =
+                Shot(PhotoSource { throw Refusal.of("unreadable_raw.missing", "file" to "a.dng") }, chartCorners)
             val refused = calibrator.calibrateBlocking(Capture(lost, ChartTable.read("classic24")))
             assertEquals("Refused(unreadable_raw: There is no file a.dng. Check the path.)", "$refused")
             assertEquals("refused: unreadable_raw", "${refused.verdict}")

@@ -155,9 +155,9 @@ internal object Judge {
             val explanation = one.bestExplanation() ?: return@mapIndexedNotNull null
             val value = if (misfitRefuses) excess else explanation.gain
             val words = words(explanation, table) + ("shot" to j + 1)
-            val slight = !misfitRefuses && explanation.gain <= one.strongestExplanation()!!.second
-            val bound = if (slight) GoodnessOfFit.BLACK else null
-            Reasons.because(accusation(explanation), value, words, misfitRefuses, bound)
+            val enough = one.strongestExplanation()!!.second
+            val bound = if (explanation.gain > enough) enough else GoodnessOfFit.BLACK
+            Reasons.because(accusation(explanation), value, words, misfitRefuses, bound.takeUnless { misfitRefuses })
         }
         val worst = each.maxOfOrNull { it.z } ?: found.z
         val largest = max(found.z, worst)

@@ -1,9 +1,9 @@
 package org.camssf.forms
 
 import org.camssf.InvalidArgument
+import org.camssf.chartCorners
 import org.camssf.json.JsonText
 import org.camssf.opened
-import org.camssf.photo.Corners
 import org.camssf.photo.DocumentForm
 import org.camssf.photo.PhotoSource
 import org.camssf.photo.Shot
@@ -23,8 +23,7 @@ import java.io.File
 class BrokenDocumentsTest {
     private val root = File(System.getProperty("camssf.root"))
     private val text by lazy {
-        val corners = Corners.of(22.44, 17.44, 156.56, 22.44, 162.56, 116.56, 16.44, 109.56)
-        val shot = Shot(PhotoSource.of(File(root, "golden/dng/chart-turned-0.dng")), Lamp.read("E"), corners)
+        val shot = Shot(PhotoSource.of(File(root, "golden/dng/chart-turned-0.dng")), Lamp.read("E"), chartCorners)
         val chart = ChartTable.read("classic24")
         opened("phones").use {
             it.solveBlocking(listOf(it.measureBlocking(shot, chart)), chart).toJson()

@@ -3,6 +3,7 @@ package org.camssf.photo
 import org.camssf.InvalidArgument
 import org.camssf.Recovered
 import org.camssf.UnitDiffers
+import org.camssf.chartCorners
 import org.camssf.opened
 import org.camssf.photo.dng.DngReader
 import org.camssf.photo.dng.DngSource
@@ -25,11 +26,11 @@ class MeasuredCaptureTest {
     private val shots = listOf(
         Shot(
             dng("chart-turned-0"), Lamp.read("daylight"),
-            Corners.of(22.44, 17.44, 156.56, 22.44, 162.56, 116.56, 16.44, 109.56),
+            chartCorners,
         ),
         Shot(
             dng("chart-turned-0"), Lamp.auto(),
-            Corners.of(22.44, 17.44, 156.56, 22.44, 162.56, 116.56, 16.44, 109.56),
+            chartCorners,
         ),
         Shot(
             dng("patches-shaded"), Lamp.read("D55").withTolerance("300K"), flat,

@@ -2,6 +2,7 @@ package org.camssf.photo
 
 import org.camssf.Refused
 import org.camssf.UnitDiffers
+import org.camssf.chartCorners
 import org.camssf.opened
 import org.camssf.photo.dng.DngReader
 import org.camssf.photo.dng.DngSource
@@ -94,7 +95,6 @@ class PhysicalCameraTest {
     fun `shots and frames are held to it, and no result names a serial number`() {
         val file = File(System.getProperty("camssf.root"), "golden/dng/chart-turned-0.dng")
         val whole = DngSource.of(file).use { DngReader.read(it) }
-        val corners = Corners.of(22.44, 17.44, 156.56, 22.44, 162.56, 116.56, 16.44, 109.56)
         val chart = ChartTable.read("classic24")
         fun frame(name: String, camera: PhysicalCamera) = PhotoSource.of(
             Mosaic(
@@ -102,14 +102,14 @@ class PhysicalCameraTest {
                 whole.width, whole.height, whole.region, whole.samples, whole.sensor, whole.corrections,
             ),
         )
-        val one = Shot(frame("a", wide), Lamp.read("E"), corners)
-        val two = Shot(frame("b", wide(id = "2", serial = "S2")), Lamp.read("E"), corners)
+        val one = Shot(frame("a", wide), Lamp.read("E"), chartCorners)
+        val two = Shot(frame("b", wide(id = "2", serial = "S2")), Lamp.read("E"), chartCorners)
         opened("phones").use { calibrator ->
             val found = calibrator.calibrateBlocking(Capture(listOf(one, two), chart)) as Refused
             assertEquals("unit_differs", found.error.code)
             assertTrue(found.error.message.startsWith("b was taken by another camera or lens than a: camera '2'"))
             assertFalse("S2" in found.toJson())
-            val framed = Shot(frame("a", wide), Lamp.read("E"), corners, frame("w", wide(lens = "tele")))
+            val framed = Shot(frame("a", wide), Lamp.read("E"), chartCorners, frame("w", wide(lens = "tele")))
             val error = assertThrows(UnitDiffers::class.java) { calibrator.measureBlocking(framed, chart) }
             val words = "The white frame w was taken by another camera or lens than the chart photo a"
             assertTrue(error.message.startsWith(words), error.message)

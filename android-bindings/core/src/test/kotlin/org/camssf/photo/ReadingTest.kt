@@ -2,6 +2,7 @@ package org.camssf.photo
 
 import org.camssf.ChartNotFound
 import org.camssf.InvalidArgument
+import org.camssf.chartCorners
 import org.camssf.photo.dng.DngReader
 import org.camssf.photo.dng.DngSource
 import org.camssf.photo.dng.Variants
@@ -18,7 +19,6 @@ import java.util.concurrent.CancellationException
 class ReadingTest {
     private val root = File(System.getProperty("camssf.root"))
     private val photo = File(root, "golden/dng/chart-turned-0.dng")
-    private val corners = Corners.of(22.44, 17.44, 156.56, 22.44, 162.56, 116.56, 16.44, 109.56)
     private val chart = ChartTable.read("classic24")
 
     private fun collect(reading: Reading, part: Region): ShortArray {
@@ -54,13 +54,13 @@ class ReadingTest {
     @Test
     fun `pose and means are the same by rows, in bands and at once`() {
         val whole = DngReader.read(DngSource.of(photo))
-        val pose = ChartPose.refine(whole, corners, chart)
+        val pose = ChartPose.refine(whole, chartCorners, chart)
         val means = PatchMeans.measure(whole, pose)
         assertEquals("PatchMeans(chart=FrameMeans(24 patches), white=null, dark=null)", means.toString())
-        val region = ChartPose.region(corners)
+        val region = ChartPose.region(chartCorners)
         val source = PhotoSource.of(photo)
         for (reading in listOf((source as ByRows).rows(region), Banded(source, region, true, 500))) {
-            val found = ChartPose.refine(reading, corners, chart)
+            val found = ChartPose.refine(reading, chartCorners, chart)
             assertArrayEquals(pose.sharedQuads, found.sharedQuads)
             for (together in listOf(1L, 400L, 8L shl 20)) {
                 val frames = ArrayList<Triple<Int, Int, Double>>()
@@ -110,7 +110,7 @@ class ReadingTest {
             asked += region!!
             PhotoSource.of(photo).read(region)
         }
-        val region = ChartPose.region(corners)
+        val region = ChartPose.region(chartCorners)
         val frame = Reading.of(source, region, false) {}
         assertEquals("RGGB".length, frame.facts.sensor.cfa.length)
         assertEquals(listOf(2), asked.map { it.height })
@@ -127,10 +127,10 @@ class ReadingTest {
         val rows = PhotoSource.of(photo)
         for (source in listOf(rows, PhotoSource { rows.read(it) })) {
             var count = 0
-            val reading = Reading.of(source, ChartPose.region(corners), false) {
+            val reading = Reading.of(source, ChartPose.region(chartCorners), false) {
                 if (++count == 3) throw CancellationException()
             }
-            assertThrows(CancellationException::class.java) { ChartPose.refine(reading, corners, chart) }
+            assertThrows(CancellationException::class.java) { ChartPose.refine(reading, chartCorners, chart) }
             assertEquals(3, count)
         }
     }
@@ -138,15 +138,15 @@ class ReadingTest {
     @Test
     fun `a source that gives less than was asked for is told so`() {
         val part = DngSource.of(photo).use { DngReader.read(it, Region(0, 0, 90, 60)) }
-        val reading = Reading.of(PhotoSource { part }, ChartPose.region(corners), true) {}
-        val error = assertThrows(InvalidArgument::class.java) { ChartPose.refine(reading, corners, chart) }
+        val reading = Reading.of(PhotoSource { part }, ChartPose.region(chartCorners), true) {}
+        val error = assertThrows(InvalidArgument::class.java) { ChartPose.refine(reading, chartCorners, chart) }
         assertTrue("Read that part too" in error.advice)
     }
 
     @Test
     fun `the first patch that fails is named, whatever the order of reading`() {
         val whole = Whole(DngReader.read(DngSource.of(photo)))
-        val pose = ChartPose.refine(whole, corners, chart)
+        val pose = ChartPose.refine(whole, chartCorners, chart)
         val quads = List(24) { pose.sharedQuads.copyOfRange(8 * it, 8 * it + 8) }.toMutableList()
         quads[20] = doubleArrayOf(4.0, 4.0, 5.0, 4.0, 5.0, 5.0, 4.0, 5.0) // read first, as it stands above the others
         quads[7] = DoubleArray(8) { quads[7][it % 2] + it / 4.0 }
