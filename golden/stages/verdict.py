@@ -103,8 +103,7 @@ STAGE = Stage(
     limits=(
         ("exact", 0.0, "status codes messages advice fatal checks named count"),
         ("norm", 1e-9, "checked"),
-        ("relative", 1e-8, "values residual"),
-        ("relative", 1e-15, "thresholds"),
+        ("relative", 1e-8, "values thresholds residual"),
         ("relative", 1e-12, "prior"),
         ("norm", 1e-8, "z gains causes"),
     ),

@@ -97,7 +97,7 @@ def called_in_words(name: str, light: EstimatedLamp) -> str:
     """What a light was called, and what it is by the signals."""
     kelvin = f"{light.kelvin:,.0f} ± {light.kelvin_std:,.0f} K"
     if NAMED not in light.kinds:  # called by its kind: nothing else was possible
-        return f"called {name}; by the signals of {kelvin}"
+        return f"called {name}; by the signals {kelvin}"
     table = light.kinds[NAMED]
     (kind, share), *_ = sorted(
         ((kind, share) for kind, share in light.kinds.items() if kind != NAMED), key=lambda pair: -pair[1]

@@ -96,8 +96,7 @@ internal object Assumptions {
         val called = "the light was called $name; by the signals"
         val kelvin = "${grouped(light.kelvin)} ± ${grouped(light.kelvinStd)} K"
         // Called by its kind: nothing else was possible.
-        val table = light.kinds[EstimatedLamp.NAMED]
-            ?: return "$called of $kelvin."
+        val table = light.kinds[EstimatedLamp.NAMED] ?: return "$called $kelvin."
         val (kind, share) = light.kinds.entries.filter { it.key != EstimatedLamp.NAMED }.maxByOrNull { it.value }!!
         if (table > share) {
             return "$called $name itself (${percent(table, 0)}) or another ${singular(kind)}."
