@@ -2,8 +2,8 @@
 
 Every number is changed (times 1.5, times 0.5 or plus and minus 1), every reason given another message. Each mutant is
 loaded from a changed copy of the file, and the golden cases, which Kotlin must meet as well, must notice; as outputs
-hold the limits, they notice one that no case's decision is near to. Rival lamps and makers are left out: no golden case
-can hold a photo for each of them. Survivors that are not among `EQUIVALENT`, each with its reason, give exit status 1.
+hold the limits, one is noticed that no case's decision is near to. Rival lamps and makers are left out: no case
+can hold a photo for each. Survivors that are not among `EQUIVALENT`, each with its reason, give exit status 1.
 """
 
 from __future__ import annotations
