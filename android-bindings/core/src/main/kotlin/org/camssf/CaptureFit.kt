@@ -308,9 +308,8 @@ internal class CaptureFit(
     private fun rows(of: PatchTable, selected: IntArray) = Tensor(of.rows(selected), k, selected.size, 3)
 
     private fun frames(selected: IntArray): Frames {
-        val (chart, white, dark) = listOf(signals.sharedChart, signals.sharedWhite, signals.sharedDark)
-            .map { rows(PatchTable(k, n, it), selected) }
-        return Frames(chart, white, dark)
+        fun rows(of: DoubleArray) = rows(PatchTable(k, n, of), selected)
+        return Frames(rows(signals.sharedChart), rows(signals.sharedWhite), rows(signals.sharedDark))
     }
 
     /** Observations of the same signals and the same chart under several sets of lamps. */

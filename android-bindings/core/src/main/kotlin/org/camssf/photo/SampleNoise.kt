@@ -135,7 +135,8 @@ private class Window(val height: Int, val width: Int) {
     /** Second difference along a row minus that of the row `across` below, and where all six samples are kept. */
     private fun differences(): Window {
         val noise = Window(height, width)
-        val (along, across) = listOf("noise.along", "noise.across").map { Rules.shipped.whole(it) }
+        val along = Rules.shipped.whole("noise.along")
+        val across = Rules.shipped.whole("noise.across")
         for (y in 0 until height - across) {
             for (x in along until width - along) {
                 val both = intArrayOf(at(y, x), at(y + across, x))

@@ -182,8 +182,10 @@ private class LayoutFile(private val name: String, plain: Any?) {
 
     /** True if the marks run clockwise and the block of patches lies inside them or on their edges. */
     private fun surround(marks: DoubleArray, side: DoubleArray, columns: Int, rows: Int): Boolean {
-        val (left, top) = listOf(-side[0] / 2, -side[1] / 2)
-        val (right, bottom) = listOf(columns - 1 + side[0] / 2, rows - 1 + side[1] / 2)
+        val left = -side[0] / 2
+        val top = -side[1] / 2
+        val right = columns - 1 - left
+        val bottom = rows - 1 - top
         val ends = listOf(left to top, right to top, right to bottom, left to bottom)
         return (0..3).all { i ->
             val (x, y) = marks[2 * i] to marks[2 * i + 1]

@@ -197,11 +197,12 @@ internal object Judge {
         if (ssf.sharedStd == null || ssf.familyTest?.passed == false) return emptyList()
         val ratio = (ssf.halfWidthOfBasis ?: ssf.halfWidth) / without
         checks.note("band_ratio", ratio)
-        val (limit, typical) = listOf("band_ratio", "band_ratio_typical").map { Rules.shipped.number("verdict.$it") }
+        val limit = Rules.shipped.number("verdict.band_ratio")
         if (ratio <= limit) return emptyList()
-        val name = if (ratio <= typical) "one_light" else "typical"
-        val words = mapOf("ratio" to ratio, "limit" to if (ratio <= typical) limit else typical)
-        return listOf(Reasons.because(name, ratio, words))
+        val most = Rules.shipped.number("verdict.band_ratio_typical")
+        val typical = ratio > most
+        val words = mapOf("ratio" to ratio, "limit" to if (typical) most else limit)
+        return listOf(Reasons.because(if (typical) "typical" else "one_light", ratio, words))
     }
 
     /** Checks whether the camera is unlike those of its basis, by its code and by its lamp (rule 7). */
