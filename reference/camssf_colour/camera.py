@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 
 from camssf.documents.curve_errors import error_modes, modes_of_code, with_rest
-from camssf.documents.document import Answer, Document
+from camssf.documents.document import Document
 from camssf.documents.excerpt import Excerpt, answer_of
 from camssf.documents.stored_lamp import lamp_of
 from camssf.errors import InvalidArgument
@@ -112,11 +112,7 @@ def camera_of_result(document: Document | Excerpt) -> Camera:
     """
     answer = answer_of(document)
     lamp = document.lamp() if isinstance(document, Excerpt) else lamp_of(document, 0)
-    return camera_of_answer(answer, lamp, " ".join(filter(None, make_and_model(document))) or "camera")
-
-
-def camera_of_answer(answer: Answer, lamp: Lamp | None, name: str) -> Camera:
-    """The camera of an answer; `lamp` is that of its first shot, None if it is unknown."""
+    name = " ".join(filter(None, make_and_model(document))) or "camera"
     values, raw = answer.curves.values, answer.channel_gain
     own = None if lamp is None or not ((raw > 0) & (lamp.values @ values > 0)).all() else OwnWhite(raw, lamp)
     modes, whole = error_modes(answer, None if own is None else own.lamp.values)

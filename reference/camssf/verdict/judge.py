@@ -145,13 +145,12 @@ def _unexplained(
         explanation = best_explanation(one)
         if explanation is not None:
             name, words = _reason_of(explanation, table)
-            value = over if misfit_refuses else explanation.gain
-            enough = strongest_explanation(one)[1]
-            bound = enough if explanation.gain > enough else BLACK
+            value, bound = over, None
+            if not misfit_refuses:
+                value, enough = explanation.gain, strongest_explanation(one)[1]
+                bound = enough if value > enough else BLACK
             words["shot"] = j + 1
-            reasons.append(
-                because(name, value, words, fatal=misfit_refuses, threshold=None if misfit_refuses else bound)
-            )
+            reasons.append(because(name, value, words, fatal=misfit_refuses, threshold=bound))
         _note_explanations(one, j, checks)
     worst = max(one.z for one in by_shot)
     largest = max(together.z, worst)
